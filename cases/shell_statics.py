@@ -10,8 +10,8 @@ below are options, which a benchmark that has no such number refuses.
 - annulus: ring from radius 6 to 10, slit open, thickness 0.03, E = 21e6, nu = 0; one side of the
   slit is clamped, 0.8 per length lifts the other. A, B: its inner and outer corner.
 - hemisphere: radius 10, thickness 0.04, E = 6.825e7, nu = 0.3, with a hole of 18 degrees; four
-  radial forces of 400 at the equator, alternately out- and inwards; a quarter is computed. A, B:
-  radial displacements of the outward and the inward one.
+  radial forces of 400 at the equator, alternately out- and inwards; a quarter is computed.
+  A, B: radial displacements of the outward and the inward one.
 - pullout: cylinder with open ends, radius 4.953, length 10.35, thickness 0.094, E = 10.5e6,
   nu = 0.3125, pulled apart by two forces of 40000 at its middle; an eighth is computed.
   A: under the force, B, C: of the sides inwards, in the middle and at the ends.

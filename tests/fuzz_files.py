@@ -78,7 +78,7 @@ def _checkpoints() -> Sequence[bytes]:
 
 
 class _Bodies:
-    """What a checkpoint is read into."""
+    """Target of reading a checkpoint."""
 
     def __init__(self) -> None:
         self.rows = {"frames": np.zeros((4, 12)), "held": np.zeros(4)}

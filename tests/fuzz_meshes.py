@@ -24,7 +24,7 @@ def _texts(*names: str) -> Sequence[bytes]:
 
 
 def _body(path: Path) -> object:
-    """What the first rank makes of a file."""
+    """Mesh that the first rank makes of a file."""
     return body_mesh._read(path, 1.0, None, None, None)
 
 

@@ -72,7 +72,7 @@ class Reader:
 
 @dataclass
 class Tally:
-    """What came of the inputs.
+    """Counts of the results of the inputs.
 
     Attributes:
         inputs: How many there were.

@@ -76,7 +76,7 @@ class Change(NamedTuple):
         return data[: self.begin] + self.new.encode() + data[self.end :]
 
     def valid(self) -> bool:
-        """Whether Python reads something else than before."""
+        """Return True if Python reads something else than before."""
         try:
             return ast.dump(ast.parse(self.text)) != ast.dump(ast.parse(self.path.read_bytes()))
         except SyntaxError:
@@ -155,7 +155,7 @@ def texts(folder: str) -> dict[Path, str]:
 
 
 def fits(path: Path, patterns: tuple[str, ...]) -> bool:
-    """Whether a source of the package has one of some names, by its path or alone."""
+    """Return True if a source of the package has one of some names, by its path or alone."""
     names = path.relative_to(ROOT / "flexfem").as_posix(), path.name
     return any(fnmatch.fnmatch(name, pattern) for name in names for pattern in patterns)
 

@@ -291,7 +291,7 @@ def test_modes_set_around_calls_are_seen() -> None:
 @pytest.mark.serial
 @pytest.mark.parametrize("here", PARTS)
 def test_no_modes_are_set_around_calls(here: str) -> None:
-    """What a call does is said by its arguments."""
+    """The effect of a call follows from its arguments."""
     for path in PARTS[here]:
         for node in nodes_of(path):
             if isinstance(node, ast.FunctionDef):

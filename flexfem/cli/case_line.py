@@ -41,11 +41,11 @@ def parse(
         case: The case.
         argv: Arguments without the program's name.
         prog: Name of the command in help and messages.
-        writes: Whether the folder of the results will be needed.
+        writes: True if the folder of the results is needed.
 
     Returns:
-        The case under the analysis that was asked for, the keyword arguments of its ``build``, and
-        the numerical options.
+        The case under the selected analysis, the keyword arguments of its ``build``, and the
+        numerical options.
 
     Raises:
         UsageError: If an option is unknown or a value is not admissible.
@@ -69,8 +69,8 @@ def read_options(
     """Read which options of a case are given.
 
     Returns:
-        The case under the analysis that was asked for, and the values of the options given,
-        ``quiet`` and ``smoke`` always among them.
+        The case under the selected analysis, and the values of the options given, ``quiet`` and
+        ``smoke`` always among them.
 
     Raises:
         UsageError: If an option is unknown or a value is not admissible.

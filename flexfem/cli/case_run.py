@@ -65,7 +65,7 @@ def run_case(case: Case, argv: Sequence[str], prog: str | None) -> int:
 
 
 def _word_on_compilation(options: Settings) -> AbstractContextManager[None]:
-    """Tell users at a terminal that compilation delays a first run."""
+    """Print on a terminal that compilation delays a first run."""
     if options.quiet or options.progress == "none" or not sys.stderr.isatty():
         return nullcontext()
     try:

@@ -72,7 +72,7 @@ def _check_crossing(points: ContactPoints, owner: str, each: ContactPass) -> Non
 def _check_inside(points: ContactPoints, owner: str, one: ContactSurfaces) -> None:
     """Raise where slaves are on the wrong side of a closed mesh.
 
-    Nothing crosses it, so that one node of each part tells.
+    Nothing crosses it, so that one node of each part suffices.
     """
     triangles = points.masters.triangles
     for surface in one.contact.surfaces:

@@ -45,8 +45,7 @@ class ContactPass:
         masters: all triangles; chosen: numbers of those of the masters, ascending.
         excluded: nodes whose triangles each slave does not touch.
         sign: of the forces on its slaves in those on the slaves of the contact.
-        deep: part of the distance at which they touch up to which they may be in each other at
-            the start.
+        deep: admissible penetration at the start, relative to the distance at which they touch.
     """
 
     slaves: Slaves
@@ -88,7 +87,7 @@ class RigidPlace:
 
 @dataclass(frozen=True)
 class ContactSurfaces:
-    """All that one contact brings together.
+    """All surfaces of one contact.
 
     Attributes:
         contact: the model's.

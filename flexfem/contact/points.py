@@ -24,7 +24,7 @@ from flexfem.model.rigid_surface import RigidMesh
 
 __all__ = ["GROUND", "RINGS", "ContactPoints", "contact_points"]
 
-#: Kind of the points that nothing moves.
+#: Kind of fixed points.
 GROUND = -1
 #: Points and edges up to this many edges away from a triangle neither touch nor cross it.
 RINGS = 2
@@ -34,7 +34,7 @@ _MOST_PARTS = 10
 
 @dataclass(frozen=True)
 class ContactPoints:
-    """Points and triangles of everything that touches.
+    """Points and triangles of all contact surfaces.
 
     Attributes:
         kind: kind of block of each carrier, GROUND for none, (n,).
@@ -45,7 +45,7 @@ class ContactPoints:
         parents: nodes at both ends of the last ones, (d, 2); weights: their weights, (d, 2).
         masters: all triangles.
         edges: of the triangles, (e, 2).
-        joined: pairs of points that joints hold together, near which nothing touches, (k, 2).
+        joined: pairs of points that joints connect, near which nothing touches, (k, 2).
         element: number of the element of each triangle in its family, -1 for rigid meshes, (m,).
         body: number of each triangle's body in ``names``, (m,); owner: that of each point, (n + d,)
         names: names of the bodies in messages.
@@ -137,7 +137,7 @@ def contact_points(
     Args:
         serial: serial data of the model.
         contacts: the model's.
-        joined: pairs of nodes of shells that joints hold together, (k, 2).
+        joined: pairs of nodes of shells that joints connect, (k, 2).
     """
     made, triangles_of = _Collected(), dict[str | int, IntArray]()
     for kind, family in serial.families.items():

@@ -92,7 +92,7 @@ class Joint:
 
     @property
     def partner(self) -> Joint | None:
-        """Joint with the same markers that this one acts on, such as the one that rubs."""
+        """Joint with the same markers that this one acts on, such as the one with friction."""
         return None
 
     @property
@@ -314,7 +314,7 @@ def equal_rotation(
 ) -> tuple[Row, ...]:
     """Three rows that keep the initial relative rotation, rotated by a matrix in marker a's axes.
 
-    They hold the three off-diagonal products of the axes at zero: unique while the rotation error
+    They keep the three off-diagonal products of the axes at zero: unique while the rotation error
     stays below a quarter turn. ``number`` is that of marker b within the joint.
     """
     start = np.eye(3) if turned is None else turned
@@ -353,8 +353,8 @@ def turn_angle(
 def turn_angles(a: Pose, b: Pose) -> list[Term]:
     """Angles (rad) about the axes of a by which b has rotated from a since the start.
 
-    References are chosen so that a turn about the third axis alone changes no other angle, whatever
-    its size, nor do turns below a right angle about one of the others.
+    References are chosen so that a rotation about the third axis alone changes no other angle,
+    whatever its size, nor do rotations below a right angle about one of the others.
     """
     axes = a.rotation.T
     return [turn_angle(axes[k], a, b, reference=axes[r]) for k, r in enumerate((2, 2, 1))]

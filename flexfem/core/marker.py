@@ -136,7 +136,7 @@ class ShellLine(Marker):
 
 
 class AmplitudeMarker(Marker):
-    """Three amplitudes of a floating-frame body, which its coordinates are.
+    """Three amplitudes, which are coordinates of a floating-frame body.
 
     Attributes:
         number: Number of an amplitude; the marker is at the node that carries it.

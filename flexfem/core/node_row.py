@@ -25,8 +25,8 @@ class NodeRow:
         nodes: (n,) numbers in the surface mesh in order; a closed row repeats its first node.
         points: (n, 3) their positions, m.
         apexes: (n - 1,) node beside each segment, that of a triangle of the shell.
-        stiffness: (n - 1,) moment per length and angle, N, by which these triangles resist being
-            turned about the segments, infinite where they rotate with the shell.
+        stiffness: (n - 1,) moment per length and angle, N, by which these triangles resist rotation
+            about the segments, infinite where they rotate with the shell.
         damping: stiffness-proportional damping of the shell, s.
         beside: (n - 1, 2, 3) nodes of two triangles whose slopes across a segment are those of the
             shell at ``slopes`` (n - 1, 2), places from 0 to 1 in the segment; where both are the
@@ -67,7 +67,7 @@ class NodeRow:
         return SurfaceMarker(self.body, self.nodes[k : k + 2].tolist(), (0.5, 0.5))
 
     def tilted(self, k: int, along: float) -> list[tuple[SurfaceMarker, float]]:
-        """Markers that turn as the shell does at a place in a segment, with their weights."""
+        """Markers that rotate with the shell at a place in a segment, with their weights."""
         first, second = self.slopes[k].tolist()
         part = 0.0 if first == second else (along - first) / (second - first)
         part = min(max(part, 0.0), 1.0)

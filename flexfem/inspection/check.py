@@ -14,8 +14,8 @@ from flexfem.options import Settings
 
 __all__ = ["check", "findings", "findings_of_run"]
 
-#: Checks that a run makes more exactly by itself: it refuses joints that do not hold and redundant
-#: ones, and watches drives from step to step.
+#: Checks that a run makes more exactly by itself: it refuses violated joints and redundant ones,
+#: and watches drives from step to step.
 _OWN = ("drives", "gaps", "redundant")
 
 
@@ -24,8 +24,8 @@ def check(model: Model, options: Settings | None = None) -> list[Finding]:
 
     Args:
         model: the model.
-        options: those of the analysis that it is for; None looks for nothing that only concerns one
-            analysis.
+        options: those of the analysis that it is for; None leaves out checks that concern one
+            analysis only.
 
     Returns:
         The findings, each with its subject, description and advice.

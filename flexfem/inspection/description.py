@@ -91,7 +91,7 @@ def describe(model: Model) -> Description:
 
 
 def description_of(inspection: Inspection) -> Description:
-    """Summary of a model that is laid open already."""
+    """Summary of an inspected model."""
     return Description(
         model=inspection.model,
         bodies=inspection.bodies,

@@ -31,7 +31,7 @@ class JointFacts:
         constraints: rows that hold at the start.
         laws: rows with a force law.
         open: rows that may hold later.
-        gap: by how much its rows are violated in position, m, and
+        gap: violation of its rows in position, m, and
         tilt: in direction, rad.
     """
 
@@ -82,7 +82,7 @@ def turning_rows(rows: StartRows) -> BoolArray:
 
 
 def _lengths(rows: StartRows, turning: BoolArray) -> FloatArray:
-    """(r,) by how much rows are violated, together with the others of the same pair of markers."""
+    """(r,) violations of rows, together with the others of the same pair of markers."""
     table = rows.rows
     first = table.term_start[:-1]
     pair = np.column_stack([table.term_marker[first], turning])

@@ -25,7 +25,7 @@ class MeshFacts:
         longest: (m,) the same of beams; the longest edge of each triangle, m.
         length: length of a beam, m; root of the area of a shell.
         area: of a shell, m^2; 0 for beams.
-        depth: of the section or the shell, m; NaN where nothing tells.
+        depth: of the section or the shell, m; NaN where unknown.
         centroids: (m, 3) of the elements, m.
         axial: stiffness of the softest element against stretching, N/m: EA/l, of shells E h.
     """
@@ -52,7 +52,7 @@ def mesh_facts(serial: NumberedModel) -> list[MeshFacts]:
 
 
 def section_depth(section: Section) -> float:
-    """Largest distance of two points of a section, m; NaN where nothing tells.
+    """Largest distance of two points of a section, m; NaN where unknown.
 
     Without an outline that of the rectangle with the same radius of gyration.
     """

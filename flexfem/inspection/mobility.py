@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Freedoms, constraints, and the motions that joints leave."""
+"""Degrees of freedom, constraints, and the motions that joints leave."""
 
 from dataclasses import dataclass
 
@@ -82,7 +82,7 @@ def mobility(inspection: Inspection) -> Mobility:
 def part_rows(inspection: Inspection, chosen: BoolArray) -> NodeRows:
     """Chosen rows (r,) of joints and the supports of shells, on the rigid-body parts.
 
-    Turns count as ways of points one characteristic length away.
+    Rotations count as displacements of points one characteristic length away.
     """
     of_joints = inspection.rows.on_parts(_between(inspection, chosen))
     supports = inspection.rows.supports()

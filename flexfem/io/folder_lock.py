@@ -21,11 +21,11 @@ _NO_LOCKS = (errno.ENOLCK, errno.ENOSYS, errno.EOPNOTSUPP, errno.EINVAL)
 
 
 class FolderLock:
-    """A folder that one run has for itself, from :meth:`take` to :meth:`release`.
+    """Lock of a folder for one run, from :meth:`take` to :meth:`release`.
 
-    The system holds the lock on the file and drops it when the process ends, however it does: what
-    a killed run leaves bars nobody. On file systems without locks the process that the file names
-    counts, which is known to have ended on this host only.
+    The system holds the lock on the file and drops it when the process ends, however it does: a
+    lock left by a killed run blocks nobody. On file systems without locks the process that the file
+    names counts, which is known to have ended on this host only.
     """
 
     def __init__(self, folder: Path) -> None:

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Linear algebra on PETSc: nests of blocks, kept factors, small matrices held whole."""
+"""Linear algebra on PETSc: nests of blocks, kept factors, small matrices whole on every rank."""

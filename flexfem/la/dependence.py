@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Linearly dependent rows of a sparse matrix, by groups of rows with common columns.
 
-The columns are twists of nodes, six each. Rows without a common node are independent, so that
-every connected group of nodes is looked at by itself: two nodes for joints between beams, whole
-mechanisms of rigid bodies.
+The columns are twists of nodes, six each. Rows without a common node are independent, so that every
+connected group of nodes is treated separately: two nodes for joints between beams, whole mechanisms
+of rigid bodies.
 """
 
 from collections.abc import Iterator

@@ -37,12 +37,12 @@ class DirectSolver:
         return bool(self._ksp.getConvergedReason() > 0)
 
     def reset(self) -> None:
-        """Let factors and pattern go (collective)."""
+        """Release factors and pattern (collective)."""
         self._ksp.reset()
 
 
 class CountingFactors:
-    """Factors of matrices of one pattern that tell of pivots and determinant.
+    """Factors of matrices of one pattern with signs of pivots and determinant.
 
     They are kept from one matrix to the next: MUMPS mixes up messages of factors that end with
     those of the next.

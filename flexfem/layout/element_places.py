@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Places inside elements of beams as arrays of this rank: their motion, and who holds them."""
+"""Places inside elements of beams as arrays of this rank: their motion and ranks."""
 
 from collections.abc import Sequence
 

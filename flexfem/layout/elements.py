@@ -24,8 +24,8 @@ class ElementFamily(Protocol):
     Attributes:
         law_owner: name in messages of the first section with a law of the user, None without one.
         chained: nodes follow one another along lines, on which elements join neighbours only.
-        thin: they bend so much more easily than they stretch that steps of motion iterate with
-            continued stresses, see :meth:`continued_strains`.
+        thin: membranes are so much stiffer than bending that steps of motion iterate with continued
+            stresses (mixed Newton), see :meth:`continued_strains`.
         stressed: the tangent has parts from stresses, which those of :meth:`unstressed` leave out.
     """
 
@@ -92,7 +92,7 @@ class ElementFamily(Protocol):
         ...
 
     def accept(self, block: FrameBlock) -> None:
-        """Take note of the state that the block has accepted (collective)."""
+        """Accept the state that the block has accepted (collective)."""
         ...
 
     def resultants(

@@ -3,8 +3,8 @@
 
 A family is a class derived from :class:`Family`; those of the package are in ``flexfem.families``.
 A body of the model names its family in the attribute ``family``, as the class or, so that models
-are built without DOLFINx and PETSc, as "module:class". Nothing else in the package tells kinds of
-bodies from one another.
+are built without DOLFINx and PETSc, as "module:class". Nothing else in the package distinguishes
+kinds of bodies.
 """
 
 from __future__ import annotations
@@ -91,8 +91,8 @@ class Family:
         kind: number of the family, its row in the nest.
         serial: serial data of the model, an ``NumberedModel``.
         energy_momentum: True if the integrator ``energy_momentum`` supports the family.
-        bodies_have_places: whether every node is a place on a body; some hold amplitudes of shapes.
-        axes: whether nodes have axes, on which moments and following forces of markers act.
+        bodies_have_places: True if every node is a place on a body; some hold amplitudes of shapes.
+        axes: True if nodes have axes, on which moments and following forces of markers act.
         series: class of the series for ParaView, or its name as "module:class", see
             ``flexfem.io.paraview.family_series``; families may share one. None: no pictures.
         follows: bodies without elements, which are on the rank of the bodies that they are joined
@@ -250,7 +250,7 @@ class Family:
         """Stiffness through the thickness of a body, N/m^3, and its mass per area, kg/m^2.
 
         Raises:
-            ValueError: the body does not tell, and the contact gives no stiffness.
+            ValueError: neither the body nor the contact gives a stiffness.
         """
         raise NotImplementedError
 

@@ -83,8 +83,8 @@ class LinePoint:
         line: the line.
         element: number of the element along the line.
         xi: coordinate in the element, 0 to 1.
-        slides: it goes along the line with the other marker of its joint; ``element`` and ``xi``
-            say where it starts.
+        slides: it moves along the line with the other marker of its joint; ``element`` and ``xi``
+            are its start.
     """
 
     line: Line

@@ -38,8 +38,8 @@ class Shape:
         product: Integral of y z, m^4.
         shear_coupling: k23 where shear forces along e2 also shear along e3.
         shear_centre: (y, z), m.
-        warping_constant: About the shear centre, m^6, as tables list it; the beams here warp
-            freely and have no use for it. None when unknown.
+        warping_constant: About the shear centre, m^6, as tables list it; the beams here warp freely
+            and do not use it. None when unknown.
     """
 
     area: float
@@ -107,13 +107,12 @@ def hollow_rectangle_shape(width: float, height: float, wall: float) -> Shape:
     """Return the constants of a rectangular box with walls of uniform thickness.
 
     Area and second moments are exact sums of four rectangles: differences of the outer and the
-    inner one would lose the digits of thin walls. Torsion constant: Bredt's
-    formula for the closed middle line plus the walls' own share,
-    `J = 4 A_m^2 t/p + p t^3/3`, with A_m and p area and perimeter of the middle line (the formula
-    of EN 10210-2, annex A, for sharp corners). It is meant for thin walls: against a numerical
-    solution of Saint-Venant's problem for a square box it is low by 2 %, 4 % and 6 % at
-    t = 0.05, 0.1 and 0.2 of the side. Shear factors: thin walls as well, see
-    `_box_shear_factor`.
+    inner one would lose the digits of thin walls. Torsion constant: Bredt's formula for the closed
+    middle line plus the walls' own share, `J = 4 A_m^2 t/p + p t^3/3`, with A_m and p area and
+    perimeter of the middle line (the formula of EN 10210-2, annex A, for sharp corners). It holds
+    for thin walls: against a numerical solution of Saint-Venant's problem for a square box it is
+    low by 2 %, 4 % and 6 % at t = 0.05, 0.1 and 0.2 of the side. Shear factors: thin walls as well,
+    see `_box_shear_factor`.
     """
     inner_width, inner_height = width - 2.0 * wall, height - 2.0 * wall
     middle_width, middle_height = width - wall, height - wall

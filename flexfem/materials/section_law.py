@@ -10,8 +10,8 @@ energy ``phi`` and the dissipation potential ``psi`` the stress resultants are (
 
 in beams, and (n11, n22, n12, m11, m22, m12) in shells.
 
-A potential instead of a viscous stress: both halves of a law are then one scalar, the damping
-matrix is symmetric, and that damping takes energy out can be checked.
+With a potential instead of a viscous stress both halves of a law are one scalar, the damping matrix
+is symmetric, and it can be checked that damping dissipates.
 """
 
 import keyword

@@ -33,7 +33,7 @@ def stiffness_of(
 
 
 def about_shear_centre(stiffness: FloatArray, centre: FloatArray) -> FloatArray:
-    """Let shear forces act through, and twist turn about, the shear centre (y, z).
+    """Let shear forces act through, and twist rotate about, the shear centre (y, z).
 
     The shear strains there are `gamma2 - z kappa1` and `gamma3 + y kappa1` (the strain of the
     point c is gamma + kappa x c; extension stays that of the reference axis). With A the matrix

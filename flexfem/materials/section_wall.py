@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Boundaries of beam sections: how they look, and the stresses there.
+"""Boundaries of beam sections for pictures, and the stresses there.
 
 Axes and signs as in ``flexfem.materials.section``: y along e2, z along e3, resultants
 (N, Q2, Q3, T, M2, M3). Where a section is linear and elastic, the axial stress is
@@ -21,7 +21,7 @@ from flexfem._types import FloatArray
 
 __all__ = ["Boundary", "SectionWall", "box_boundaries", "rectangle_boundary", "round_boundary"]
 
-#: Corners of the polygon that stands for a circle.
+#: Corners of the polygon that represents a circle.
 _CORNERS = 24
 #: Terms of the series of Saint-Venant's torsion; they fall with the square of their number at the
 #: edges, where the stress vanishes, and exponentially elsewhere.

@@ -131,7 +131,7 @@ def _on_first[T](comm: MPI.Intracomm, make: Callable[[], T]) -> T | None:
     if comm.rank == 0:
         try:
             made = make()
-        except Exception as error:  # whatever it is, the others must not wait
+        except Exception as error:  # on any error: the others must not wait
             failure = error
     failure = comm.bcast(failure)
     if failure is not None:
@@ -162,7 +162,7 @@ def _distributed(owner: str, make: Callable[[], None], comm: MPI.Intracomm | Non
 
 @contextmanager
 def _model(owner: str, make: Callable[[], None], comm: MPI.Intracomm) -> Iterator[Any]:
-    """The gmsh model on the first rank, None on the others; its errors are everyone's."""
+    """The gmsh model on the first rank, None on the others; its errors are raised on all."""
     if comm.rank != 0:
         if error := comm.bcast(None):
             raise error

@@ -30,7 +30,7 @@ def read_curves(path: str | Path, *, scale: float | None = None) -> dict[str, Nu
     The file is read as data, and nothing in it is run.
 
     Args:
-        path: The file; its end (.step, .stp, .iges, .igs) tells the format.
+        path: The file; its suffix (.step, .stp, .iges, .igs) gives the format.
         scale: Metres in a unit of length of the file; the unit of the file if left out.
 
     Returns:
@@ -39,8 +39,8 @@ def read_curves(path: str | Path, *, scale: float | None = None) -> dict[str, Nu
 
     Raises:
         TypeError: The scale is no number.
-        ValueError: The file cannot be read, has no such curve, says no unit of length, or a curve
-            in it is none that a beam can follow.
+        ValueError: The file cannot be read, has no such curve, states no unit of length, or has a
+            curve that no beam can follow.
     """
     place = Path(path)
     owner = f'curve file "{place}"'

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Meshes of elements of one shape and degree, on which bodies with an energy in UFL live."""
+"""Meshes of elements of one shape and degree, for bodies with an energy in UFL."""
 
 from collections.abc import Mapping
 from dataclasses import dataclass

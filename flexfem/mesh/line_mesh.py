@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Meshes of lines with named groups, on which beams live."""
+"""Meshes of lines with named groups, for beams."""
 
 from collections import Counter
 from collections.abc import Mapping, Sequence

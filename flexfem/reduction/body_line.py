@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Smooth lines that bodies carry, on which sliders run."""
+"""Smooth lines of bodies, on which sliders run."""
 
 from dataclasses import dataclass
 
@@ -14,7 +14,7 @@ __all__ = ["BodyLine", "rest_axes"]
 
 @dataclass(frozen=True, eq=False)
 class BodyLine:
-    """Places along a line of an elastic body, and how the coordinates of the body move them.
+    """Places along a line of an elastic body, and their displacement per coordinate of the body.
 
     Attributes:
         points: (p, 3) at rest from the line's start to its end, body axes, m; two at least.

@@ -63,7 +63,7 @@ def interface_motions(interfaces: Sequence[Interface], held: BoolArray) -> Float
 
 @dataclass(frozen=True, eq=False)
 class Recovery:
-    """This rank's part of the surface that is shown, and how the coordinates move it.
+    """This rank's part of the surface for pictures, and its displacement per coordinate.
 
     Attributes:
         points: (p, 3) at rest, body axes, m.

@@ -55,7 +55,7 @@ class Connection:
     def between(
         cls, name: str, data: JointData, a: Attachment, b: Attachment, start: JointStart
     ) -> "Connection":
-        """Create the joint of the model that the file asks for."""
+        """Create the joint of the model for that of the file."""
         x, y, z = (a.rotation @ data.axis).tolist()
         axis = (x, y, z)
         joint: Joint | None = None

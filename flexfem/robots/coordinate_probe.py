@@ -37,7 +37,7 @@ class _Coordinate:
 
 
 def coordinate_probe(name: str, connections: Sequence[Connection]) -> Probe:
-    """A probe with coordinate and rate of each joint; angles are counted over any turns."""
+    """A probe with coordinate and rate of each joint; angles are continuous."""
     coordinates = [_Coordinate(it) for it in connections]
 
     def values(t: float, *states: MarkerState) -> list[float]:

@@ -125,7 +125,7 @@ def _along_axis(joint: JointData, value: float, rate: float) -> JointStart:
 
 
 def _planar(joint: JointData, place: FloatArray, rates: FloatArray) -> JointStart:
-    """Displacements along the joint's x and y axes, turned onto the plane, and the angle about it.
+    """Displacements along the joint's x and y axes, rotated onto the plane, and the angle.
 
     The axes are rotated by the smallest rotation that takes z to the normal; about x by half a turn
     if that is -z.

@@ -78,7 +78,7 @@ def read_description(path: Path) -> RobotData:
 
 
 def origin(element: Element) -> Pose:
-    """Pose that the ``<origin>`` of an element says, the identity without one.
+    """Pose in the ``<origin>`` of an element, the identity without one.
 
     Raises:
         ValueError: numbers are missing or wrong.

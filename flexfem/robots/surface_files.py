@@ -2,7 +2,7 @@
 """Triangles of STL and OBJ files, for pictures of links.
 
 Files may come from anywhere. Their counts are compared with their contents, and memory is taken in
-proportion to its size.
+proportion to their size.
 """
 
 from array import array

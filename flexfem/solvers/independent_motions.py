@@ -37,7 +37,8 @@ class IndependentMotions:
     """Split of the unknowns of a system by its rigid rows, and the reduced equations.
 
     Attributes:
-        rigid: (r,) which rows of all ranks are rigid at present, by their global numbers.
+        rigid: (r,) flags of the rows of all ranks that are rigid at present, by their global
+            numbers.
     """
 
     def __init__(self, system: System) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The folder of a study and those of its runs: what is there already, and what became of it."""
+"""The folder of a study and those of its runs: existing results and their status."""
 
 from __future__ import annotations
 
@@ -106,7 +106,7 @@ class StudyFolder:
     def __init__(
         self, path: Path, identity: Mapping[str, Any], runs: Sequence[PlannedRun]
     ) -> None:  # fmt: skip
-        """Look at what is there.
+        """Read the existing contents.
 
         Raises:
             ValueError: The folder belongs to another study, or to something else.
@@ -128,7 +128,7 @@ class StudyFolder:
             raise ValueError(f"folder '{path}' is not empty and not that of a sweep")
 
     def prepare(self) -> None:
-        """Write what the study is.
+        """Write the identity of the study.
 
         Raises:
             OSError: The folder cannot be written.

@@ -2,7 +2,7 @@
 """Build the models of a study before any of them runs, in a process of its own.
 
 Models may import what a study must not, MPI above all: ``python -m flexfem.studies.model_check``
-reads what to build on stdin and answers on stdout.
+reads the models to build from stdin and answers on stdout.
 """
 
 from __future__ import annotations

@@ -43,7 +43,7 @@ class Plan:
     """All runs of a study of one case.
 
     Attributes:
-        case: under the analysis that is asked for.
+        case: under the selected analysis.
         runs: in the order of their parameters.
         identity: data that runs of one study have in common.
     """

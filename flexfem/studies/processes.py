@@ -95,7 +95,7 @@ class Processes:
         return done
 
     def stop(self, number: int = signal.SIGTERM) -> None:
-        """Ask all to end with what they have, and end those that do not."""
+        """Interrupt all, and kill those that do not end."""
         for process in self._running.values():
             process.send_signal(number)
         end = time.monotonic() + _PATIENCE

@@ -55,7 +55,7 @@ class SweepProgress:
             self._print(f"{self._done} of {self._count}: {name}: {results['status']}{took}")
 
     def running(self, names: Sequence[str]) -> None:
-        """Show the runs that go on."""
+        """Show the running ones."""
         if self._bar is not None and time.monotonic() > self._shown + _REFRESH:
             self._shown = time.monotonic()
             failed = f"{self._failed} failed, " if self._failed else ""

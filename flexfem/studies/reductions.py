@@ -33,7 +33,7 @@ REDUCTIONS: dict[str, Callable[[FloatArray, FloatArray], float]] = {
 
 @dataclass(frozen=True)
 class Reduction:
-    """A column of the history and what is taken of it.
+    """A column of the history and its reduction to a number.
 
     Attributes:
         kind: one of ``REDUCTIONS``; means are over time.

@@ -37,7 +37,7 @@ def run_case(
             ``smoke=True`` and the like.
 
     Returns:
-        The outcome, whose status tells a run that failed.
+        The outcome, whose status shows a failed run.
 
     Raises:
         TypeError: An argument has the wrong type.

@@ -22,7 +22,7 @@ from flexfem.studies.reductions import Reduction
 
 __all__ = ["Sweep", "sweep"]
 
-#: ``--every`` of runs whose pictures nobody will see.
+#: ``--every`` of runs in a temporary folder.
 _NEVER = 1_000_000_000
 
 
@@ -43,7 +43,7 @@ def sweep(
 ) -> Sweep:
     """Run a case with many values of its options; all options are checked before the first run.
 
-    Runs are processes of their own, several at a time. Go through the result to make them happen::
+    Runs are processes of their own, several at a time. Iterate over the result to run them::
 
         for parameters, results in ff.sweep("heavy_top", {"dt": [1e-3, 5e-4]}, output="order"):
             print(parameters["dt"], results["status"], results["centre_x"])
@@ -84,7 +84,7 @@ def sweep(
 
 
 class Sweep:
-    """The runs of a sweep; going through it makes them happen.
+    """The runs of a sweep; iterating over it makes the runs.
 
     Attributes:
         folder: where they are, None before a temporary one is made.

@@ -18,7 +18,7 @@ __all__ = ["combinations", "parse_variation", "value_text"]
 #: Significant digits of values between two ends: 0.3, not 0.30000000000000004.
 _DIGITS = 12
 _TRUTH = {"yes": True, "true": True, "no": False, "false": False}
-#: More runs than anyone waits for: a range was mistyped.
+#: Number of runs above which a range was probably mistyped.
 _MOST = 100_000
 #: Number of values of a range.
 _COUNT = Option("count", int, 2, "of values")

@@ -3,7 +3,7 @@
 
 Bars of aluminium (quadratic hexahedra, rigid end faces) along X are joined by spherical joints and
 fall along -Z. Both programs reduce the same mass and stiffness matrices to the same functions: the
-static ones of the far face and modes with both faces held (Craig and Bampton), in a frame at the
+static ones of the far face and modes with both faces fixed (Craig and Bampton), in a frame at the
 near face. Run ``python tests/benchmarks/floating_chain.py exudyn --bodies 4``; one JSON line is
 printed. Use a fresh process for every measurement, as ``floating_against_exudyn.py`` does.
 """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which rank gets which body: flexfem's own bisection against the graph partitioners at hand.
+"""Partition of bodies over ranks: flexfem's own bisection against the graph partitioners at hand.
 
 Graphs of bodies and joints are cut into 2, 3 and 4 parts by ``flexfem.mesh.distributed.partition``,
 by PT-SCOTCH and KaHIP as DOLFINx has them, and by PT-SCOTCH as petsc4py has it. None of the three
@@ -119,7 +119,7 @@ PARTITIONERS = {
 
 
 def result(cut: Callable[[Graph, int], IntArray], given: Graph, parts: int) -> str:
-    """What comes of a partitioner, in words."""
+    """Result of a partitioner as text."""
     found, seconds = [], []
     for _ in range(REPEATS):
         begin = time.perf_counter()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How the time of a step grows with the number of bodies, and what a small mechanism takes.
+"""Time of a step over the number of bodies, and of a small mechanism.
 
 Run from the source tree, on a quiet machine::
 

@@ -2,9 +2,9 @@
 """Space frame of beams along x, y and z, rigidly joined: the model does not say where it is long.
 
 The points of a grid of ``x`` by ``y`` by ``z`` points, 1 m apart, are joined by beams of 4 elements
-that are held together rigidly at each point; the frame stands on the ground and sways from rest
-under a gravity that is oblique. The beams are declared in the order ``order``: all along x, then y,
-then z ("kind"), by their height ("bay"), or shuffled ("random"). Motion does not depend on it.
+that are connected rigidly at each point; the frame stands on the ground and sways from rest under a
+gravity that is oblique. The beams are declared in the order ``order``: all along x, then y, then z
+("kind"), by their height ("bay"), or shuffled ("random"). Motion does not depend on it.
 
 History: ``top_x, top_y, top_z`` of the last corner, m. The summary holds ``shared_multipliers`` and
 ``wall_seconds_steps``. Run from the source tree::

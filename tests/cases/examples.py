@@ -33,7 +33,7 @@ NUMBER = re.compile(r"(-?\d+(?:\.\d*)?(?:e-?\d+)?)")
 
 
 def python(*arguments: object, folder: Path = ROOT, **environment: str) -> str:
-    """What a Python program prints."""
+    """Output of a Python program."""
     done = subprocess.run(
         [sys.executable, *map(str, arguments)],
         capture_output=True,

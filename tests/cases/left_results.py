@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What a run of a case of motion leaves."""
+"""Files that a run of a case of motion leaves."""
 
 from pathlib import Path
 from xml.etree import ElementTree as ET

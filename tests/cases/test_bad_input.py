@@ -132,7 +132,7 @@ MESHES = {
     "nan.msh": HEAD + ROD + NODES.replace("2 1 0 0", "2 nan 0 0") + LINES,
 }
 
-# What is given on the command line, and parts of the message.
+# Arguments on the command line, and parts of the message.
 COMMANDS = {
     "run slider_crank --elements 1": ("--elements", "'1'"),
     "run slider_crank --elements 2.0": ("--elements", "'2.0'"),

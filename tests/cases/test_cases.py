@@ -45,8 +45,8 @@ MORE = {
     "tutorial_6_solid_arm": ["--reduced", "{folder}/arm.h5"],
     "tutorial_1_pendulum": ["--elements", "6"],
 }
-#: What smoke runs rightly warn of: few smooth elements lock, and the linear law of the truss begins
-#: with a jump of the speed.
+#: Justified warnings of smoke runs: few smooth elements lock, and the linear law of the truss
+#: begins with a jump of the speed.
 WARNING = re.compile(
     r'warning: Beam "\w+"(: smooth elements of degree \d| and 1 more: initial velocities) .*'
 )

@@ -47,7 +47,7 @@ def test_every_picture_is_shown_and_can_be_made() -> None:
 
 
 def test_quoted_parts_of_cases_exist() -> None:
-    """Where a quotation begins and ends is found in the file, as the documentation needs it."""
+    """Start and end of each quotation are found in the file, as the documentation needs them."""
     for page in (SOURCES / "tutorials").glob("tutorial_*.md"):
         quoted = re.findall(r"\{literalinclude\} (\S+)\n((?::.*\n)+)", page.read_text())
         assert quoted, page

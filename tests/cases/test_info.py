@@ -15,8 +15,8 @@ from flexfem.resources import shipped_files
 pytestmark = pytest.mark.serial
 
 CASES = sorted(shipped_files("cases"))
-#: What the checks have to say of shipped cases, which are meant as they are: drives of the truss
-#: with linear control start at once.
+#: Findings of the checks in shipped cases, which are intended: drives of the truss with linear
+#: control start at once.
 EXPECTED = {
     "deployable_truss": {"velocities"},
     "sliding_beam": {"locking"},  # of the few elements of smoke runs

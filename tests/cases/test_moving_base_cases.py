@@ -114,7 +114,7 @@ def test_spin_up_of_the_published_link() -> None:
     coarse = {"dt": 0.05, "t_end": 17.0, "elements": 12}
     history = case.run(**coarse).history
     twist = np.degrees(np.interp([8.0, 10.0, 12.0], history["t"], history["theta1"]))
-    # sections turned about the vector theta have 38.7, 27.9 and 13.1
+    # sections rotated about the vector theta have 38.7, 27.9 and 13.1
     assert twist == pytest.approx([18.9, 7.6, 2.3], abs=0.3)
     assert history["u2"].min() == pytest.approx(-0.370, abs=2e-3)
     after = np.degrees(history["theta1"][history["t"] >= 15.0])

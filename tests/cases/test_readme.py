@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What the README shows is what there is."""
+"""The README agrees with the package."""
 
 import re
 from pathlib import Path

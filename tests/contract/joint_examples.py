@@ -337,7 +337,7 @@ class Placed:
         return np.stack(columns, axis=-1)
 
     def differenced_hessian(self, factor: np.ndarray) -> np.ndarray:
-        """What :meth:`hessian` returns, by differences of the gradients."""
+        """Result of :meth:`hessian`, by differences of the gradients."""
 
         def force() -> np.ndarray:
             self.evaluate()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Joints with markers on lines: SE(3) elements with turned sections, NURBS, lines of bodies."""
+"""Joints with markers on lines: SE(3) elements with rotated sections, NURBS, lines of bodies."""
 
 from dataclasses import dataclass, field
 from math import comb
@@ -90,7 +90,7 @@ FIXED = {
 def _carried(functions: int) -> np.ndarray:
     """Two elements of a line that a body carries, of which the second continues the first.
 
-    It bends; so many coordinates displace and turn it.
+    It bends; so many coordinates displace and rotate it.
     """
     rng = np.random.default_rng(3)
     cubic = np.zeros((1 + functions, 7, 4))
@@ -101,7 +101,7 @@ def _carried(functions: int) -> np.ndarray:
     return np.stack([cubic, cubic @ shift]).reshape(2, 1 + functions, 28)
 
 
-#: How frames are interpolated, nodes of the elements, coefficients.
+#: Interpolations of frames, nodes of the elements, coefficients.
 LINES = {
     "se3": (SE3, [[0, 1], [1, 2]], None),
     "nurbs": (NURBS, [[0, 1, 2], [1, 2, 3]], QUADRATIC),

@@ -27,7 +27,7 @@ def loaded(
 
 
 def disturb(system: System, rng: np.random.Generator, size: float) -> None:
-    """Another shape, in axes turned at random; the same on all ranks."""
+    """Another shape, in axes rotated at random; the same on all ranks."""
     block = system.parts[0].block
     moves = size * rng.normal(size=(block.size_global, 3))[block.node_ids]
     turns = so3.exp(rng.normal(size=(block.size_global, 3)))[block.node_ids]

@@ -99,7 +99,7 @@ def test_tangent_and_action_of_pressure_by_differences(rng):
             for j in range(6):
                 full[nodes[i], :, nodes[j]] += K[6 * i : 6 * i + 6, 6 * j : 6 * j + 6]
     full = full.reshape(6 * count, 6 * count)
-    # differences are good to 1e-9; axes that turn and are left out are of order one
+    # differences are good to 1e-9; rotating axes that are left out are of order one
     np.testing.assert_allclose(full, np.stack(columns, axis=1), atol=1e-8)
     block.step[:] = rng.normal(size=block.step.shape)
     block.residual[:] = 0.0
@@ -156,7 +156,7 @@ def test_ring_under_pressure():
 
 
 def test_work_of_pressure_is_counted():
-    """A free sheet that turns in its plane, pushed along its normal: momentum, closed balance."""
+    """A free sheet that rotates in its plane, pushed along its normal: momentum, closed balance."""
     stiff = ff.ShellSection.isotropic(0.1, ff.Material(1e6, 0.3, 10.0))
     model = ff.Model("pushed", surface=ff.SurfaceMesh.rectangle("shell", (2.0, 1.0), (2, 1)))
     model.add(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What every joint class must satisfy; a class without example fails."""
+"""Contract of every joint class; a class without example fails."""
 
 import importlib
 import pkgutil
@@ -97,11 +97,11 @@ def test_common_rigid_motion_changes_nothing(example, rng):
     after = joint.evaluate()
     terms = joint.rows.kinds == RowKind.INERTIAL
     inertial = terms[joint.rows.term_start[:-1]]
-    # the gap of coinciding points has inertial components: it turns with the motion
+    # the gap of coinciding points has inertial components: it rotates with the motion
     turned = before.copy()
     turned[inertial] = (before[inertial].reshape(-1, 3) @ se3.rotation(motion).T).ravel()
     np.testing.assert_allclose(after, turned, atol=1e-13)
-    # local forces of all other rows stay as they are; inertial axes in them would turn them
+    # local forces of all other rows stay as they are; inertial axes in them would rotate them
     np.testing.assert_allclose(joint.rows.force_jacobian[~terms], gradient[~terms], atol=1e-12)
 
 

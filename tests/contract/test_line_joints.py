@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What joints with markers on lines must satisfy."""
+"""Contract of joints with markers on lines."""
 
 import numpy as np
 import pytest
@@ -35,7 +35,7 @@ def test_gradient(example, line, rng):
     joint.evaluate()  # the elements in which differences are taken
     expected = joint.derivative(joint.evaluate).reshape(-1, joint.count, 6)
     joint.evaluate()
-    # differences are good to 1e-10; a slider held in place would be of order 0.1 off
+    # differences are good to 1e-10; a slider fixed in place would be of order 0.1 off
     np.testing.assert_allclose(joint.dense(joint.rows.force_jacobian), expected, atol=1e-7)
     np.testing.assert_array_equal(joint.rows.step_jacobian, joint.rows.force_jacobian)
 
@@ -83,7 +83,7 @@ def test_laws_with_rates(name, line, inertial, rng):
     found = joint.dense(joint.rows.step_jacobian)
     assert compliance > 0.0
     scale = np.abs(expected[row]).max()
-    if law[0] == LawKind.LIMIT:  # the scale of its equation changes with its slopes and is held
+    if law[0] == LawKind.LIMIT:  # the scale of its equation changes with its slopes
         cosine = np.sum(found[row] * expected[row]) / np.linalg.norm(found[row])
         assert cosine / np.linalg.norm(expected[row]) > 0.9
         return

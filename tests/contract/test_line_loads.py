@@ -21,7 +21,7 @@ VECTOR = np.array([2.0, -3.0, 5.0])
 MARKER = ff.Marker("beam", 0.43, (0.3, -0.5, 0.8), so3.exp(np.array([0.4, -1.1, 0.7])))
 
 
-#: Two-node elements around corners: sections at the nodes are turned against these.
+#: Two-node elements around corners: sections at the nodes are rotated against these.
 KINKED = ff.LineMesh(
     [(0, 0, 0), (1, 0, 0), (2, 1, 0), (2, 2, 1)], [[0, 1], [1, 2], [2, 3]], {"beam": [0, 1, 2]}
 )
@@ -151,7 +151,7 @@ def test_resultant_of_a_load_is_the_load(kind, follower, elements, rng):
 
 @pytest.mark.parametrize("follower", [False, True])
 def test_resultant_of_a_line_load_on_an_arc(follower):
-    """Uniform in inertial axes, or in the section axes that turn along the arc."""
+    """Uniform in inertial axes, or in the section axes that rotate along the arc."""
     system, _ = _system(ff.LineLoad("load", "beam", (0.0, 3.0, 0.0), follower=follower))
     block = system.parts[0].block
     R = se3.rotation(block.frames)

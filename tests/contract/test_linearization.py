@@ -120,7 +120,7 @@ def test_matrices_are_the_derivatives_of_the_residual(damping, rng):
         error = np.abs(found - expected).max(initial=0.0)
         size = s.system.comm.allreduce(np.abs(expected).max(initial=0.0), op=_largest())
         # central differences: eps^2 and round-off/eps, 1e-9 of the size. Without ad_v the error is
-        # of order one, without the terms of joint forces, dampers or turned ends 1e-3 at least
+        # of order one, without the terms of joint forces, dampers or rotated ends 1e-3 at least
         assert s.system.comm.allreduce(error, op=_largest()) <= 3e-8 * size, name
 
 

@@ -76,7 +76,7 @@ def test_residual_by_hand(kind, follower, rng):
     system = _loaded(kind, follower)
     _disturb(system, rng)
     R = se3.rotation(system.parts[0].block.frames[0])
-    # a follower keeps its components in the marker, which turns with the body
+    # a follower keeps its components in the marker, which rotates with the body
     local = START.T @ TURN @ VECTOR if follower else R.T @ VECTOR
     if kind == "force":
         expected = np.concatenate([local, np.cross(OFFSET, local)])
@@ -119,7 +119,7 @@ def test_tangent_is_the_derivative_of_the_residual(kind, follower, rng):
         columns.append((sides[0] - sides[1]) / (2.0 * eps))
     part.block.frames[:] = frames
     tangent = part.forces.tangent(part.block, system.factors, 0.4)[0]
-    # differences are good to 1e-10; symmetrising or dropping the lever arm's turn is of order 1
+    # differences are good to 1e-10; symmetrising or dropping the lever arm's rotation is of order 1
     np.testing.assert_allclose(tangent, np.stack(columns, axis=-1), atol=1e-7)
 
 
@@ -202,7 +202,7 @@ def test_follower_line_load_turns_with_the_sections():
         turn = se3.exp(np.array([0, 0, 0, 1.0, -2.0, 0.5]))
         block.frames[:] = se3.compose(turn, block.frames)
         before = se3.rotation(turn) @ exact
-        # turning the beam turns the load: a dead load would stay where it was
+        # rotating the beam rotates the load: a dead load would stay where it was
         assert np.abs(_resultant(system)[:3] - before).max() <= 1.0001 * errors[-1] * 2.0
     # trapezoidal rule of the nodes: second order; loads at one end of each element: first
     assert np.log2(errors[0] / errors[1]) >= 1.9

@@ -53,7 +53,7 @@ def test_resultant_turns_with_the_shell(kind: str, element: str) -> None:
     vector, force = turn @ local, np.zeros(3)
     if kind == "following force":
         force, vector = vector, np.cross(turn @ (0.7, 1.0, 0.0), vector)
-    # round-off; axes that do not turn about the normal are off by order one
+    # round-off; axes that do not rotate about the normal are off by order one
     np.testing.assert_allclose(sums(system), np.concatenate([force, vector]), atol=1e-11)
 
 
@@ -67,7 +67,7 @@ def test_moments_are_exact_in_any_shape(kind: str, element: str, rng: np.random.
     place = block.frames[:, :3][np.argsort(block.node_ids)]
     moment = VECTOR
     if kind == "edge":
-        sides = np.diff(place[[3, 7, 11, 15]], axis=0)  # each turned in its own way
+        sides = np.diff(place[[3, 7, 11, 15]], axis=0)  # each rotated in its own way
         units = sides / np.linalg.norm(sides, axis=1, keepdims=True)
         moment = -7.0 * np.array([1.0, 0.2, 1.8]) @ units
     # round-off; lengths that are stretched with the edge are off by a tenth

@@ -160,7 +160,7 @@ def test_surface_load_is_the_weight_of_equal_density(rng):
 
 
 def test_work_of_pressure_is_counted():
-    """A free sheet that turns in its plane, pushed along its normal: momentum, closed balance."""
+    """A free sheet that rotates in its plane, pushed along its normal: momentum, closed balance."""
     stiff = ff.ShellSection.isotropic(0.1, ff.Material(1e6, 0.3, 10.0))
     model = ff.Model("pushed", surface=ff.SurfaceMesh.rectangle("shell", (2.0, 1.0), (4, 2)))
     model.add(

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What joints with markers on shells must satisfy."""
+"""Contract of joints with markers on shells."""
 
 import numpy as np
 import pytest
@@ -32,7 +32,7 @@ def test_gradient(example, both, rng):
     expected = joint.derivative(joint.evaluate).reshape(-1, joint.count, 6)
     joint.evaluate()
     found = joint.dense(joint.rows.force_jacobian)
-    # differences are good to 1e-9; a triangle that does not turn would be of order 1 off
+    # differences are good to 1e-9; a triangle that does not rotate would be of order 1 off
     np.testing.assert_allclose(found, expected, atol=1e-7)
     if both:  # shells have no unknowns of rotation
         np.testing.assert_array_equal(found[:, :, 3:], 0.0)
@@ -71,7 +71,7 @@ def test_common_rigid_motion(example, both, rng):
     joint.evaluate()
     if example.axes:
         np.testing.assert_allclose(joint.rows.poses, se3.compose(motion, poses), atol=1e-13)
-    if example.rows not in (3, 5, 6):  # components in inertial axes turn
+    if example.rows not in (3, 5, 6):  # components in inertial axes rotate
         np.testing.assert_allclose(joint.rows.sums(), sums, atol=1e-13)
 
 

@@ -40,7 +40,7 @@ COMPONENTS = {"resultant": RESULTANTS, "strain": STRAINS}
 
 
 class CheckError(Exception):
-    """What is wrong, in one line."""
+    """An error, described in one line."""
 
 
 def pvd_times(path):
@@ -112,7 +112,7 @@ def draw(path, reader, series, time):
 
 
 def check_picture(picture):
-    """Whether anything is in it."""
+    """Check that a picture is not empty."""
     png = vtkPNGReader()
     png.SetFileName(str(picture))
     png.Update()

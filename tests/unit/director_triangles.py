@@ -62,7 +62,7 @@ def sparse_tangent(made: DirectorTriangles, frames, starts=None):
 
 
 def flat_held(count, corners):
-    """Unknowns (count, 6) that nothing resists: turns of the corners, drilling."""
+    """Unknowns (count, 6) without stiffness: rotations of the corners, drilling."""
     held = np.zeros((count, 6), dtype=bool)
     held[:corners, 3:] = True
     held[corners:, 5] = True
@@ -113,7 +113,7 @@ def _newton(made, frames, load, free, tolerance, iterations):
 
 
 def _turning(pull):
-    """Derivative of dead loads in local axes as the nodes turn."""
+    """Derivative of dead loads in local axes with the rotation of the nodes."""
     blocks = np.zeros((len(pull), 6, 6))
     for a in range(3):
         b, c = (a + 1) % 3, (a + 2) % 3

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How much of its own Python a call executes: loops over cells show, whatever the machine does."""
+"""Lines of the package that a call executes: loops over cells show, whatever the machine does."""
 
 import sys
 from collections.abc import Callable
@@ -13,7 +13,7 @@ __all__ = ["executed_lines"]
 
 
 def executed_lines[T](call: Callable[[], T]) -> tuple[T, int]:
-    """What a function returns, and the number of lines of the package that it executes."""
+    """Result of a function, and the number of lines of the package that it executes."""
     count, own = 0, str(Path(flexfem.__file__).parent)
 
     def trace(frame: FrameType, event: str, argument: Any) -> Callable[..., Any] | None:

@@ -47,7 +47,7 @@ def box(
 def sheet(
     cells: tuple[int, int], size: tuple[float, float], comm: Any = MPI.COMM_WORLD, turn: Any = None
 ) -> Any:
-    """Triangles of a rectangle in the plane z = 0, or turned."""
+    """Triangles of a rectangle in the plane z = 0, or rotated."""
     x, y = (np.linspace(0.0, s, n + 1) for s, n in zip(size, cells, strict=True))
     points = np.stack([*np.meshgrid(x, y, indexing="ij"), np.zeros((len(x), len(y)))], axis=-1)
     i, j = (k.ravel() for k in np.meshgrid(*map(np.arange, cells), indexing="ij"))
@@ -62,7 +62,7 @@ def sheet(
 
 
 def frequencies(body: ff.ReducedBody, held: Any = (), spin: Any = None) -> Any:
-    """Frequencies of the reduced body, some coordinates held, rad/s."""
+    """Frequencies of the reduced body, some coordinates fixed, rad/s."""
     import scipy.linalg
 
     free = np.setdiff1d(np.arange(body.size), held)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How mistakes are refused."""
+"""Checks of refusals of mistakes."""
 
 import re
 from collections.abc import Callable

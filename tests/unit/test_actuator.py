@@ -31,7 +31,7 @@ def discs() -> ff.Model:
     "integrator", ["generalized_alpha", "energy_momentum", "independent_coordinates"]
 )
 def test_action_and_reaction(integrator):
-    """Discs turn against each other: rates of the torque's integral, and its work as energy."""
+    """Discs rotate against each other: rates of the torque's integral, and its work as energy."""
     options: dict[str, Any] = {"integrator": integrator, "rho_inf": 1.0, "tolerance": 1e-10}
     model = discs()
     simulation = Simulation(model, ff.RunOptions(dt=0.01, t_end=0.5, **options))

@@ -66,7 +66,7 @@ def test_tangent_and_action_are_the_derivative_of_the_residual(
 
 def test_corner_turns_the_section_axes_of_some_cell_ends(one_beam):
     beam = one_beam(SHAPES["corner"], SECTION)
-    # otherwise no test here would ever see the branch with turned axes
+    # otherwise no test here would ever see the branch with rotated axes
     assert beam.comm.allreduce(beam.beams.turned) >= 2
 
 
@@ -94,8 +94,8 @@ def test_internal_force_is_the_gradient_of_the_strain_energy(one_beam, shape, rn
         energies.append(beam.energy())
     beam.move(state, 0.0 * step, np.zeros(3))
     power = beam.total((beam.residual() * step[: beam.block.owned]).ravel())
-    # differences of the energy are good to 1e-9; strains (NumPy) and forces (UFL) that disagree,
-    # at turned axes for instance, differ by 1e-2 and more
+    # differences of the energy are good to 1e-9; strains (NumPy) and forces (UFL) that disagree, at
+    # rotated axes for instance, differ by 1e-2 and more
     assert power == pytest.approx((energies[0] - energies[1]) / (2.0 * eps), rel=1e-7)
 
 

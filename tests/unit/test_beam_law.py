@@ -92,7 +92,7 @@ def test_tangent_and_action_are_the_derivative_of_the_residual(one_beam, shape, 
             sides.append(beam.residual(0.3))
         beam.move(state, 0.0 * step, shifts)
         expected = (sides[0] - sides[1]) / (2.0 * eps)
-        # differences are good to 1e-9; the viscous stress held constant, or one of its two
+        # differences are good to 1e-9; the viscous stress kept constant, or one of its two
         # dependences (strain, rate) forgotten, is off by 1e-2 and more
         bound = 1e-7 * beam.largest(expected)
         assert beam.largest(beam.product(step, shifts, 0.3) - expected) <= bound

@@ -43,7 +43,7 @@ def test_every_case(name: str, tmp_path: Path, capsys: pytest.CaptureFixture[str
 
 
 def test_copy_follows_its_mesh(tmp_path: Path) -> None:
-    """What is changed in the copied script is in the model."""
+    """A change of the copied script is in the model."""
     file = tmp_path / "own.py"
     assert cli.command(["copy", "slider_crank", str(file)]) == 0
     before = load_case(file).model(elements=4).mesh

@@ -68,7 +68,7 @@ def test_drop_keeps_the_momenta(floating):
         return
     assert history["touch_penetration"].max() > 0.1 * THICK
     momentum, spin = column(history, "momentum_p"), column(history, "momentum_l")
-    # rounding: measured 2e-13; of a bar that turns to the order of the scheme, measured 2e-7; a
+    # rounding: measured 2e-13; of a bar that rotates to the order of the scheme, measured 2e-7; a
     # body that feels nothing gives 1
     share = 1e-5 if floating else 1e-11
     np.testing.assert_allclose(momentum - momentum[:, :1], 0, atol=share * abs(momentum).max())

@@ -263,7 +263,7 @@ def test_linear_inputs_do_not_depend_on_ranks():
         x.C @ np.linalg.solve(30.0j * np.eye(len(x.A)) - x.A, x.B) for x in (spread, alone)
     )
     assert spread.inputs == alone.inputs == ("push", "first", "second")
-    # a motor that turns one body only would change its column by as much as it is
+    # a motor that acts on one body only would change its column by as much as it is
     assert found == pytest.approx(expected, rel=1e-6, abs=1e-9 * np.abs(expected).max())
     turning = np.abs(expected[alone.outputs.index("rate")])
     assert turning.min() > 1e-3
@@ -278,7 +278,7 @@ def test_outputs_are_zero_at_rest():
     )
     outcome = ff.solve_static(model, ff.StaticOptions(load_steps=1, quiet=True))
     assert outcome.status == "ok"
-    assert abs(outcome.history["angle"][-1]) < 1e-9  # the torque alone would turn it by 0.5 rad
+    assert abs(outcome.history["angle"][-1]) < 1e-9  # the torque alone would rotate it by 0.5 rad
 
 
 def _controller(**given: Any) -> ff.Controller:

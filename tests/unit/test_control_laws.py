@@ -53,7 +53,7 @@ def test_continuous_state_space_is_made_discrete():
     found = np.array([law.update(0.01 * k, np.array([3.0]))[0] for k in range(100)])
     rest = np.linalg.solve(A, -B[:, 0])
     exact = [5.0 + (C @ (rest - expm(A * 0.01 * k) @ rest))[0] for k in range(100)]
-    assert found == pytest.approx(exact, abs=1e-10)  # exact for an input that is held
+    assert found == pytest.approx(exact, abs=1e-10)  # exact for a constant input
 
 
 @pytest.mark.serial

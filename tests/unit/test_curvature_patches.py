@@ -197,7 +197,7 @@ def test_strip_between_planes_of_symmetry_bends_like_a_beam(averaged):
 
 
 def levy(ratio):
-    """Deflections, middle and middle of the free edge, of a plate held at x = 0 and 1 only."""
+    """Deflections, middle and middle of the free edge, of a plate supported at x = 0 and 1 only."""
     middle = edge = 0.0
     for m in range(1, 40, 2):
         k, y = np.pi * m, 0.5
@@ -273,7 +273,7 @@ def test_energy_of_a_strip_rolled_up_to_half_a_circle_by_its_clamps(averaged):
 
 @BOTH
 def test_start_on_a_cylinder_gives_the_maps_of_the_plane(averaged):
-    """Neighbours are turned into the plane, a developable start is as good as a flat one."""
+    """Neighbours are rotated into the plane, a developable start is as good as a flat one."""
     errors = []
     for counts in ((16, 4), (32, 8)):
         flat, triangles = rectangle(counts, "parallel", (np.pi, 0.8))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Nodes of director shells: curved edges, directors, kinks, what is held."""
+"""Nodes of director shells: curved edges, directors, kinks, fixed unknowns."""
 
 import numpy as np
 import pytest

@@ -157,7 +157,7 @@ def test_a_closed_path_of_loads_leaves_nothing():
         largest = max(largest, made.energies(state)[:, 3].sum())
     # a strain that remembers its path keeps 3e-4 of the energy (quadrature-point rotations do)
     assert made.energies(state)[:, 3].sum() < 1e-15 * largest
-    # positions and directors; turns about these are idle
+    # positions and directors; rotations about these are idle
     assert abs(state - frames)[:, [0, 1, 2, 5, 8, 11]].max() < 1e-8
 
 

@@ -72,12 +72,12 @@ def test_forces_are_differences_of_the_energy():
 def test_tangents_and_actions_are_differences_of_the_forces():
     made, _, _, frames = shell()
     direction = np.random.default_rng(5).normal(size=(len(frames), 6))
-    direction[np.unique(made.nodes[:, :3]), 3:] = 0.0  # corners do not turn
+    direction[np.unique(made.nodes[:, :3]), 3:] = 0.0  # corners do not rotate
     slope = differences(lambda at: forces(made, at), frames, direction)
     action = np.zeros_like(slope)
     made.add_action(frames, direction, action)
     product = (sparse_tangent(made, frames) @ direction.ravel()).reshape(-1, 6)
-    # as above; axes that turn with their nodes change moments by as much as they are
+    # as above; axes that rotate with their nodes change moments by as much as they are
     np.testing.assert_allclose(product, slope, atol=1e-9 * abs(slope).max())
     np.testing.assert_allclose(action, product, atol=1e-13 * abs(slope).max())
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What can be installed: the wheel holds all that runs need, the sdist all that the wheel does."""
+"""Installable archives: the wheel has all that runs need, the sdist all that the wheel has."""
 
 import importlib.util
 import subprocess

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Every motion is watched: energy from nowhere or lost, turns in a step, drives that jump, NaN."""
+"""Every motion is watched: spurious energy, dissipation, rotations in a step, jumps, NaN."""
 
 from collections.abc import Callable
 from typing import Any
@@ -66,7 +66,7 @@ def test_energies_are_looked_at_when_a_run_fails(monkeypatch: pytest.MonkeyPatch
 
 @pytest.mark.serial
 def test_a_body_that_comes_to_spin_too_fast() -> None:
-    """A moment turns it faster and faster: 0.5 rad in a step are reached in the middle."""
+    """A moment accelerates its rotation: 0.5 rad in a step are reached in the middle."""
     model = ff.Model("spin")
     model.add(
         ff.RigidBody("top", 1.0, (1.0, 1.0, 1.0)),
@@ -190,7 +190,7 @@ def test_energy_that_only_the_scheme_takes_is_told() -> None:
 
 
 def arm_beside(model: ff.Model) -> ff.Model:
-    """A light arm that is turned by a drive beside what else moves."""
+    """A light arm that is rotated by a drive beside the other bodies."""
     ends = ff.Ground((5.0, 0.0, 0.0)), ff.Marker("arm")
     model.add(
         ff.RigidBody("arm", 0.1, (1e-3, 1e-3, 1e-3), position=(5.0, 0.0, 0.0)),
@@ -215,7 +215,7 @@ def test_gains_and_losses_beside_a_drive() -> None:
 
 @pytest.mark.three_ranks
 def test_the_watch_is_the_same_on_any_number_of_ranks() -> None:
-    """What it compares and judges, with works of loads and drives on different ranks."""
+    """Its comparisons and findings, with works of loads and drives on different ranks."""
     options = ff.RunOptions(dt=2e-3, t_end=0.4, tolerance=1e-11, quiet=True)
     seen = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):

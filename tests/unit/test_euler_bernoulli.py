@@ -61,7 +61,7 @@ def test_nothing_is_left_out_and_axes_do_not_matter():
     for others in found[1:]:
         np.testing.assert_allclose(others, found[0], rtol=1e-7)
     exact = 1.8751**2 * np.sqrt(E * H**2 / 12.0 / RHO) / L**2
-    # rotary inertia takes 1e-4 off; a free far end that is held would give 6 times as much
+    # rotary inertia takes 1e-4 off; a free far end that is fixed would give 6 times as much
     assert found[0][0] == pytest.approx(exact, rel=5e-4)
 
 

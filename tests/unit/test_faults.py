@@ -36,7 +36,7 @@ EVERY, LAST = None, COMM.size - 1
 
 
 class Failing:
-    """What a test lets fail: one function, on all ranks or on one."""
+    """Failure in a test: of one function, on all ranks or on one."""
 
     def __init__(self, what: str, only: int | None = EVERY, when: float = WHEN) -> None:
         self.what, self.only, self.when = what, only, when
@@ -104,7 +104,7 @@ def pendulum(fails: Failing) -> ff.Model:
     return model
 
 
-#: What fails: words of the line that tell whose function it is, which, and why.
+#: Failures: words of the line with owner and name of the function, and the reason.
 LINES = {
     "amplitude": "PointForce \"push\": amplitude (…): KeyError: 'no key'",
     "shape": 'PointForce "pull": amplitude must return a number, got shape (2,), from shape (…)',
@@ -404,7 +404,7 @@ def test_folder_is_removed(shared_tmp_path: Path) -> None:
 
 
 def test_folder_is_anothers(shared_tmp_path: Path) -> None:
-    """Where another run has begun in its place, nothing of it is touched."""
+    """A run in its place by another process is not touched."""
     folder = shared_tmp_path / "results"
 
     def begin_another() -> None:
@@ -419,7 +419,7 @@ def test_folder_is_anothers(shared_tmp_path: Path) -> None:
 
 
 def full_disk(name: str, after: int) -> Callable[..., Any]:
-    """What opens files on a disk that is full once ``after`` files of a kind were opened."""
+    """Function that opens files on a disk that is full after ``after`` files of a kind."""
     opened, usual = [0], Path.open
 
     def open_file(path: Path, mode: str = "r", *more: Any, **named: Any) -> Any:
@@ -480,7 +480,7 @@ def test_torn_row_is_cut(tmp_path: Path) -> None:
 def test_restart_that_is_killed_works_again(
     where: str, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """Whether it comes as far as the table or the first step."""
+    """Killed at the table or at the first step."""
     sound = pendulum(Failing("nothing"))
     with pytest.raises(ff.FunctionError):
         ff.simulate(pendulum(Failing("motion")), options(shared_tmp_path))

@@ -14,7 +14,7 @@ from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
 
-#: What makes a file of a name, and what must be said of it.
+#: Functions that make a file of a name, and the message about it.
 FILES: dict[str, tuple[Callable[[Path], object], str]] = {
     "pipe": (os.mkfifo, "is not a regular file but a pipe or a device"),
     "device": (lambda p: p.symlink_to("/dev/zero"), "is not a regular file but a pipe or a device"),
@@ -29,7 +29,7 @@ FILES: dict[str, tuple[Callable[[Path], object], str]] = {
     "UTF-16": (lambda p: p.write_bytes("name,E\n".encode("utf-16")), "it is in UTF-16; save it"),
     "NUL": (lambda p: p.write_bytes(b"name,E\na,\0"), "line 2 has a NUL byte, it is not a text"),
 }
-#: What the reader of XML knows about itself.
+#: Messages of the reader of XML itself.
 XML = {"Latin-1": "no well-formed", "UTF-16": "no element found|well-formed", "NUL": "well-formed"}
 
 
@@ -108,7 +108,7 @@ def test_fields_of_tables(row: str, tmp_path: Path) -> None:
 
 
 LINK = '<link name="a"/>'
-#: What XML can be made to do, and what is said of it.
+#: Attacks by XML, and the message about each.
 ROBOTS = {
     "laughs": (
         '<!DOCTYPE r [<!ENTITY a "ha"><!ENTITY b "&a;&a;">]><robot name="r">&b;</robot>',
@@ -148,7 +148,7 @@ def test_robots_that_are_traps(kind: str, tmp_path: Path) -> None:
 
 
 def test_robots_in_other_encodings(tmp_path: Path) -> None:
-    """What the first line says of the encoding holds."""
+    """The encoding in the first line is used."""
     text = '<?xml version="1.0" encoding="{}"?><robot name="Träger"><link name="a"/></robot>'
     for encoding in ("utf-8", "iso-8859-1", "windows-1252", "utf-16"):
         (tmp_path / "r.urdf").write_bytes(text.format(encoding).encode(encoding))

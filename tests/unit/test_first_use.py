@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What helps on first use: near spellings, words on what takes long or looks wrong, panels."""
+"""Help on first use: near spellings, messages on slow or suspicious parts, panels."""
 
 from pathlib import Path
 from types import SimpleNamespace

@@ -131,7 +131,7 @@ def test_places_on_a_flexible_link(kind, tmp_path, reduced):
 
 @pytest.mark.parametrize("direction", [1, 2])
 def test_deflection(direction, tmp_path):
-    """A held rod under a small force at its end, about either axis of its section."""
+    """A clamped rod under a small force at its end, about either axis of its section."""
     robot = read(tmp_path, flexible=BEAM)
     model = model_of(robot, gravity=False)
     frame, force = robot.frames["rod"], 1e-3
@@ -176,7 +176,7 @@ def test_motion_of_a_flexible_arm(tmp_path):
             np.testing.assert_allclose(first, [0.5, -0.7, 1.5, 2.0], atol=1e-9)
             ends.append([history["hip"][-1], history["knee"][-1]])
     if not MPI.COMM_WORLD.rank:
-        # they turn by 0.017 and 0.021; bending makes a difference of 1.3e-3
+        # they rotate by 0.017 and 0.021; bending makes a difference of 1.3e-3
         np.testing.assert_allclose(ends[0], ends[1], atol=2.5e-3)
 
 

@@ -22,7 +22,7 @@ def beam():
 
 
 def test_integrals_count_from_the_frame(beam):
-    """Those of a body clamped at its far end equal those of the body turned about."""
+    """Those of a body clamped at its far end equal those of the reversed body."""
     far = body_data(ff.FloatingBody("bar", beam, frame="right"))
     near = body_data(ff.FloatingBody("bar", beam, frame="left"))
     n = len(near.stiffness)

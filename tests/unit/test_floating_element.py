@@ -29,12 +29,12 @@ def _nodes(frames):
 
 
 def _seen(kind, *arrays):
-    """What the element sees: without the frame where it follows from the other nodes."""
+    """Nodes of the element: without the frame where it follows from the other nodes."""
     return tuple(array[1:] if "mean_axes" in kind else array for array in arrays)
 
 
 def _body(data, frames):
-    """What loops take of a body with these nodes."""
+    """Data for loops of a body with these nodes."""
     return data.memory, room_for(data, len(frames)).memory, _nodes(frames)
 
 
@@ -149,7 +149,7 @@ def test_matrices_are_derivatives(rng, kind, inertial):
                 ends.append(_residual(body.data, moved, v, w).ravel())
             expected[:, 6 * node + i] = (ends[0] - ends[1]) / (2.0 * eps)
     free = np.ones(6 * count, dtype=bool)
-    free[-9:-6] = free[-5:] = False  # amplitudes do not turn, the last node has one
+    free[-9:-6] = free[-5:] = False  # amplitudes do not rotate, the last node has one
     # differences reach 1e-9; a dropped term of the geometry is above 1e-3
     assert out[0][:, free] == pytest.approx(
         expected[:, free], rel=0, abs=1e-7 * np.abs(expected).max()

@@ -132,7 +132,7 @@ def test_mistakes_are_told(fmu, given, message):
 
 @pytest.mark.serial
 def test_fmu_of_another_machine_is_told(fmu, tmp_path):
-    """What fails as the FMU starts ends in one line, with nothing written."""
+    """A failure as the FMU starts ends in one line, with nothing written."""
     import zipfile
 
     other = tmp_path / "other.fmu"

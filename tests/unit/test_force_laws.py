@@ -96,7 +96,7 @@ def resting_place(kind: LawKind) -> float:
 
 
 def place(outcome: ff.Outcome) -> float:
-    """Where the body ends, on all ranks."""
+    """Last place of the body, on all ranks."""
     world = MPI.COMM_WORLD
     return world.bcast(float(outcome.history["at_x"][-1]) if world.rank == 0 else 0.0)
 

@@ -51,7 +51,7 @@ def written(tmp_path_factory: Any) -> Path:
 
 
 def refused(path: Path, folder: Path) -> str:
-    """What is said of a checkpoint; nothing is written."""
+    """Message about a checkpoint; nothing is written."""
     options = ff.RunOptions(**(OPTIONS | {"t_end": 0.1}), output=folder / "next", restart=path)
     with pytest.raises(ValueError) as caught:  # noqa: PT011 the caller looks at the message
         ff.simulate(falling(), options)

@@ -43,7 +43,7 @@ def _run(model: ff.Model, policy: str = "auto", steps: int = 30, dt: float = 5e-
 
 @pytest.mark.three_ranks
 def test_bodies_respond_by_kept_rows_or_by_another_solve(monkeypatch):
-    """Which of them is cheaper depends on the sizes; the motion does not."""
+    """The cheaper one depends on the sizes; the motion does not."""
     histories = []
     for entries in (0, 10**12):  # any rows are more, none are
         monkeypatch.setattr(Factor, "entries", property(lambda self, n=entries: n))
@@ -85,7 +85,7 @@ def _taut() -> ff.Model:
 
 
 def test_continued_stresses_save_iterations(monkeypatch):
-    """Elements that turn stretch within an iteration; stresses from that would lead astray."""
+    """Rotating elements stretch within an iteration; stresses from that would lead astray."""
     iterations = []
     for continued in (True, False):
         if not continued:

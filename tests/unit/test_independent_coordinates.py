@@ -107,7 +107,7 @@ def test_multipliers_come_out_as_well():
 
 
 def rhombus(twice: bool) -> ff.Model:
-    """Four-bar linkage of bars in floating frames of three kinds, turned by a moment."""
+    """Four-bar linkage of bars in floating frames of three kinds, driven by a moment."""
     stiff, soft = bar(modes=2, stiffening=True, cells=1), bar(modes=2, side=0.01, cells=1)
     up, along = np.array([0.5, math.sqrt(0.75), 0.0]), np.array([1.0, 0.0, 0.0])
     turned = np.array([[up[0], -up[1], 0.0], [up[1], up[0], 0.0], [0.0, 0.0, 1.0]])
@@ -132,7 +132,7 @@ def rhombus(twice: bool) -> ff.Model:
 @pytest.mark.serial
 @pytest.mark.parametrize("twice", [False, True])
 def test_loop_of_floating_bodies(twice):
-    """Amplitudes' unknowns that are held stay out of the independent motions."""
+    """Fixed unknowns of amplitudes stay out of the independent motions."""
     more = {"redundant_constraints": "least_norm"} if twice else {}
     one, other = (
         run(rhombus(twice), 0.04, dt=1e-3, integrator=name, **more)
@@ -191,7 +191,7 @@ def _build_values(case: ff.Case, **given: Any) -> dict[str, Any]:
 
 
 def driven(beams: bool = True) -> ff.Model:
-    """A crank that is turned, a rod of beams or a rigid one, and a slider."""
+    """A driven crank, a rod of beams or a rigid one, and a slider."""
     start, stop = np.array([0.0, 0.2, 0.0]), np.array([0.5, 0.0, 0.0])
     rod: Any = ff.Beam("rod", ff.Section.rectangle(0.02, 0.01, ff.Material(70e9, 0.3, 2700.0)))
     first, end = ff.Marker("rod", "start"), ff.Marker("rod", "end")

@@ -31,7 +31,7 @@ def started(model: ff.Model, *markers: ff.Marker) -> list[np.ndarray]:
 
 
 def test_all_bodies_begin_with_the_same() -> None:
-    """Rigid, floating, beam: all turned, all with the same numbers; body axes go by their name."""
+    """Rigid, floating, beam: all rotated, all with the same numbers; body axes go by their name."""
     model = ff.Model(
         "turned", mesh=ff.LineMesh.straight({"rod": [(0.0, 0.0, 0.0), TURN[:, 0].tolist()]}, 2)
     )
@@ -143,7 +143,7 @@ def test_markers_on_curves_see_it() -> None:
 
 @pytest.mark.parametrize("kind", ["rotation_free", "director", "ufl"])
 def test_nodes_without_rotations_have_no_angular_velocity(kind: str) -> None:
-    """Their axes turn with the elements around them, velocity and acceleration are known."""
+    """Their axes rotate with the elements around them, velocity and acceleration are known."""
     model, body = membrane("body") if kind == "ufl" else sheet("body", kind)
     place = TURN @ (1.0, 0.2, 0.0)
     model.add(body, ff.Probe("seen", ff.Marker("body", tuple(place)), COLUMNS, motion))
@@ -156,7 +156,7 @@ def test_nodes_without_rotations_have_no_angular_velocity(kind: str) -> None:
         np.testing.assert_allclose(rotation, 0.0, atol=1e-12)
         assert np.isnan(found[15:]).all()
         later = np.array([history[name][-1] for name in COLUMNS])[6:15]
-        # the step turns by 1e-7 |SPIN|; axes of the director element do not turn about its normal
+        # the step turns by 1e-7 |SPIN|; axes of the director element do not rotate about its normal
         turned = so3.log(later.reshape(3, 3)) - 1e-7 * SPIN
         np.testing.assert_allclose(np.cross(turned, TURN[:, 2]), 0.0, atol=1e-9)
         assert kind == "director" or abs(turned @ TURN[:, 2]) < 1e-9

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Solutions that turn bodies inside out are refused: closed forms of bars with linear laws."""
+"""Solutions with inverted elements are refused: closed forms of bars with linear laws."""
 
 import numpy as np
 import pytest
@@ -81,7 +81,7 @@ def test_motions_are_warned_of() -> None:
 
 
 def test_directors_behind_the_surface() -> None:
-    """Areas seen along directors: of a stretched plate, one turned as a whole, a mirrored one."""
+    """Areas seen along directors: of a stretched plate, one rotated as a whole, a mirrored one."""
     made, frames, _, _ = plate((2, 1), "left", (1.0, 0.5), 0.01, 1e6, 0.0)
     half_turn = np.diag([-1.0, 1.0, -1.0])
     stretched, mirrored = frames.copy(), frames.copy()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What cannot be worked with is refused in one line; modules here stand for installed ones."""
+"""Unsupported installations are refused in one line; modules here replace installed ones."""
 
 import importlib.machinery
 import os

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What ranks tell each other of nodes at joints, and how rows are numbered over all ranks."""
+"""Exchange of nodes at joints between ranks, and numbers of rows over all ranks."""
 
 from mpi4py import MPI
 

@@ -127,7 +127,7 @@ def test_planar_manipulator(case):
 
 
 def arm() -> tuple[ff.Model, list[ff.Actuator], list[ff.PrescribedAngle]]:
-    """A post that turns about Z and carries an arm with a ball, raised about -Y, under gravity."""
+    """A post that rotates about Z with an arm and a ball, raised about -Y, under gravity."""
     model = ff.Model("arm")
     up = (0.0, -1.0, 0.0)
     hinge = ff.Marker("post"), ff.Marker("ball", offset=(-0.8, 0.0, 0.0))

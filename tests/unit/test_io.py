@@ -240,7 +240,7 @@ def test_series_is_cut_behind_the_instant_of_the_restart(
     assert [t for t, _ in pvd(shared_tmp_path / "s.pvd")] == [*[0.0, 0.5, 1.0][:kept], 2.0]
 
 
-#: What writers call the entries of an array, in the order of the laws of sections.
+#: Names of the entries of an array in writers, in the order of the laws of sections.
 NAMES = {
     ("beams", "strain"): "gamma1 gamma2 gamma3 kappa1 kappa2 kappa3",
     ("beams", "resultant"): "N Q2 Q3 T M2 M3",

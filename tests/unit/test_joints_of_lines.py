@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What joints along lines of shells consist of."""
+"""Parts of joints along lines of shells."""
 
 import numpy as np
 import pytest
@@ -130,7 +130,7 @@ def test_stiffness_of_angles(direction):
 
 
 def test_slopes_follow_the_place_in_a_segment():
-    """Of a twisted sheet z = x y, by the turns of the triangles beside its edge."""
+    """Of a twisted sheet z = x y, by the rotations of the triangles beside its edge."""
     mesh, _, _, rows = _rows(4, 4)
     for row in rows:
         for k, along in ((0, 0.5), (1, 0.2), (3, 0.5), (2, 0.9)):

@@ -63,7 +63,7 @@ def test_four_bar(measure):
     rocker = model["rocker"]
     tip = rocker.position + rocker.rotation @ [0.0, 0.25, 0.0]
     np.testing.assert_allclose(tip[:2], points[1, 2, :2], atol=1e-12)
-    # what is fixed to a body turns with it: markers, their followers, the velocities
+    # parts fixed to a body rotate with it: markers, their followers, the velocities
     before, after = rough.mesh.points.reshape(2, 3, 3)[1], points[1]
     turn = model["C"].a.rotation
     np.testing.assert_allclose(after[2] - after[0], turn @ (before[2] - before[0]), atol=1e-12)
@@ -74,7 +74,7 @@ def test_four_bar(measure):
 
 
 def test_the_smallest_motion_is_taken():
-    """A pendulum beside its pin: mass times ways and inertia times turns are least."""
+    """A pendulum beside its pin: mass times displacements and inertia times rotations are least."""
     model = ff.Model("pendulum")
     inertia, arm = 0.05, np.array([0.0, 0.4, 0.0])
     model.add(
@@ -82,7 +82,7 @@ def test_the_smallest_motion_is_taken():
         ff.Spherical("pin", ff.Ground((0.001, 0.4, 0.0)), ff.Marker("bob", offset=arm)),
     )
     bob = ff.assemble(model)["bob"]
-    # shift u and turn w about Z with u - 0.4 w = gap: u = gap J/(J + m 0.16), by Lagrange
+    # shift u and rotation w about Z with u - 0.4 w = gap: u = gap J/(J + m 0.16), by Lagrange
     share = inertia / (inertia + 2.0 * 0.16)
     # equal to second order in the gap; by plain motions the share would be 0.86
     np.testing.assert_allclose(bob.position[0], 0.001 * share, rtol=1e-3)
@@ -91,7 +91,7 @@ def test_the_smallest_motion_is_taken():
 
 
 def test_spatial_linkage_with_turning_axes():
-    """RSSR linkage with a universal joint, turned and shifted: axes move with their bodies."""
+    """RSSR linkage with a universal joint, rotated and shifted: axes move with their bodies."""
     rng = np.random.default_rng(5)
     model = ff.Model("spatial")
     first, second = np.array([0.0, 1.0, 0.0]), np.array([0.0, 0.0, 1.0])
@@ -128,13 +128,13 @@ def test_spatial_linkage_with_turning_axes():
         body = (moved[name].a, moved[name].b)[marker].body
         turn = moved[body].rotation @ model[body].rotation.T
         old = np.array(getattr(model[name], field))
-        # axes that stayed behind would be off by the turns, a tenth
+        # axes that stayed behind would be off by the rotations, a tenth
         np.testing.assert_allclose(getattr(moved[name], field), turn @ old, atol=1e-12)
         assert np.abs(turn - np.eye(3)).max() > 0.01
     # common things stay common: friction acts on the joint that moved
     assert moved["rub"].joint is moved["guide"]
     assert moved["rub"].a is moved["guide"].a
-    # initial velocities turn with their bodies, those along body axes stay
+    # initial velocities rotate with their bodies, those along body axes stay
     rod = moved["rod"]
     turn = rod.rotation @ model["rod"].rotation.T
     np.testing.assert_allclose(rod.velocity, turn @ [0.1, 0.2, 0.3], atol=1e-14)

@@ -141,7 +141,7 @@ def test_inverse_tangent_maps(angle: float) -> None:
 @pytest.mark.parametrize("angle", SMALL + MIDDLE + NEAR_PI)
 def test_derivatives_of_tangent_maps(angle: float) -> None:
     # 16 eps: catches closed forms without a series (3.8e-5 at t = 1e-6 in a published code) and a
-    # coefficient held constant in its derivative
+    # coefficient kept constant in its derivative
     w, exact, d = twist(angle), reference(angle), DIRECTION
     assert error(se3.tangent_derivative(w, d), exact["slope"]) <= 16 * EPS
     assert error(so3.tangent_derivative(w[3:], d[3:]), exact["slope"][3:, 3:]) <= 16 * EPS

@@ -144,7 +144,7 @@ def rate_slope(w: FloatArray, unit: FloatArray) -> FloatArray:
 
 @pytest.mark.parametrize("angle", ANGLES)
 def test_derivatives(maps: Maps, angle: float) -> None:
-    # 32 eps: catches a nan from the branch not taken, sqrt at zero, a coefficient held constant
+    # 32 eps: catches a nan from the branch not taken, sqrt at zero, a coefficient kept constant
     w = twist(angle)
     slopes = maps.slopes(w)
     theta, d = w[3:], UNITS[:, 3:]

@@ -53,7 +53,7 @@ UNIFORM = {
 
 @dataclass(frozen=True)
 class Element:
-    """Frames of the nodes (k, 12), turns of the sections (k, 9), shape (k, k)."""
+    """Frames of the nodes (k, 12), rotations of the sections (k, 9), shape (k, k)."""
 
     kind: int
     nodes: FloatArray
@@ -99,7 +99,7 @@ def bernstein(degree: int) -> FloatArray:
 
 
 def element(degree: int, bend: float = 2.5) -> Element:
-    """Random points; sections turned against their nodes and by ``bend`` against the middle."""
+    """Random points; sections rotated against their nodes and by ``bend`` against the middle."""
     rng = np.random.default_rng(7 + abs(degree))
     k = max(abs(degree), 1) + 1
     axes = rng.normal(size=(k, 3))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What will not fit into memory is refused before room is made for it."""
+"""Data that exceed the memory are refused before they are allocated."""
 
 import time
 from pathlib import Path

@@ -64,7 +64,7 @@ def test_abaqus_assembly(file) -> None:
     mesh = ff.read_mesh(
         file("rods.inp", mesh_texts.ABAQUS_ASSEMBLY), points=["ENDS", "SECOND_TIP", "First.TIP"]
     )
-    # moved to x = 1, then turned by 90 degrees about the vertical through it
+    # moved to x = 1, then rotated by 90 degrees about the vertical through it
     np.testing.assert_allclose(mesh.points[3:6], [[1, 0, 0], [1, 1, 0], [1, 2, 0]], **EXACT)
     assert set(mesh.line_groups) == {"RODS", "First.ROOT_CELL", "Second.ROOT_CELL", "PIN_CELLS"}
     assert {name: len(rows) for name, rows in mesh.line_groups.items()}["RODS"] == 4
@@ -87,7 +87,7 @@ def test_abaqus_meshes_in_instances(file) -> None:
     path = file("job.inp", mesh_texts.ABAQUS_INSTANCES)
     mesh = ff.read_mesh(path)
     rod, pin = [[(0, 0, 0), (1, 0, 0)], [(1, 0, 0), (2, 0, 0)]], [[(1, 2, 0), (1, 5, 0)]]
-    # the pin, along x in its part, is turned by 90 degrees about z and moved by (1, 2, 0)
+    # the pin, along x in its part, is rotated by 90 degrees about z and moved by (1, 2, 0)
     np.testing.assert_allclose(ends(mesh, "rod-1.cells"), rod, atol=1e-14)
     np.testing.assert_allclose(ends(mesh, "pin-1.cells"), pin, atol=1e-14)
     np.testing.assert_allclose(ends(mesh, "both"), rod + pin, atol=1e-14)

@@ -120,7 +120,7 @@ def driven(rate: float, spin: float, **options: object) -> ff.Model:
 
 
 def switched(end: float) -> ff.Model:
-    """A rotor that its drive turns by one radian from 0.5 s on."""
+    """A rotor that its drive rotates by one radian from 0.5 s on."""
     model = ff.Model()
     model.add(ff.RigidBody("rotor", 1.0, (0.1, 0.1, 0.1)))
     ends = ff.Ground(), ff.Marker("rotor")
@@ -244,7 +244,7 @@ def still(gravity: bool) -> ff.Model:
 
 
 def railed(axis: list[float]) -> ff.Model:
-    """A body that has been turned about y, on a rail."""
+    """A body that has been rotated about y, on a rail."""
     rail = ff.Prismatic("rail", ff.Ground(), ff.Marker("bob"), axis=axis)
     turn = np.array([[0.0, 0.0, 1.0], [0.0, 1.0, 0.0], [-1.0, 0.0, 0.0]])
     model = ff.Model()

@@ -66,7 +66,7 @@ def assembled(model: ff.Model) -> tuple[np.ndarray, object]:
             speed = back @ twist[3:]
             moved = np.einsum("nij,nj->ni", back, twist[:3] + np.cross(twist[3:], frames[:, :3]))
             motion = np.concatenate([moved, speed], axis=1)[:, : block.width]
-            if block.dirichlet is not None:  # turns of corners of director shells mean nothing
+            if block.dirichlet is not None:  # no rotations at shells' corners
                 motion[block.dirichlet[: block.owned]] = 0.0
             parts.append(motion.ravel())
         vector = linear.vector()
@@ -116,7 +116,7 @@ def test_the_mass_matrix_of_curved_beams_tends_to_the_masses() -> None:
 
 
 def test_masses_of_shapes() -> None:
-    """Closed forms: a rod, a quarter of a ring, a plate, a box that is turned."""
+    """Closed forms: a rod, a quarter of a ring, a plate, a box that is rotated."""
     thin = ff.Section.circle(0.001, STEEL)
     surface = ff.SurfaceMesh.rectangle("plate", (2.0, 0.5), (3, 2))
     model = ff.Model(
@@ -149,7 +149,7 @@ def test_masses_of_shapes() -> None:
 
 
 def test_a_floating_body_has_the_mass_of_its_mesh() -> None:
-    """A rod along x, turned along y: m L^2/12 about its middle, half a length from its origin."""
+    """A rod along x, rotated along y: m L^2/12 about its middle, half a length from its origin."""
     from tests.unit.reduction_bodies import LENGTH, NODES, SECTION, beam
 
     reduced = ff.reduce_body(beam(1), NODES, modes=0)
@@ -161,7 +161,7 @@ def test_a_floating_body_has_the_mass_of_its_mesh() -> None:
     assert rod.masses.mass == pytest.approx(mass, rel=1e-12)
     np.testing.assert_allclose(rod.masses.centre, [1.0, 2.0 + LENGTH / 2, 3.0], atol=1e-12)
     slender = mass * LENGTH**2 / 12.0 + SECTION.inertia[4, 4] * LENGTH
-    # turned the wrong way, the moment about x would be that about the axis, a thousandth
+    # rotated the wrong way, the moment about x would be that about the axis, a thousandth
     np.testing.assert_allclose(rod.masses.inertia[0, 0], slender, rtol=1e-9)
     np.testing.assert_allclose(rod.size, [0.0, LENGTH, 0.0], atol=1e-15)
     assert rod.degrees_of_freedom == 12
@@ -213,7 +213,8 @@ def test_freedoms_of_a_long_chain() -> None:
     last = ff.Marker("link_69", offset=(1, 0, 0))
     model.add(ff.Revolute("close", ff.Ground((70, 0, 0)), last, axis=Z))
     counts = ff.describe(model).mobility
-    # three motions out of the plane of the loop are held twice, and, as it is straight, its length
+    # three motions out of the plane of the loop are constrained twice, and, as it is straight, its
+    # length
     assert (counts.constraints, counts.redundant, counts.motions) == (355, 4, 69)
 
 
@@ -236,7 +237,7 @@ def test_plane_of_symmetry_may_be_oblique() -> None:
     model = ff.Model(surface=mesh)
     model.add(ff.Shell("sheet", SKIN, edges={"sheet_left": "symmetric"}))
     counts = ff.describe(model).mobility
-    # (2, 4, 3) where axes are turned the wrong way
+    # (2, 4, 3) where axes are rotated the wrong way
     assert (counts.motions, counts.supports, counts.fixed) == (3, 3, 3)
 
 

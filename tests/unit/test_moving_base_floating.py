@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""How far floating bodies are stretched along their axes, seen from their ends."""
+"""Stretch of floating bodies along their axes, from their ends."""
 
 from types import SimpleNamespace
 

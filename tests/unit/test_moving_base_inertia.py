@@ -39,7 +39,7 @@ def properties(**changes: Any) -> BeamProperties:
 def turned(rotations: str, theta: Any) -> tuple[Any, Any]:
     """Rotations (p, 3, 3), and the spins in section axes that the rates of theta give.
 
-    A turn by theta1 about a1, then by theta2 about a2, then by theta3 about a3; or exp(theta).
+    A rotation by theta1 about a1, then by theta2 about a2, then by theta3 about a3; or exp(theta).
     """
     if rotations == "vector":
         return so3.exp(theta), so3.tangent(theta)

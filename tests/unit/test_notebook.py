@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What interactive work needs: bars, interruption with results kept, runs on several ranks."""
+"""Interactive work: bars, interruption with results kept, runs on several ranks."""
 
 import signal
 import sys

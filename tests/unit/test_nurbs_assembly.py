@@ -62,7 +62,7 @@ def _right(q: np.ndarray) -> np.ndarray:
 
 
 def _places(frames: np.ndarray, nodes: np.ndarray) -> np.ndarray:
-    """What an element interpolates (k, 7): places and quaternions from its reference node."""
+    """Interpolated values (k, 7) of an element: places and quaternions from its reference node."""
     x, R = se3.position(frames[nodes]), se3.rotation(frames[nodes])
     r = len(nodes) // 2
     theta = so3.log(R[r].T @ R)
@@ -214,7 +214,7 @@ def test_internal_forces_and_their_derivatives(beam, broken):
 
 
 def test_consistent_masses(beam, broken):
-    """``m = M^T m_e M`` with the scalar extraction, turned into the axes of the nodes."""
+    """``m = M^T m_e M`` with the scalar extraction, rotated into the axes of the nodes."""
     fields, n = broken.fields, len(beam.block.frames)
     u, v = ufl.TrialFunction(fields.scalar), ufl.TestFunction(fields.scalar)
     points = ufl.dx(fields.mesh, metadata={"quadrature_degree": 31})

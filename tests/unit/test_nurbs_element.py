@@ -157,7 +157,7 @@ def test_internal_force_is_the_gradient_of_the_strain_energy(
 
 
 def test_stress_continued_along_a_step(one_nurbs, rng):
-    """What the mixed Newton method takes: stresses of the strains that the step leads to linearly.
+    """Stresses of the mixed Newton method: those of strains continued linearly along the step.
 
     The force they add is that of a viscosity of one second at the velocities of the step.
     """
@@ -363,7 +363,7 @@ def test_pure_bending_to_a_circle_converges(one_nurbs, degree, counts):
     # the order is 2 p in the energy; a wrong map from places to nodes does not converge at all
     orders = [np.log2(e[0] / e[1]) for e in (gaps, errors) if e[1] > 1e-11]
     assert not orders or min(orders) >= 2 * degree - 0.5
-    # two nodes, turned by t, bend by 4 tan(t/4): 1 + t^2/12 is the moment that turns them
+    # two nodes, rotated by t, bend by 4 tan(t/4): 1 + t^2/12 is the moment that turns them
     assert max(gaps[1], errors[1]) <= (3e-2 if degree == 1 else 3e-3)
 
 
@@ -500,7 +500,7 @@ def test_residual_is_the_rate_of_the_momenta(one_nurbs, degree, rng):
         block.velocity[:] = state.velocity + sign * eps * state.acceleration
         sides.append(beam.momenta())
     expected = (sides[0] - sides[1]) / (2.0 * eps)
-    # differences are good to 1e-9; an inertia force whose axes turn along the element misses the
+    # differences are good to 1e-9; an inertia force whose axes rotate along the element misses the
     # rate by the square of its turning and loses momentum over a run
     np.testing.assert_allclose(rate, expected, atol=1e-7 * np.abs(expected).max())
 

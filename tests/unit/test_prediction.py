@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Which prediction the next step begins with."""
+"""Choice of the prediction of the next step."""
 
 from types import SimpleNamespace
 

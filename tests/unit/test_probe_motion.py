@@ -17,7 +17,7 @@ NAMES = ("node", "inside", "body", "interface")
 
 
 def swinging() -> ff.Model:
-    """A beam that turns about two axes and bends, with a body at its end; another beam slides."""
+    """A beam that rotates about two axes and bends, with a body at its end; another beam slides."""
     section = ff.Section.rectangle(0.01, 0.02, ff.Material(2e9, 0.3, 1200.0))
     model = ff.Model("swinging", mesh=ff.LineMesh.straight({"beam": [(0, 0, 0), (1, 0, 0)]}, 3))
     markers = {

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What is shown while a run lasts, and runs that a signal ends; the same on any number of ranks."""
+"""Display during a run, and runs that a signal ends; the same on any number of ranks."""
 
 import os
 import re

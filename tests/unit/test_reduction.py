@@ -176,7 +176,7 @@ def test_frames_may_be_anywhere(kind: str) -> None:
     here = ff.reduce_body(box((4, 1, 1)), ENDS, modes=0, ties=ties)
     there = ff.reduce_body(box((4, 1, 1)), ENDS, modes=0, ties=ties, positions={"right": shift})
     np.testing.assert_array_equal(there.interfaces[1].position, shift)
-    # the frame here moves as the one there and turns with it
+    # the frame here moves and rotates as the one there
     x, y, z = here.interfaces[1].position - shift
     move = np.eye(12)
     move[6:9, 9:] = [[0.0, z, -y], [-z, 0.0, x], [y, -x, 0.0]]

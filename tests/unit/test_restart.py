@@ -67,7 +67,7 @@ def _six_times(rotation: np.ndarray) -> float:
 
 
 def bouncing() -> ff.Model:
-    """A ball on a plane, a pendulum caught by a hook, a beam that is held on; energies, reactions.
+    """A ball on a plane, a pendulum caught by a hook, a beam that is locked; energies, reactions.
 
     Events change which rows hold: before, at and after the checkpoint.
     """

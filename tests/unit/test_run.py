@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What runs leave that do not come to their end."""
+"""Results of runs that end early."""
 
 from dataclasses import replace
 from pathlib import Path
@@ -37,7 +37,7 @@ def cantilever() -> ff.Model:
 def test_an_unexpected_error_leaves_a_closed_table(
     name: str, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
-    """What is no error of files or functions passes through; the history so far can be read."""
+    """Other errors than of files or functions pass through; the history so far can be read."""
 
     def fail(*_: object) -> None:
         raise ImportError("no library for checkpoints")

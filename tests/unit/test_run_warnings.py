@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What ``flexfem info`` warns of, runs say too: on stderr and in the summary."""
+"""Runs have the warnings of ``flexfem info``, too: on stderr and in the summary."""
 
 from mpi4py import MPI
 
@@ -12,7 +12,7 @@ STEEL = ff.Material(2.1e11, 0.3, 7850.0)
 
 
 def of_model(outcome: ff.Outcome) -> list[str]:
-    """What a run warns of but for the number of its ranks."""
+    """Warnings of a run except for the number of its ranks."""
     return [line for line in outcome.summary["warnings"] if " ranks " not in line]
 
 
@@ -82,7 +82,7 @@ def test_every_analysis_tells_what_the_checks_find(options: ff.StaticOptions) ->
 
 
 def test_fast_starts_are_told_with_their_steps() -> None:
-    """A wheel that turns by two radians in a step: the same line as ``flexfem info`` has."""
+    """A wheel that rotates by two radians in a step: the same line as ``flexfem info`` has."""
     options = ff.RunOptions(dt=1e-3, t_end=2e-3, quiet=True)
     model = wheels((2000.0, -2000.0))
     (found,) = ff.check(model, options)

@@ -169,7 +169,7 @@ def test_a_box_whose_fibres_wind_around_it() -> None:
     """Yu, Hodges, Ho (2012, doi:10.1016/j.ijengsci.2012.03.006), in inches and pounds.
 
     The tolerance is that of their mesh, on which the walls' joints at the corners matter most:
-    fibres turned by half a degree more change S11 by 1.6 % and S22 by 2.5 %.
+    fibres rotated by half a degree more change S11 by 1.6 % and S22 by 2.5 %.
     """
     a, b, wall = 0.4765, 0.265, 0.03
     ply = ff.OrthotropicMaterial(

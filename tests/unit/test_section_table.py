@@ -173,7 +173,7 @@ def test_other_mistakes(file, tmp_path) -> None:
         ff.read_materials(file("name,E,nu\na,1e9,0.3\n"))
 
 
-#: What a number in a unit is in SI units, by the column it may stand in.
+#: Values in SI units of numbers in other units, by column.
 UNITS = {
     "E": {"Pa": 1.0, "MPa": 1e6, "N/mm^2": 1e6, "GPa": 1e9},
     # a tonne in a cubic millimetre, of 1e-9 m^3

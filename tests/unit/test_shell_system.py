@@ -76,7 +76,7 @@ def forces(s: SimpleNamespace, gravity: np.ndarray = GRAVITY) -> np.ndarray:
 
 
 def state(s: SimpleNamespace, rng: np.random.Generator) -> tuple[np.ndarray, ...]:
-    """A deformed, moving state in axes turned at random."""
+    """A deformed, moving state in axes rotated at random."""
     n = len(s.mesh.points)
     x = s.mesh.points + 0.05 * rng.normal(size=(n, 3))
     return x, so3.exp(rng.normal(size=(n, 3))), rng.normal(size=(n, 3)), rng.normal(size=(n, 3))
@@ -162,7 +162,7 @@ def test_forces_are_the_derivative_of_the_energy(rng):
 
 
 def test_rigid_motion_and_spin_leave_no_forces(rng):
-    """Far from the origin, turned by more than a half turn, spinning, with damping."""
+    """Far from the origin, rotated by more than a half turn, spinning, with damping."""
     s = shells(damping=0.3)
     Q, spin = so3.exp(np.array([2.0, -2.5, 1.0])), np.array([3.0, -2.0, 5.0])
     x = s.mesh.points @ Q.T + np.array([100.0, -50.0, 70.0])

@@ -49,7 +49,7 @@ def hemisphere(cells, radius=10.0, hole=0.1 * np.pi):
 
 
 def shuffled(mesh, rng, turn=True):
-    """The same body with nodes and triangles renumbered, triangles started anywhere and turned."""
+    """The same body with nodes and triangles renumbered, triangles started anywhere and flipped."""
     node, row = rng.permutation(len(mesh.points)), rng.permutation(len(mesh.triangles))
     points = np.empty_like(mesh.points)
     points[node] = mesh.points

@@ -84,7 +84,7 @@ def test_twist(name, rng):
     # differences are good to 1e-12; a turn of the triangle left out is of order 1
     np.testing.assert_allclose(J[:, :-1], point.difference(local), atol=1e-10)
     np.testing.assert_array_equal(J[:, -1], 0.0)
-    # what turns a node moves nothing
+    # rotations of a node move nothing
     np.testing.assert_array_equal(J[:, :-1].reshape(6, -1, 2, 3)[:, :, 1], 0.0)
 
 
@@ -94,7 +94,7 @@ def test_second_derivative(name, rng):
     expected = point.difference(lambda nodes: point.at(nodes)[1].T @ g)
     out = np.full((len(expected), len(expected)), 3.0)
     called(line_points.add_line_second)(point.kind, point.nodes, point.shape, 0.0, g, out)
-    # differences are good to 1e-11; symmetrised, or with held sides, it is off by 0.1
+    # differences are good to 1e-11; symmetrised, or with constant sides, it is off by 0.1
     np.testing.assert_allclose(out[:, :-1] - 3.0, expected, atol=1e-9)
     np.testing.assert_array_equal(out[:, -1], 3.0)
 

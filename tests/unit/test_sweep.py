@@ -273,7 +273,7 @@ def test_a_loaded_case_runs_in_this_process(driven: Path) -> None:
 def test_a_failed_run_does_not_end_a_sweep(
     driven: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
-    """What ended well is not run again, what failed is, and values may be added."""
+    """Successful runs are not repeated, failed ones are, and values may be added."""
     line = "--vary speed=1,50 --reduce final:path_x,mean:path_x --output study --progress lines"
     assert cli.command(["sweep", str(driven), *line.split(), "--plot", "path_x"]) == 1
     assert Path("study", "comparison.png").is_file()  # of what ended well

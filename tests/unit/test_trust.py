@@ -23,7 +23,7 @@ ME = os.geteuid()
 
 @pytest.fixture(autouse=True)
 def forgotten() -> Iterator[None]:
-    """What was looked at before is looked at again."""
+    """Forget the results for folders that were checked before."""
     for memory in (module._tell, module._user, module._group, _folder):
         memory.cache_clear()
     module._GOOD.clear()
@@ -42,7 +42,7 @@ def folder(tmp_path: Path) -> Path:
 
 
 def said(folder: Path, capsys: Any) -> str:
-    """What is said of a folder that others can write into; nothing of a good one."""
+    """Message about a folder that others can write into; empty for a good one."""
     good = trusted(folder, "X names a folder of your own")
     text: str = capsys.readouterr().err
     assert good == (not text)
@@ -50,7 +50,7 @@ def said(folder: Path, capsys: Any) -> str:
     return text
 
 
-#: What is done to a folder, and what must be said.
+#: Changes of a folder, and the message.
 WAYS: dict[str, tuple[Callable[[Path], object], str]] = {
     "everybody": (lambda f: f.chmod(0o777), 'all users may write into "{0}"'),
     "everybody but sticky": (lambda f: f.chmod(0o1777), 'all users may write into "{0}"'),
@@ -79,7 +79,7 @@ def test_folders_that_others_can_write(way: str, folder: Path, capsys: Any) -> N
 
 
 def test_links_that_others_can_lead_elsewhere(folder: Path, capsys: Any) -> None:
-    """Where a link leads is in order, but not where it stands."""
+    """The target of a link is safe, but not its folder."""
     place = folder.parents[1] / "open"
     place.mkdir()
     (place / "link").symlink_to(folder)
@@ -87,7 +87,7 @@ def test_links_that_others_can_lead_elsewhere(folder: Path, capsys: Any) -> None
     assert f'all users may write into "{place}"' in said(place / "link", capsys)
 
 
-#: What is done to a folder that stays as good as it was.
+#: Changes of a folder that leave it safe.
 GOOD: dict[str, Callable[[Path], object]] = {
     "own": lambda f: f.chmod(0o755),
     "nothing there yet": lambda f: f.rmdir(),
@@ -208,7 +208,7 @@ def build():
 
 CASE = ff.Case("own", "own", build, dt=1e-3, t_end=1e-3)
 """
-#: What stands in the working folder, by file.
+#: Contents of the working folder, by file.
 TRAPS = {
     **dict.fromkeys(
         ["numpy.py", "json.py", "h5py.py", "numba.py", "sitecustomize.py"],

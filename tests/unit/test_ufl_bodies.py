@@ -156,7 +156,7 @@ def test_forces_and_matrices_are_derivatives_of_the_energy(name):
 
 @pytest.mark.parametrize("name", BODIES)
 def test_a_rigid_motion_has_no_forces_and_its_momenta(name):
-    """The axes of the nodes turn with the body; masses are those of the shape."""
+    """The axes of the nodes rotate with the body; masses are those of the shape."""
     s = system(name, angular_velocity=(0.3, -0.2, 0.5), velocity=(1.0, 0.0, 0.0))
     motion = np.zeros(11)
     s.elements.add_motion(s.block, np.ones(len(s.elements.body), dtype=bool), motion)

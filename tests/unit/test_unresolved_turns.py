@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Flexible bodies that turn so far in a step that unresolved vibrations grow."""
+"""Flexible bodies that rotate so far in a step that unresolved vibrations grow."""
 
 import numpy as np
 import pytest
@@ -21,7 +21,7 @@ def ringing(rho: float, turn: float, soft: float) -> float:
     c, s = np.cos(turn), np.sin(turn)
     columns = []
     for start in np.eye(8):
-        # position, velocity, acceleration-like variable and acceleration, in the turned axes
+        # position, velocity, acceleration-like variable and acceleration, in the rotated axes
         x0, v0, a0, w0 = start.reshape(4, 2) @ np.array([[c, -s], [s, c]])
         old = (af * w0 - am * a0) / (1.0 - am)
         reached = x0 + v0 + (0.5 - beta) * a0 + beta * old

@@ -91,7 +91,7 @@ def test_velocities_are_rates_of_positions(tmp_path: Path) -> None:
 
 
 def test_probes_of_joints_follow_moving_parents(tmp_path: Path) -> None:
-    """Coordinates and rates of joints whose parent turns and moves, by differences."""
+    """Coordinates and rates of joints whose parent rotates and moves, by differences."""
     robot = read(tmp_path, *EVERY, configuration=state(0.0), **BASE)
     h = 1e-5
 
@@ -137,7 +137,7 @@ def test_every_kind_of_joint(tmp_path: Path) -> None:
     moved = ff.assemble(model, tolerance=1e-12)
     for name in "abcde":
         np.testing.assert_allclose(moved[name].position, robot.links[name].position, atol=1e-12)
-    # the frame of a planar joint: its plane is that of the normal, x turned onto it
+    # the frame of a planar joint: its plane is that of the normal, x rotated onto it
     flat = robot.frames["b"] @ ff.Pose((0.0, 0.2, 0.0))
     shift = flat.rotation.T @ (robot.frames["c"].position - flat.position)
     np.testing.assert_allclose(shift, 0.3 * np.array([0.8, 0.0, -0.6]), atol=1e-14)
@@ -275,7 +275,7 @@ def test_what_other_programs_want_is_let_pass(tmp_path: Path) -> None:
 
 
 def test_coordinates_in_the_history(tmp_path: Path) -> None:
-    """A finger follows a turning knob over more than a turn; both counted as in the file."""
+    """A finger follows a rotating knob over more than a turn; both counted as in the file."""
     robot = read(
         tmp_path, '<link name="base"/>', joint("knob", "continuous", "base", "one"), heavy("one"),
         joint("finger", "prismatic", "base", "two", '<origin xyz="0 1 0" rpy="0 0 1"/>'
@@ -294,7 +294,7 @@ def test_coordinates_in_the_history(tmp_path: Path) -> None:
 
 
 def test_a_follower_loads_its_leader(tmp_path: Path) -> None:
-    """A motor turns a pinion, its rack follows: (I + m r^2) alpha = torque."""
+    """A motor drives a pinion, its rack follows: (I + m r^2) alpha = torque."""
     robot = read(
         tmp_path, '<link name="base"/>', joint("pinion", "continuous", "base", "one"), heavy("one"),
         joint("rack", "prismatic", "base", "two", '<mimic joint="pinion" multiplier="0.4"/>'),

@@ -212,7 +212,7 @@ def _vanishes_later(p, R):
     ff.CustomJoint("j", ff.Ground((0.3, 0.0, 0.0)), B, function=_vanishes_later),
 ], ids=["force", "joint"])  # fmt: skip
 def test_failures_name_the_function(joint: object) -> None:
-    """What is not finite later ends the run, by a line that names function, file and line."""
+    """A later value that is not finite ends the run, with function, file and line."""
     model = _model(ff.Gravity((0.0, 0.0, 9.81)), joint)
     simulation = Simulation(model, RunOptions(dt=0.02, t_end=1.0))
     place = r"_later \(test_user_functions.py, line \d+\)"

@@ -105,7 +105,7 @@ def plate_deflections(counts, pattern, averaged, rule_of, held_at, ratio=0.3):
         pattern: one of ``PATTERNS``.
         averaged: patches of twelve nodes.
         rule_of: rules of the edges at their midpoints (k, 3).
-        held_at: whether nodes at points (k, 3) are held.
+        held_at: whether nodes at points (k, 3) are fixed.
         ratio: Poisson's ratio.
     """
     points, triangles = rectangle((counts, counts), pattern)

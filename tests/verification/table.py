@@ -92,7 +92,7 @@ def missed(parts: dict[str, list[str]]) -> int:
 
 
 def summary(parts: dict[str, list[str]]) -> str:
-    """How many values there are."""
+    """Number of values."""
     return f"{sum(map(len, parts.values()))} values, {missed(parts)} missed."
 
 

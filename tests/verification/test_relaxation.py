@@ -86,7 +86,7 @@ def test_clamped_plate_is_that_of_newtons_method(masses: str) -> None:
     if outcome.history:
         depth = -static.history["middle_z"][-1]
         assert depth > 0.005  # half the thickness: membrane forces count
-        # masses that are not stable never come below the tolerance; wrong held nodes give 1e-3
+        # masses that are not stable never come below the tolerance; wrong fixed nodes give 1e-3
         assert abs(outcome.history["middle_z"][-1] + depth) < 1e-8
 
 
@@ -109,7 +109,7 @@ def test_measure_is_the_part_of_the_load_out_of_balance() -> None:
     outcome = ff.relax(plate(), ff.RelaxationOptions(quiet=True, max_iterations=20))
     assert outcome.status.startswith("not in equilibrium after 20 iterations")
     if outcome.history:
-        # one that forgets held nodes, or counts moments as forces, is not one
+        # one that forgets fixed nodes, or counts moments as forces, is not one
         assert outcome.history["residual"][0] == pytest.approx(1.0, abs=1e-12)
         assert outcome.history["largest_step"][0] == 0.0
         assert list(outcome.history["t"]) == [0.0, 20.0]
@@ -193,7 +193,7 @@ def test_all_dampings_find_the_same_equilibrium() -> None:
 
 
 def test_contacts_go_on_from_a_checkpoint(shared_tmp_path: Path) -> None:
-    """What friction and the sides of self-contact remember is in the checkpoint."""
+    """The memory of friction and of the sides of self-contact is in the checkpoint."""
 
     def model() -> ff.Model:
         made = sheet(friction=0.3)

@@ -76,7 +76,7 @@ def test_accelerations_under_gravity(row):
     q, v, free, *_ = np.split(row, SPLIT)
     robot, model = arm(q, v)
     simulation = Simulation(model, RunOptions(dt=1e-3, t_end=1e-2), MPI.COMM_SELF)
-    # accelerations go to 50 rad/s^2 and are right to 3e-13; an inertia tensor that is turned the
+    # accelerations go to 50 rad/s^2 and are right to 3e-13; an inertia tensor that is rotated the
     # wrong way, or a rate in the wrong axes, is off by parts of them
     np.testing.assert_allclose(joint_accelerations(robot, simulation), free, rtol=0, atol=1e-10)
 

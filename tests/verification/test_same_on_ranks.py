@@ -21,7 +21,7 @@ COMM = MPI.COMM_WORLD
 #: Moduli, Pa.
 SOFT, STEEL = 2e7, 2.1e11
 DIAMETER = 0.02
-#: How the names of forces of joints and in sections begin.
+#: Prefixes of the names of forces of joints and in sections.
 FORCES = ("force_", "tied_", "pull_", "strain_")
 ROUNDING = float(np.finfo(np.float64).eps)
 

@@ -53,7 +53,7 @@ def tips(outcome: ff.Outcome) -> np.ndarray:
 @pytest.mark.serial
 @pytest.mark.parametrize("name", ["static_beams", "static_nurbs", "static_paths"])
 def test_benchmarks(name: str) -> None:
-    """What each tolerance tells apart is said there."""
+    """The purpose of each tolerance is stated there."""
     module = importlib.import_module(f"tests.verification.benchmarks.{name}")
     for result in module.results(full=False):
         assert result.passed, result

@@ -46,7 +46,7 @@ def execute(argv: Sequence[str], prog: str) -> int:
 
 
 def _fit_together(options: argparse.Namespace) -> None:
-    """Refuse options that would change nothing."""
+    """Refuse options without effect."""
     given = {
         name
         for name, default in (_OF_ONE | _OF_SEVERAL | _OF_ALL).items()

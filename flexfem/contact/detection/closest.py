@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The triangles near a point: which is closest, and on which side of them the point is."""
+"""The closest of the triangles near a point, and the point's side of it."""
 
 import numpy as np
 
@@ -31,12 +31,12 @@ __all__ = [
 AT, REGION, LEAST = 0, 1, 2
 #: The same: three nodes of the triangle; two of the edge of the region, or its node twice; label.
 CORNERS, _SHARED, LABEL = 3, 6, 8
-#: How many they are.
+#: Number of these columns.
 NEAR = 9
-#: Columns of ``Candidates.measures`` after the area coordinates: squared distance, m^2, and way
-#: from the closest point, m.
+#: Columns of ``Candidates.measures`` after the area coordinates: squared distance, m^2, and the
+#: vector from the closest point, m.
 SQUARE, WAY = 3, 4
-#: How many they are.
+#: Number of these columns.
 MEASURES = 7
 
 

@@ -5,12 +5,11 @@ A node touches a surface where its distance has a local minimum: inside a triang
 the same holds for all triangles there, or at a node. The surface seen from outside is thus round at
 edges and corners, with a force that is continuous while the node slides from one region into
 another. Of minima whose normals differ by less than 60 degrees only the nearest counts, so that a
-node in a shallow valley is not pushed twice; in a steep one it is held by both walls.
+node in a shallow valley is not pushed twice; in a steep one it touches both walls.
 
-The distance has a sign: that of the side of the surface on which the node was when it came near.
-Of triangles that hang together only the nearest can have been passed through, so that other layers
-of a folded sheet do not pull.
-Beyond the rim of an open surface there is no side, and the rim is round.
+The distance has a sign: that of the side of the surface on which the node was when it came near. Of
+connected triangles only the nearest can have been passed through, so that other layers of a folded
+sheet do not pull. Beyond the rim of an open surface there is no side, and the rim is round.
 """
 
 import numpy as np

@@ -28,7 +28,7 @@ class Rows(Record):
 
     @classmethod
     def empty(cls, count: int) -> Self:
-        """Lists of nothing."""
+        """Empty lists."""
         return cls(starts=np.zeros(count + 1, np.int64), values=np.zeros(0, np.int64))
 
 
@@ -109,7 +109,7 @@ def rings(triangles: IntArray, nodes: IntArray, count: int, joined: IntArray) ->
         triangles: Node indices, shape (m, 3).
         nodes: Nodes, shape (s,).
         count: Number of edges.
-        joined: Pairs of nodes that joints hold together, shape (k, 2): no edge is between them.
+        joined: Pairs of nodes that joints connect, shape (k, 2): no edge is between them.
     """
     from scipy.sparse import csr_array
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""On which side of the triangles near it a node belongs.
+"""Sides of nearby triangles to which nodes belong.
 
 A node keeps the side on which it came near, even where it has got through the surface: it is
 pushed back. It loses it where it passes the rim of an open surface. Triangles of one connected part

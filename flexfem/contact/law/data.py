@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Slaves, triangles, candidates and contacts as the records that compiled loops take.
 
-A contact is a row of numbers. Those with triangles and those with rigid surfaces begin alike.
+A contact is a row of numbers. Those with triangles and those with rigid surfaces have the same
+first columns.
 """
 
 from typing import Self
@@ -106,8 +107,8 @@ class Candidates(Record):
     Attributes:
         starts: Where those of each slave begin, shape (s + 1,).
         triangles: Their numbers, ascending for each slave, shape (k,).
-        sides: On which side of each the slave belongs: 1, -1, or 0 for none, shape (k,).
-        labels: Which candidates of a slave hang together, shape (k,).
+        sides: Side of each to which the slave belongs: 1, -1, or 0 for none, shape (k,).
+        labels: Numbers of the connected groups of a slave's candidates, shape (k,).
         chosen: Numbers of the triangles that were looked at, ascending.
         normals: Unit normals of all triangles, those of the chosen ones up to date, shape (m, 3).
         near, measures: Of those that may touch at present, see ``closest``, at least as many rows

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Elastic normal force of all contacts, and how it grows faster than the penetration.
 
-Impacts that last a step or two need a soft contact, which few nodes that carry much load sink into
-by more than the thickness. So the slope of the force grows from k at contact to ``m k``,
+Impacts that last a step or two need a soft contact, which a few heavily loaded nodes penetrate by
+more than the thickness. So the slope of the force grows from k at contact to ``m k``,
 
     F'(d) = k (1 + (m - 1) x^2 / (1 + x^2)),   x = d / (c r),
 

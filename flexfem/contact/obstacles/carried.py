@@ -4,7 +4,7 @@
 A point at the arm a in the axes of a node with the frame (x, R) is at ``x + R a``. With local steps
 (u, theta) of the node it moves by ``R (u + theta x a)``; a force f on it acts on the node with
 ``g = R^T f`` and the moment ``a x g``, which change by ``g x theta`` as the node rotates. Nodes
-with three unknowns have no arms and do not turn. Points between others are their weighted means.
+with three unknowns have no arms and do not rotate. Points between others are their weighted means.
 """
 
 import numpy as np

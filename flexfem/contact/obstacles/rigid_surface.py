@@ -134,7 +134,7 @@ class RigidContact(ObstacleContacts):
             slips = steps[self.slaves.nodes[self.closed.slaves]] - moved
             forces = np.einsum("cij,cj->ci", self.closed.tangents, slips)
             self._add_closed(scale * forces, residual, wrench)
-            # forces keep their inertial axes, while those of the frame turn
+            # forces keep their inertial axes, while those of the frame rotate
             back = scale * self.closed.forces @ self._rotation
             turned = np.cross(back, twist[3:])
             wrench[:3] -= turned.sum(0)

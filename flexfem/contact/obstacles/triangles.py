@@ -39,8 +39,8 @@ class TriangleContact(ObstacleContacts):
 
     Attributes:
         slaves, masters: Nodes and triangles.
-        skin: How far candidates are looked for, m: nothing gets through a surface that moves by
-            less than half of it, relative to the surface, in a step.
+        skin: Search distance of candidates, m: nothing gets through a surface that moves by less
+            than half of it, relative to the surface, in a step.
         candidates: Triangles near the slaves.
         found: Contacts at the trial state.
         version: Number of the present list of candidates.
@@ -101,7 +101,7 @@ class TriangleContact(ObstacleContacts):
         )
 
     def search(self, points: FloatArray, chosen: IntArray | None = None) -> None:
-        """Look for candidates and carry over the sides of those that stay.
+        """Find candidates and carry over the sides of those that stay.
 
         Args:
             points: Positions at an accepted state, shape (n, 3).
@@ -177,7 +177,7 @@ class TriangleContact(ObstacleContacts):
         return np.concatenate([rows, self.closed.packed(len(rows), extra)], axis=1)
 
     def doubts(self, memory: FloatArray, count: int) -> str:
-        """Says that :meth:`memory` never returned this, with ``count`` points; empty if it may."""
+        """Message if :meth:`memory` cannot have returned this for ``count`` points, or ""."""
         _, closed = np.split(memory, [2 * _THROUGH], axis=1)
         _, extra = ClosedContacts.unpacked(self._law, closed, self.slaves.stiffness)
         nodes = extra[:, :3]

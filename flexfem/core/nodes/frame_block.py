@@ -32,8 +32,7 @@ _ROUND_OFF = 1e-6
 class FrameBlock:
     """One row of the nest: nodes with frames, distributed over the ranks.
 
-    A node has six unknowns, or three: then its axes only say in which directions its translations
-    are counted.
+    A node has six unknowns, or three: then its axes are only the directions of its translations.
 
     Arrays hold the owned nodes first, then ghosts. The trial state depends on the accepted state
     and on the increment only, so that a rejected step leaves nothing to undo.
@@ -41,15 +40,15 @@ class FrameBlock:
     Attributes:
         name: stable name of the block ("beams", "rigid_bodies").
         width: unknowns of a node, 6 or 3.
-        dirichlet: (n, width) unknowns that stay as they are; None if there are none on any rank.
+        dirichlet: (n, width) fixed unknowns; None if there are none on any rank.
         owned: number of nodes of this rank.
         frames, velocity, acceleration: trial state, (n, 12) and (n, 6), local axes.
         increment: (n, 6) increment over the step: on SE(3) a twist; with ``inertial`` the
             translation in inertial axes and a rotation vector in local ones.
         inertial: translations are integrated in inertial axes (R^3 x SO(3)).
         start_frames: (n, 12) frames at t = 0.
-        residual, step: (n, 6) right-hand side and Newton step; views into vectors with ghosts.
-            Of nodes with three unknowns the last three components mean nothing.
+        residual, step: (n, 6) right-hand side and Newton step; views into vectors with ghosts. Of
+            nodes with three unknowns the last three components have no meaning.
         nodes: these arrays and those of the integrator, as compiled loops take them.
         node_ids: (n,) index of each node in the model's input order.
         offset: first global node of this rank.
@@ -73,7 +72,7 @@ class FrameBlock:
             index_map: DOLFINx index map of the nodes.
             inertial: integrate translations in inertial axes (R^3 x SO(3)) instead of on SE(3).
             width: unknowns of a node; 3 needs ``inertial``.
-            dirichlet: (n, width) unknowns that stay as they are, on all ranks or none.
+            dirichlet: (n, width) fixed unknowns, on all ranks or none.
             elements: see the attribute.
         """
         from dolfinx import la
@@ -164,7 +163,7 @@ class FrameBlock:
         predict(self.nodes.memory, law)
 
     def inertial_rates(self, shifts: FloatArray) -> bool:
-        """Translations are inertial, and it is not the mass matrix alone that is asked for.
+        """True if translations are inertial, and more than the mass matrix is needed.
 
         ``shifts`` = (dv/dn, dw/dn, k), k the factor of the stiffness.
         """
@@ -177,7 +176,7 @@ class FrameBlock:
         return largest
 
     def shift(self, sign: float) -> float:
-        """Move by the twists ``sign * step``, velocities and accelerations held.
+        """Move by the twists ``sign * step``, at constant velocities and accelerations.
 
         Returns:
             The largest entry of the step.
@@ -206,7 +205,7 @@ class FrameBlock:
         """End a step of size ``h`` (s); see ``frame_kernels.accept``.
 
         Returns:
-            How far off the predictions were.
+            Errors of the predictions.
         """
         if self._offset is not None:
             self.increment -= self._offset
@@ -262,7 +261,7 @@ class FrameBlock:
         }
 
     def doubts(self, state: Mapping[str, FloatArray]) -> str:
-        """Says that frames are none, which :meth:`state` never returns; empty if they are."""
+        """Message about frames that :meth:`state` cannot have returned; empty for others."""
         turns = state["frames"][:, 3:].reshape(-1, 3, 3)
         defect = np.abs(turns @ turns.transpose(0, 2, 1) - np.eye(3)).max(initial=0.0)
         good = defect < _ROUND_OFF and (np.linalg.det(turns) > 0.0).all()

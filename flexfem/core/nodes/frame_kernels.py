@@ -86,7 +86,7 @@ def _configure(nodes: Nodes, turn: FloatArray, i: int) -> None:
 
 @inlined
 def _to_local(H: FloatArray, v: FloatArray, w: FloatArray) -> None:
-    """Turn inertial velocity and acceleration of a node's origin into its local twist and rate."""
+    """Convert inertial velocity and acceleration of a node's origin to its local twist and rate."""
     x0, x1, x2, a0, a1, a2 = v[0], v[1], v[2], w[0], w[1], w[2]
     for k in range(3):
         v[k] = H[3 + k] * x0 + H[6 + k] * x1 + H[9 + k] * x2
@@ -98,7 +98,7 @@ def _to_local(H: FloatArray, v: FloatArray, w: FloatArray) -> None:
 
 @kernel
 def to_inertial(frames: FloatArray, v: FloatArray, w: FloatArray) -> None:
-    """Turn local twists and their rates into inertial velocities and accelerations, in place."""
+    """Convert local twists and their rates to inertial velocities and accelerations, in place."""
     a = np.empty(3)
     for i in range(frames.shape[0]):
         H = frames[i]
@@ -252,7 +252,7 @@ def correct(memory: Memory, sign: float) -> float:
 
 @kernel
 def shift(memory: Memory, sign: float) -> float:
-    """Move by the local twists ``sign * step`` at held rates of the increments.
+    """Move by the local twists ``sign * step`` at constant rates of the increments.
 
     The parts of the increments that are not integrated from rates collect in ``offset``.
     Returns the largest entry of the step.

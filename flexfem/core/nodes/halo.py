@@ -27,7 +27,7 @@ def send_numbers(comm: MPI.Intracomm, lists: list[IntArray]) -> list[IntArray]:
 class HaloExchange:
     """Moves rows of arrays that have one row for every node of the model.
 
-    Only rows of nodes that this rank owns or has asked for mean anything.
+    Only rows of nodes that this rank owns or has requested are valid.
 
     Attributes:
         foreign: nodes of other ranks that are brought here.

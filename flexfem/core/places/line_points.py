@@ -289,7 +289,7 @@ def turn_frames(frames: FloatArray, turns: FloatArray, out: FloatArray) -> None:
 
 @kernel
 def turn_columns(turns: FloatArray, A: FloatArray) -> None:
-    """Turn columns of ``A`` (n, 6k + 1) for twists of sections into those for nodes, in place."""
+    """Convert columns of ``A`` (n, 6k + 1) from twists of sections to those of nodes, in place."""
     for node in range(turns.shape[0]):
         Q = turns[node]
         for at in (6 * node, 6 * node + 3):
@@ -301,7 +301,7 @@ def turn_columns(turns: FloatArray, A: FloatArray) -> None:
 
 @kernel
 def turn_second(turns: FloatArray, A: FloatArray) -> None:
-    """Turn rows and columns of ``A`` (6k + 1, 6k + 1) from sections to nodes, in place."""
+    """Convert rows and columns of ``A`` (6k + 1, 6k + 1) from sections to nodes, in place."""
     turn_columns(turns, A)
     for node in range(turns.shape[0]):
         Q = turns[node]
@@ -314,7 +314,7 @@ def turn_second(turns: FloatArray, A: FloatArray) -> None:
 
 @kernel
 def offset_jacobian(offset: FloatArray, J: FloatArray) -> None:
-    """Turn ``J`` (6, n) of a frame into that of a frame at the constant ``offset`` (12,) from it.
+    """Convert ``J`` (6, n) of a frame to that of a frame at the constant ``offset`` (12,) from it.
 
     The twist becomes ``Ad(offset^-1) J``, in place.
     """

@@ -201,7 +201,7 @@ def add_force_part(
     _apply(H[3:], f, a[0])
     for c in range(6 * k + 1):
         if c < 6 * k and c % 6 < 3:
-            continue  # translations do not turn F
+            continue  # translations do not rotate F
         for i in range(3):
             p, q = (i + 1) % 3, (i + 2) % 3
             a[1, i] = J[3 + p, c] * f[q] - J[3 + q, c] * f[p]

@@ -168,7 +168,7 @@ def _add_moment_part(
     _apply_transposed(T, m, b)
     for c in range(6 * k + 1):
         if c < 6 * k and c % 6 < 3:
-            continue  # translations turn nothing
+            continue  # translations rotate nothing
         tangent_derivative_into(v[0], D[k, :, c].copy(), dT)
         _apply_transposed(dT, m, db)
         for i in range(3):  # exp(v) rotates by T dv in its own axes

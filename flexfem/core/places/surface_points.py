@@ -6,7 +6,7 @@ in a triangle and those of an interpolation along an edge. Its carrier has the a
 
 - of a triangle, by side alignment (Shi, Liu, Hong 2018): e1 along the side from its first node to
   its second, e3 the unit normal, e2 = e3 x e1; or
-- none of its own, inertial ones that never turn, where nodes alone say nothing of a rotation.
+- inertial axes, where the nodes do not define a rotation.
 
 With the sides ``a = x_1 - x_0 = (l, 0, 0)`` and ``b = x_2 - x_0 = (b_1, b_2, 0)`` in the triangle's
 axes, and changes p and q of these sides in the same axes, the triangle rotates by
@@ -166,7 +166,7 @@ def _node_changes(
 
 @inlined
 def _add_turns(frames: FloatArray, forces: FloatArray, out: FloatArray) -> None:
-    """Add that inertial ``forces`` (k, 3) on nodes turn against these."""
+    """Add the change of inertial ``forces`` (k, 3) in the axes of rotating nodes."""
     f = np.empty(3)
     for node in range(frames.shape[0]):
         for j in range(3):

@@ -10,7 +10,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.inspection.finding import Finding
 from flexfem.inspection.inspection import Inspection
 
-#: Times at which drives are looked at, before the largest change is looked into more closely.
+#: Times at which drives are sampled, before the largest change is refined.
 _LOOKS = 200
 #: A jump is so many times the changes in the steps before and after it.
 _TIMES = 5.0

@@ -13,7 +13,7 @@ from flexfem.model.bodies.shell import Shell
 
 #: Length relative to the median of the body below which an element is tiny.
 _TINY = 0.01
-#: Length relative to the depth of the section below which it says nothing of the body.
+#: Length relative to the depth of the section below which it has no meaning for the body.
 _SHORT = 0.02
 #: Height of a triangle relative to its longest edge.
 _NEEDLE = 0.02

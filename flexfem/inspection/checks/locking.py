@@ -29,7 +29,7 @@ __all__ = ["curve_excess", "excess", "find", "locked", "percent", "stiffened"]
 _LAWS = {2: (4, 3e-2), 3: (4, 3e-3), 4: (6, 1e-3), 5: (8, 3e-4)}
 #: Angle by which any beam may come to bend, rad.
 _BENT = 0.5
-#: Share that is too stiff to be said.
+#: Excess stiffness, relative, from which on it is reported.
 _STIFF = 5e-3
 
 
@@ -88,7 +88,7 @@ def excess(
 
     Args:
         curves: of all beams.
-        points: (c, 3) their control points, m; others than those of the elements are not looked at.
+        points: (c, 3) their control points, m; others than those of the elements are ignored.
         bent: angle by which each will bend beyond that, rad.
         cells: elements of each beam, all without.
     """

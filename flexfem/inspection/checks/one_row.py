@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Director shells that are one row of wide cells.
 
-Without nodes inside, nothing but the directors at free edges tells the cells how to bend. Clamped
+Without nodes inside, only the directors at free edges determine the bending of the cells. Clamped
 strips under their weight, of 8 and 16 cells along, are too soft by (mean deflection of the corners
 at the tip, against 16 cells along and as wide as long)
 

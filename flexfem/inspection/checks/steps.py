@@ -9,7 +9,7 @@ from flexfem.inspection.checks.velocities import drive_rates
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
 
-#: Turn in a step, rad, beyond which integrators lose their accuracy: a twelfth of a turn.
+#: Rotation in a step, rad, beyond which integrators lose their accuracy: a twelfth of a turn.
 _TURN = 0.5
 
 

@@ -67,7 +67,7 @@ def _falling(inspection: Inspection, held: list[set[int]]) -> Iterator[Finding]:
 
 
 def _groups(inspection: Inspection) -> list[set[int]]:
-    """Parts, by number, that hang together; -1 stands for the ground."""
+    """Connected parts, by number; -1 is the ground."""
     model = inspection.model
     groups = [{part} for part in range(len(inspection.parts))]
 

@@ -13,13 +13,13 @@ from flexfem.inspection.inspection import Inspection
 from flexfem.loads.amplitude import Spline
 from flexfem.model.model import Model
 
-#: Steps that are looked into, spread over the motion, and where within each.
+#: Sampled steps, spread over the motion, and the times within each.
 _LOOKS, _WITHIN = 60, 0.382
 #: A value counts if it is off the line between the ends of its step by more than this part of all
 #: changes; four steps in a period make 0.15, three make 0.25. One step in so many may be like that:
 #: single jumps and pulses are no vibrations.
 _OFF, _SHARE = 0.2, 0.25
-#: Fewer steps tell nothing of vibrations.
+#: Number of steps below which vibrations cannot be judged.
 _FEW = 3
 #: Part of the values themselves that is rounding.
 _ROUNDING = 1e-9

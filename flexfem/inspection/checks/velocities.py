@@ -18,7 +18,7 @@ _ROUNDING, _NOTHING = 1e-3, 1e-6
 
 
 def find(inspection: Inspection) -> Iterator[Finding]:
-    """The joints whose rows change at the start, where a motion is looked for."""
+    """The joints of a motion whose rows change at the start."""
     if inspection.moves is False or isinstance(inspection.options, StateOptions):
         return
     rows = inspection.rows.rows
@@ -41,7 +41,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
 
 
 def drive_rates(inspection: Inspection) -> FloatArray:
-    """(r,) rates of the rows by drives at the start, positions held.
+    """(r,) rates of the rows by drives at the start, at constant positions.
 
     Exact for motions of third degree: a smooth step begins with none.
     """

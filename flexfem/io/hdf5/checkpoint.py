@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Checkpoint files: HDF5 behind a short text that says whether the file is whole.
+"""Checkpoint files: HDF5 behind a short text with which a damaged file is detected.
 
 The first 512 bytes are an HDF5 user block with the format, the number of bytes that follow and
 their checksum (BLAKE2b), so that any damage is noticed before the HDF5 library sees the file. Then

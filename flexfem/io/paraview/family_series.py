@@ -35,7 +35,7 @@ from flexfem.system.system import BlockPart
 
 __all__ = ["BeamSeries", "FloatingSeries", "RigidSeries", "Series", "ShellSeries", "node_motion"]
 
-#: Largest size of the boxes that stand for bodies without shape, relative to flexible models.
+#: Largest size of the boxes that represent bodies without shape, relative to flexible models.
 _BODY = 0.2
 
 

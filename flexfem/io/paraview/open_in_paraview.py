@@ -33,7 +33,7 @@ UNITS = {"bending_moment": "N m", "von_mises": "Pa"}
 #: From blue to red without dark ends, which would hide shading.
 MAP = (0.21, 0.40, 0.66, 0.16, 0.62, 0.62, 0.50, 0.75, 0.35, 0.94, 0.73, 0.23, 0.82, 0.25, 0.18)
 Box = tuple[list[float], list[float]]
-#: Instants that are looked at for the greatest values of the motion.
+#: Number of instants from which the greatest values of the motion are taken.
 LOOKS = 12
 
 
@@ -172,7 +172,7 @@ def look_at(view: Any, low: list[float], high: list[float]) -> None:
 
 
 def main() -> None:
-    """Load, show, and write a picture where one is asked for."""
+    """Load, show, and write a picture on request."""
     simple._DisableFirstRenderCameraReset()
     folder = own_folder()
     found = series(folder)

@@ -125,7 +125,7 @@ class HistoryWriter:
             return True
 
     def write_anew(self, rows: Sequence[ArrayLike]) -> None:
-        """Write the table where it was removed, and go on with it.
+        """Write the table again where it was removed, and continue it.
 
         Args:
             rows: all so far, (1 + columns) each.

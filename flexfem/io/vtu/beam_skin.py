@@ -89,7 +89,7 @@ class BeamSkin:
         Args:
             beams: The cells.
             sections: By the numbers of ``beams.section``.
-            caps: Whether the ends of the beams are closed.
+            caps: True if the ends of the beams are closed.
         """
         self._key = (beams.cells.copy(), beams.section.copy())
         self._groups: list[_Group] = []

@@ -49,7 +49,7 @@ class BeamWriter:
             comm: Communicator; `write` and `close` are collective.
             outlines: Closed polygon (k, 2) of each section in the (e2, e3) plane in m, or its
                 walls; None, or no walls, for a section that is shown as a line only.
-            caps: Whether the ends of the swept surfaces are closed.
+            caps: True if the ends of the swept surfaces are closed.
             resume: Keep the instants of an earlier run up to this time (s).
         """
         walls = [_walls(outline, i) for i, outline in enumerate(outlines)]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Triangulated surfaces that stand for rigid bodies and joints in pictures."""
+"""Triangulated surfaces that represent rigid bodies and joints in pictures."""
 
 from __future__ import annotations
 

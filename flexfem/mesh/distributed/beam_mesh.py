@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The one interval mesh that carries all beams, distributed by bodies."""
+"""The one interval mesh of all beams, distributed by bodies."""
 
 from dataclasses import dataclass
 from typing import Any

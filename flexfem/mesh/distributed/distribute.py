@@ -30,7 +30,7 @@ def distributed_mesh(
         points: All points, the same on every rank, shape (n, 3), metres; each is used by a cell.
         cells: Nodes of all cells, the same on every rank, shape (m, k).
         ranks: Owner of each cell, followed by the ranks where it is a ghost, cell after cell.
-        offsets: Where each cell begins in `ranks`, shape (m + 1,).
+        offsets: Start of each cell in `ranks`, shape (m + 1,).
         facet_cells: Largest number of cells at one facet.
 
     Returns:

@@ -74,7 +74,7 @@ def partition_bodies(
 
 
 def _renumbered(ranks: IntArray) -> IntArray:
-    """Ranks numbered as they come, so that ranks without bodies are the last."""
+    """Ranks numbered in order of appearance, so that ranks without bodies are the last."""
     _, first, number = np.unique(ranks, return_index=True, return_inverse=True)
     place = np.argsort(np.argsort(first))
     return place[number]
@@ -206,10 +206,10 @@ def _bisect(graph: _Graph, rooms: tuple[float, float], ranks: int) -> list[bool]
 
 
 class _Halves:
-    """Two halves of a graph, and how they get better.
+    """Two halves of a graph, and their improvement.
 
     Attributes:
-        low: whether each body is in the first half.
+        low: True for each body in the first half.
     """
 
     def __init__(

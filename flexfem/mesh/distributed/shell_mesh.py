@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The one triangle mesh that carries all shells, distributed with the ghosts of their patches."""
+"""The one triangle mesh of all shells, distributed with the ghosts of their patches."""
 
 from dataclasses import dataclass
 from typing import Any

@@ -19,7 +19,7 @@ class Line:
 
     Attributes:
         cells: Row numbers of the cells in the order of the line, shape (k,).
-        reversed: Whether each cell runs against the line, shape (k,).
+        reversed: True for each cell that runs against the line, shape (k,).
         nodes: Node indices in the order of the line, shape (k + 1,); the last equals the first
             on a closed line.
     """
@@ -115,11 +115,11 @@ def _stretches(cells: IntArray) -> tuple[IntArray, IntArray]:
 def _link(ends: IntArray) -> list[IntArray]:
     """Join stretches, given by their end nodes (k, 2), across the nodes where just two meet.
 
-    A way through stretch k is numbered 2 k forwards and 2 k + 1 backwards: the end that it
-    leaves from. The way back has the last bit flipped.
+    A path through stretch k is numbered 2 k forwards and 2 k + 1 backwards: the end that it leaves
+    from. The reverse path has the last bit flipped.
 
     Returns:
-        Ways in order, one array for each line.
+        Paths in order, one array for each line.
     """
     pairs = meeting_ends(ends)
     follower = np.full(2 * len(ends), -1)

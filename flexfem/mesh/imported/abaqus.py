@@ -2,7 +2,7 @@
 """Nodes, elements, sets and surfaces of an Abaqus input file (.inp).
 
 Read here and not with meshio, which takes one *NODE block only, drops the contents of sets with
-names of other sets, and knows neither parts and instances nor surfaces.
+names of other sets, and reads neither parts and instances nor surfaces.
 """
 
 from collections.abc import Sequence
@@ -197,7 +197,7 @@ class _Reader:
             self.deck.optional.add(name)
 
     def _members(self, statement: Statement, kind: str) -> list[Key | Run]:
-        """Return the members that the data lines of a set tell by numbers and by names."""
+        """Return the members that the data lines of a set give by numbers and by names."""
         place = statement.options.get("INSTANCE", "")
         if place:
             place = self._instance_name(statement, place)

@@ -75,7 +75,7 @@ class Statement:
         keyword: In capitals, without the star.
         options: Values by name in capitals, "" where there is none.
         rows: Line number and fields of each data line; a field after a last comma is left out.
-        open: Whether each data line ends with a comma.
+        open: True for each data line that ends with a comma.
     """
 
     path: Path

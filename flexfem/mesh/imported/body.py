@@ -143,7 +143,7 @@ def _simplices(
 
 
 class _Facets:
-    """Faces of cells, and those that sets of faces, surface elements and nodes mean."""
+    """Faces of cells, and those in sets of faces, surface elements and nodes."""
 
     def __init__(self, file: MeshFile, kind: str, corners: IntArray) -> None:
         self.file = file
@@ -161,7 +161,7 @@ class _Facets:
     def found(
         self, names: Sequence[str] | None, taken: Mapping[str, object]
     ) -> dict[str, IntArray]:
-        """Return corners of the facets in the sets asked for, of all that have some when None."""
+        """Return corners of the facets in the requested sets, of all that have some when None."""
         file = self.file
         every = dict.fromkeys([*file.facet_sets, *file.element_sets, *file.node_sets])
         free = [name for name in every if name not in taken]

@@ -42,7 +42,7 @@ class Sets:
         return None if found is None else list(found)
 
     def copy(self) -> "Sets":
-        """Return another one with the same."""
+        """Return a copy."""
         other = Sets()
         for name, keys in self.items():
             other.add(name, keys)
@@ -82,7 +82,7 @@ class Deck:
         return len(self.nodes) + len(self.elements) + sets + facets
 
     def copy(self) -> "Deck":
-        """Return another one with the same, which may get more."""
+        """Return a copy, to which more can be added."""
         other = Deck(self.path, self.allowance)
         other.nodes, other.elements = dict(self.nodes), dict(self.elements)
         other.node_sets, other.element_sets = self.node_sets.copy(), self.element_sets.copy()

@@ -246,8 +246,8 @@ def _entities(numbers: Numbers, contents: Contents, point: int, parts: bool = Fa
     Args:
         numbers: Of the section.
         contents: Contents that are extended.
-        point: How many coordinates a point has, those of a box or its own.
-        parts: Whether the entities are parts of others.
+        point: Number of coordinates of a point, those of a box or its own.
+        parts: True if the entities are parts of others.
     """
     if parts:
         _, ghosts = numbers.whole("size", "size")

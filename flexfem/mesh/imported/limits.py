@@ -175,7 +175,7 @@ def real(text: str, *, bare_exponent: bool = False) -> float | None:
 
     Args:
         text: Without surrounding blanks.
-        bare_exponent: Whether the letter may be missing, as in 7.0+3.
+        bare_exponent: True if the letter may be missing, as in 7.0+3.
     """
     found = (_BARE if bare_exponent else _REAL).fullmatch(text)
     if found is None:

@@ -64,8 +64,8 @@ class MeshFile:
         element_sets: Cell numbers by name, in the order of the file.
         node_sets: Node rows by name, in the order of the file.
         facet_sets: Corner nodes of faces or edges by name, each a row of some length.
-        optional: Sets of elements, lines or faces that are taken only when they are asked for.
-        unused: How many elements there are of the types that have no place in a mesh.
+        optional: Sets of elements, lines or faces that are taken on request only.
+        unused: Number of elements of types without a place in a mesh.
         skipped: Why a set that the file defines is not among those above, by its name.
     """
 
@@ -117,8 +117,8 @@ class MeshFile:
         Args:
             what: Name of the argument, for messages.
             dimension: Of the cells.
-            names: Names asked for, None for all.
-            disjoint: Whether a cell may be in one set only.
+            names: Requested names, None for all.
+            disjoint: True if a cell may be in one set only.
 
         Raises:
             TypeError: The names are no sequence of strings.
@@ -175,11 +175,11 @@ class MeshFile:
         """Return single nodes by name.
 
         Without names, all node sets that have one used node. Sets with several of them that are
-        asked for give NAME_1, NAME_2 and so on, in the order of the file.
+        requested give NAME_1, NAME_2 and so on, in the order of the file.
 
         Args:
             what: Name of the argument, for messages.
-            names: Names asked for, None for all.
+            names: Requested names, None for all.
             used: Which nodes of the file are in the mesh.
 
         Raises:
@@ -217,11 +217,11 @@ def without_copies(groups: Mapping[str, IntArray]) -> dict[str, IntArray]:
 
 
 def checked_names(owner: str, what: str, names: object) -> list[str]:
-    """Return names that a user asks for.
+    """Return the names requested by a user.
 
     Raises:
         TypeError: They are no sequence of strings.
-        ValueError: One is there twice, or there is none.
+        ValueError: A name occurs twice, or there is none.
     """
     if isinstance(names, str) or not isinstance(names, Iterable):
         raise TypeError(f"{owner}: {what} must be a list of names, got {_checks.show(names)}")

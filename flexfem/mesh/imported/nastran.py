@@ -42,7 +42,7 @@ _MATERIAL_FIELD = dict.fromkeys(
 def read(path: Path) -> MeshFile:
     """Read a file.
 
-    Element sets are called property_N (each element is in one) and, taken only when asked for,
+    Element sets are called property_N (each element is in one) and, taken on request only,
     material_N and set_N; node sets set_N.
 
     Raises:

@@ -34,7 +34,7 @@ def read_mesh_file(path: Path, scale: float = 1.0, merge: float | None = None) -
     """Read a file.
 
     Args:
-        path: The file; its end tells the format.
+        path: The file; its suffix gives the format.
         scale: Metres in a unit of length of the file, 1e-3 for millimetres.
         merge: Make nodes that are at most so far apart one, metres; None leaves them apart.
 

@@ -154,7 +154,7 @@ class _Lines:
         self.local[rows] = np.arange(count)
 
     def found(self, names: Sequence[str] | None) -> dict[str, IntArray]:
-        """Return the node pairs of the lines asked for, of all that there are when None."""
+        """Return the node pairs of the requested lines, of all when None."""
         file = self.file
         every = dict.fromkeys([*file.element_sets, *file.facet_sets, *file.node_sets])
         if names is None:

@@ -110,7 +110,7 @@ class NurbsCurve:
         degree: int = 2,
         elements: int | None = None,
     ) -> Self:
-        """Return the exact arc on which `start` turns about an axis.
+        """Return the exact arc on which `start` rotates about an axis.
 
         The arc consists of as few rational pieces of at most 120 degrees as divide `elements`;
         where they meet the basis is only C0 (the curve stays smooth), at all other knots
@@ -120,8 +120,8 @@ class NurbsCurve:
             centre: Point of the axis, metres.
             start: First point, metres.
             axis: Direction of the axis.
-            angle: Angle of the turn, right-handed about the axis, radians; at most 2 pi, negative
-                for the other direction.
+            angle: Angle of the rotation, right-handed about the axis, radians; at most 2 pi,
+                negative for the other direction.
             degree: Degree p, at least 2.
             elements: Number of elements; one per quarter turn if left out.
 
@@ -157,7 +157,7 @@ class NurbsCurve:
         elements: int | None = None,
         tolerance: float | None = None,
     ) -> Self:
-        """Return a fitted helix: `start` turns about an axis and moves along it.
+        """Return a fitted helix: `start` rotates about an axis and moves along it.
 
         A helix is not rational: no NURBS curve is exact. The distance from the exact helix falls
         with the power p + 1 of the element length and is kept below the tolerance.
@@ -166,11 +166,11 @@ class NurbsCurve:
             centre: Point of the axis, metres.
             start: First point, metres.
             axis: Direction of the axis.
-            angle: Angle of the whole turn, right-handed about the axis, radians; any size,
+            angle: Angle of the whole rotation, right-handed about the axis, radians; any size,
                 negative for the other direction.
-            pitch: Way along the axis during one full turn, metres; may be negative.
+            pitch: Rise along the axis per full turn, metres; may be negative.
             degree: Degree p.
-            elements: Number of elements; as many as the tolerance asks for if left out.
+            elements: Number of elements; as many as the tolerance requires if left out.
             tolerance: Largest distance from the exact helix, metres; 1e-4 of the radius if left
                 out together with the elements, not checked if only the elements are given.
 
@@ -223,12 +223,12 @@ class NurbsCurve:
 
         A function is interpolated at the Greville abscissae, points in order by least squares with
         both ends exact (parameter: chord length). For smooth functions the error falls with the
-        power p + 1 of the element length; `deviation` tells it.
+        power p + 1 of the element length; `deviation` returns it.
 
         Args:
             path: Function of u (n,) in [0, 1] that returns points (n, 3), metres; or points.
             degree: Degree p.
-            elements: Number of elements; as many as the tolerance asks for if left out.
+            elements: Number of elements; as many as the tolerance requires if left out.
             tolerance: Largest distance, metres; not checked if left out.
 
         Raises:
@@ -298,7 +298,7 @@ class NurbsCurve:
         """Return the same curve with a higher degree and the same continuity (p-refinement).
 
         Args:
-            times: By how much the degree rises.
+            times: Increase of the degree.
 
         Raises:
             TypeError: the number is no integer.

@@ -70,7 +70,7 @@ def section_rotations(
 
 
 def control_rotations(curve: "NurbsCurve", orientation: Orientation = None) -> FloatArray:
-    """Return the section frames that the control points stand for.
+    """Return the section frames of the control points.
 
     They are those at the Greville abscissae; with degree 1, those of the polygon's corners as in
     `flexfem.mesh.geometry.frames.section_frames`. Needs no compiled code.
@@ -107,7 +107,7 @@ def control_frames(
     Args:
         curve: The curve.
         orientation: As for `section_rotations`.
-        vectors: Whether relative rotation vectors are interpolated.
+        vectors: True if relative rotation vectors are interpolated.
 
     Returns:
         Frames [x, R row by row], shape (n, 12), x the control points.

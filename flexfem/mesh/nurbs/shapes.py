@@ -19,14 +19,14 @@ _ROUND_OFF = 1e-12
 
 @dataclass(frozen=True)
 class Helix:
-    """The path of a point that turns about an axis and moves along it, a function of [0, 1].
+    """The path of a point that rotates about an axis and moves along it, a function of [0, 1].
 
     Attributes:
         foot: Point of the axis next to the start.
         radial: From there to the start.
         axis: Unit vector of the axis.
-        angle: Whole turn, radians.
-        rise: Whole way along the axis, metres.
+        angle: Whole rotation, radians.
+        rise: Whole rise along the axis, metres.
     """
 
     foot: FloatArray
@@ -44,7 +44,7 @@ class Helix:
         angle: object,
         pitch: object,
     ) -> Self:
-        """Check and return the helix with the given way per full turn, metres.
+        """Check and return the helix with the given rise per full turn, metres.
 
         Raises:
             TypeError: an argument is not a number.

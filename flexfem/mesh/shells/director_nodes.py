@@ -26,13 +26,15 @@ _PARALLEL = 0.25
 class DirectorNodes:
     """Nodes of the triangles of director shells: their corners, then the midside nodes.
 
-    All shells with an edge have one node there and turn with it, also at kinks and where many meet.
+    All shells with an edge share one node there and rotate with it, also at kinks and where many
+    meet.
 
     Attributes:
         corners: nodes of the surface mesh that are corners, ascending, (c,).
         edges: nodes of the surface mesh that the edges join, the lower one first, (e, 2).
         nodes: nodes of each triangle, corners, then midside nodes of the opposite edges, (t, 6).
-        frames: at the start, (c + e, 12); e3 of a middle is the director of its first triangle.
+        frames: at the start, (c + e, 12); e3 of a midside node is the director of its first
+            triangle.
         directors: at the start, inertial axes, (t, 3, 3).
         turning: nodes whose frames rotate the directors, (t, 3): the midside nodes.
         held: fixed unknowns without stiffness, (c + e, 6): rotations of corners, and those about
@@ -49,7 +51,7 @@ class DirectorNodes:
 
     @property
     def all(self) -> IntArray:
-        """Nodes of each triangle, then those that turn its directors, (t, 9)."""
+        """Nodes of each triangle, then those that rotate its directors, (t, 9)."""
         return np.concatenate([self.nodes, self.turning], 1)
 
 
@@ -58,10 +60,10 @@ def director_nodes(
 ) -> DirectorNodes:
     """Place the nodes of director shells.
 
-    The middle of an edge is where ``surface.midpoints`` has it; elsewhere it is off the chord such
-    that the edge continues the tangent planes at both ends. A director is the normal in the middle
-    of an edge, the mean of those of all triangles whose normals there are parallel but for the kink
-    angle; triangles that meet at a kink have directors of their own.
+    The midpoint of an edge is that of ``surface.midpoints``; elsewhere it is off the chord such
+    that the edge continues the tangent planes at both ends. A director is the normal at the
+    midpoint of an edge, the mean of those of all triangles whose normals there are parallel but for
+    the kink angle; triangles that meet at a kink have directors of their own.
 
     Args:
         surface: the mesh.

@@ -22,18 +22,18 @@ triangle then depends on the twelve nodes of its own patch and those of its neig
 of parallel diagonals the slopes agree and nothing changes.
 
 The membrane's strains follow from the derivatives f of the triangle alone, or from smoothed ones,
-means over the three edges of those of the triangles on both sides: ``f = f_own / 2 + sum of f_k /
-6`` over the neighbours k, where all are there. A triangle then also knows how the membrane changes
-around it (Flores, Onate, Comput. Methods Appl. Mech. Eng. 194 (2005) 907-932, there from quadratics
-of the patch), which does away with most of the stiffness of coarse meshes that bend without
-stretching; see ``forms.shell``.
+means over the three edges of those of the triangles on both sides:
+``f = f_own / 2 + sum of f_k / 6`` over the neighbours k, where all are there. A triangle then also
+takes account of the change of the membrane around it (Flores, Onate, Comput. Methods Appl. Mech.
+Eng. 194 (2005) 907-932, there from quadratics of the patch), which does away with most of the
+stiffness of coarse meshes that bend without stretching; see ``forms.shell``.
 
 Where a neighbour is missing, its node gives no value to interpolate:
 
-* free, hinged: what is left undetermined minimises the bending energy, so that no moment acts
-  across the edge and its own curvature follows from the rest of the patch. The ghost nodes of the
+* free, hinged: the undetermined part minimises the bending energy, so that no moment acts across
+  the edge and its own curvature follows from the rest of the patch. The ghost nodes of the
   literature, wherever they lie, are eliminated to the same result. A hinge also shares the
-  positions of its edge; whether the edge stays straight follows from what it is joined to.
+  positions of its edge; whether the edge stays straight depends on its joints.
 * clamped: the derivative of q across the edge, outwards, is a given unit vector t at the edge's
   midpoint, hence ``k = B q + S t``; t may move. Energies there have weights, see ``clamp_weights``.
 * symmetric: the same, t being the normal of the plane. Positions of the edge move in the plane.

@@ -149,7 +149,7 @@ def turned_triangles(triangles: IntArray, sides: Sides) -> tuple[BoolArray, int]
         sides: Of these triangles, at most two on an edge.
 
     Returns:
-        Whether to turn each triangle, shape (m,), and the first triangle of a part that has one
+        Flags of the triangles to flip, shape (m,), and the first triangle of a part that has one
         side only, -1 if there is none.
     """
     count, twin = len(triangles), sides.twins()

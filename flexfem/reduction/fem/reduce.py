@@ -46,22 +46,22 @@ def reduce_body(
     Args:
         body: the body.
         interfaces: regions by the names of the frames tied to them: (facet tags, tag), a function
-            of points (3, q) that says which are meant, or a point for the nearest vertex of a
-            body whose points have rotations. None: free modes only.
+            of points (3, q) that is True on the region, or a point for the nearest vertex of a body
+            whose points have rotations. None: free modes only.
         modes: keep so many modes;
         frequency: or all up to this frequency, Hz;
         participation: or as few as move this part of the mass along each axis.
         basis: internal functions: "craig_bampton", modes with the interfaces at rest (Craig and
             Bampton 1968); "free_free", modes of the free body and the response to the inertia of
-            rigid motions does, in the same coordinates (Craig and Chang 1977); "full", all of the
-            mesh.
+            rigid motions, in the same coordinates (Craig and Chang 1977); "full", all of the mesh.
         ties: "rigid" (the region moves as one) or "average" (the frame has the region's mean
             motion) by names; rigid if not named.
         positions: (3,) of the frames at rest, body axes, by names; the region's centroid if not
             named.
         damping_ratio: of all elastic modes of the free reduced body.
         stiffness_damping: factor of the stiffness in the damping, s.
-        geometric_stiffness: compute how stresses by acceleration and by interface motion stiffen.
+        geometric_stiffness: compute the geometric stiffness of stresses by acceleration and by
+            interface motion.
         recovery: compute the data for pictures.
         lines: points (p, 3) at rest along lines of the body, body axes, m, by the names of these:
             sliders on them follow a cubic spline through the points (``Carrier``). Take them closer
@@ -70,7 +70,8 @@ def reduce_body(
     Raises:
         TypeError: an argument has the wrong type.
         ValueError: an argument is out of its range; a region is not there, overlaps another or
-            cannot turn; the body is in pieces, or its rigid motions cost energy; a line leaves it.
+            cannot rotate; the body is in pieces, or its rigid motions cost energy; a line leaves
+            it.
         NumericalError: the eigensolver did not find the modes (an ArithmeticError).
     """
     owner = "reduce_body"

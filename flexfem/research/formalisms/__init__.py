@@ -9,13 +9,13 @@ and all Jacobians come out of ``ufl.derivative``.
 frames        coordinates of planar and spatial floating frames
 matter        material and elements of a body: beams, plane stress, solids
 derivation    energies of a body, and the equations of the four formalisms
-counting      how large the derived expressions and the generated code are
+counting      sizes of the derived expressions and of the generated code
 study         declaration of a comparison
 joints        constraints and forces between bodies as UFL expressions
 mechanism     declaration of bodies, joints and forces
 coordinates   the coordinates as loops over cells take them
 compiled      kernels and connectivity of a body or a joint
-nodes         meshes of the bodies, and where their nodes are among the coordinates
+nodes         meshes of the bodies, and the coordinates of their nodes
 equations     the equations of a mechanism: residuals, matrices, constraints
 formalism     the four formalisms as equations for accelerations
 motion        one formalism as equations to be integrated

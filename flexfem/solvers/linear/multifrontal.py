@@ -35,7 +35,7 @@ class _Tree(NamedTuple):
 
     Attributes:
         sizes: (f,) rows of each front.
-        pivots: (f,) how many of them, the first ones, it eliminates.
+        pivots: (f,) number of them, the first ones, that it eliminates.
         parents: (f,) parent front that takes the complement, -1 without one.
         start: (f + 1,) where the rows of each front begin.
         rows: rows of all fronts.
@@ -138,7 +138,7 @@ def _elimination(
 
 
 def _fronts(touched: list[IntArray], size: int) -> tuple[list[IntArray], list[int]]:
-    """Rows of every front, and how many it eliminates; the last has the rows that are left.
+    """Rows of every front, and the number that it eliminates; the last has the rows that are left.
 
     A row joins the front of the row before it where that one touches hardly less.
     """

@@ -287,7 +287,7 @@ def part_values(
 ) -> FloatArray:  # fmt: skip
     """Values of the entries of ``part_pattern``.
 
-    Held unknowns have rows and columns of their own.
+    Fixed unknowns have rows and columns of their own.
 
     Args:
         system: at the trial state.

@@ -8,9 +8,9 @@ forces, those of the constraints included, at fixed local v and w:
 
 ``M u'' + (C + M ad_v) u' + (K + C ad_v) u + G^T dlambda = 0,   G u = 0``.
 
-Rows with force laws (springs, dampers, stops, friction) have equations of their own, ``dF = F_x g u
-+ F_v d(rate)``, linearised at the state; friction that depends on joint forces is taken with these
-held.
+Rows with force laws (springs, dampers, stops, friction) have equations of their own,
+``dF = F_x g u + F_v d(rate)``, linearised at the state; friction that depends on joint forces is
+taken with these constant.
 """
 
 from dataclasses import dataclass
@@ -325,7 +325,7 @@ class Linearization:
         return np.array(self._here.getArray(readonly=True))
 
     def move(self, steps: list[FloatArray]) -> None:
-        """Turn and move the nodes by local twists (n_owned, width) of each part (collective)."""
+        """Move the nodes by local twists (n_owned, width) of each part (collective)."""
         for part, step in zip(self.system.parts, steps, strict=True):
             block = part.block
             block.owned_step[:] = step

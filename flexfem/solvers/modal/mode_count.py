@@ -24,7 +24,8 @@ the modes of positive energy between a and b less those of negative energy (Krei
   has n negative eigenvalues for n degrees of freedom, is ``n_up - n_down``, and there are n modes
   at most: ``n_up <= N(a)/2``. Where so many of negative energy have been found, no other one is
   there, and those of positive energy are counted. Where fewer have been found, a count that differs
-  from the energies of those found still tells of lost ones, and one that agrees tells nothing.
+  from the energies of those found still indicates missing modes, and one that agrees is
+  inconclusive.
 
 Complex matrices are factorised in their real form, which has every eigenvalue twice.
 

@@ -29,7 +29,7 @@ _DEPENDENT, _DEPENDENT_AT_ZERO = 1e-8, 1e-4
 _POWERS = 4
 #: The first motion with at least this share of the largest projection is taken.
 _LEADING = 0.5
-#: Eigenvalues computed beyond those asked for, so that the last one is complete.
+#: Eigenvalues computed beyond those requested, so that the last one is complete.
 _MORE = 3
 
 

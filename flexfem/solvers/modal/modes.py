@@ -34,7 +34,7 @@ __all__ = ["solve_pencil"]
 type _Found = tuple[ShiftedInverse, ComplexArray, ComplexArray]
 
 #: Unknowns and multipliers up to which every rank solves the problem densely: always, or when more
-#: than a quarter of all modes is asked for.
+#: than a quarter of all modes is requested.
 _DENSE, _DENSE_FOR_MANY = 100, 400
 #: Least first shift of dense problems relative to the largest frequency, without a quadratic term.
 _DENSE_SHIFT = 1e-3
@@ -293,8 +293,8 @@ def _dense_linear(
 ) -> tuple[ComplexArray, ComplexArray]:
     """Finite eigenvalues and vectors (n, k) of ``lambda^2 M + K``, both symmetric.
 
-    Inverted, since the lowest frequencies would drown in the round-off of the highest; the shift is
-    larger than elsewhere, since the inverse of rigid motions hides that of the others.
+    Inverted, since the lowest frequencies would be lost in the round-off of the highest; the shift
+    is larger than elsewhere, since the inverse of rigid motions hides that of the others.
     """
     inverse = np.linalg.inv(K + shift**2 * M)[np.ix_(nodal, nodal)]
     weights, turn = np.linalg.eigh(M[np.ix_(nodal, nodal)])

@@ -88,7 +88,7 @@ def reduce_equations(
 def _drives(linearization: Linearization, rigid: bool) -> tuple[tuple[str, ...], FloatArray]:
     """Names of the driven rows, and for each the values (m, rows) it adds to this rank's rows.
 
-    Rigid ones hold a motion, the others are actuators.
+    Rigid ones prescribe a motion, the others are actuators.
     """
     rows, comm = linearization.system.constraints, linearization.system.comm
     mine = []

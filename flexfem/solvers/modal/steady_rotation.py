@@ -41,9 +41,9 @@ _CONVERGED = 1e-8
 _STAGNANT = 1e-5
 _ITERATIONS = 30
 _HALVINGS = 8
-#: Change of a joint's coordinate (m, rad) under a turn that says that the joint forbids it.
+#: Change of a joint's coordinate (m, rad) under a rotation above which the joint prevents it.
 _TURNED = 1e-6
-#: Turns at which joints are looked at, rad: no fraction of a symmetry.
+#: Rotations at which joints are checked, rad: no fraction of a symmetry.
 _TURNS = (0.7, 1.9)
 
 
@@ -189,7 +189,7 @@ def improve_equilibrium(linearization: Linearization, rotation: Rotation) -> boo
     """Take one more step of Newton's method from an equilibrium that was found (collective).
 
     Returns:
-        Whether it could be taken: the matrix is regular and the step finite.
+        True if it was taken: the matrix is regular and the step finite.
     """
     largest, multipliers = _step(linearization, rotation, linearization.multipliers)
     if largest is None or not np.isfinite(largest):
@@ -215,7 +215,7 @@ def _newton(
     """Newton's method from the present configuration; status and multipliers."""
     system = linearization.system
     previous = np.inf
-    if multipliers is None:  # mechanisms are held by the forces in their joints alone
+    if multipliers is None:  # mechanisms are in equilibrium by the forces in their joints alone
         set_spin(system, rotation)
         if not hold(linearization):
             return Status.SINGULAR, None
@@ -259,7 +259,7 @@ def _limited(step: FloatArray, largest: float) -> FloatArray:
 def _fixed(
     linearization: Linearization, matrices: Matrices, rotation: Rotation
 ) -> PETSc.Mat:  # fmt: skip
-    """The stiffness, made regular where the model may turn about the axis or slide along it.
+    """The stiffness, made regular where the model may rotate about the axis or slide along it.
 
     Such a motion changes no force, so that a spring against it on one node, unstretched in the
     present state, picks one of the equal solutions and leaves the others' forces at zero.
@@ -311,7 +311,7 @@ def check_steadiness(model: Model, system: System, rotation: Rotation) -> None:
     Drives may stand against the rotation: they are taken as rotating with it.
 
     Raises:
-        InputError: gravity, a dead load or a joint to the ground is not the same after a turn.
+        InputError: gravity, a dead load or a joint to the ground is not the same after a rotation.
     """
     if model.gravity is not None and _across(model.gravity.acceleration, rotation.axis):
         raise InputError(f"{model!r}: gravity is not along {_line(rotation)}, no steady rotation")

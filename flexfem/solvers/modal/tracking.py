@@ -96,9 +96,9 @@ def _assign(score: FloatArray) -> IntArray:
 
 
 def whirl(modes: Modes, axis: FloatArray) -> FloatArray:
-    """(k,) sense of whirl about an axis: 1 all nodes turn with it, -1 against it (collective).
+    """(k,) sense of whirl about an axis: 1 all nodes rotate with it, -1 against it (collective).
 
-    The motion ``Re(d exp(i omega t))`` across the axis is the sum of one that turns with it, of
+    The motion ``Re(d exp(i omega t))`` across the axis is the sum of one that rotates with it, of
     amplitude ``|d_p + i d_q|/2``, and one against it, for displacements as for rotations; the
     result is the difference of their shares of the kinetic energy. 0 for plane motions, small for
     torsion and extension.

@@ -63,19 +63,19 @@ class Damping(Protocol):
 
 
 class Accelerated:
-    """Momentum that grows until the motion turns uphill; quick vibrations die at once.
+    """Momentum that grows until forces oppose the motion; quick vibrations are damped at once.
 
     Nesterov's accelerated gradient, with the momentum dropped where forces work against the motion
     (O'Donoghue, Candes, Found. Comput. Math. 15 (2015) 715-732), for some steps in a row, since a
     contact that closes is no reason to stop all. The part of the change of forces that steps take
     away (there all of it) is a damping in proportion to the stiffness: what contacts and snapping
-    folds stir up is gone after some steps, while slow motions go on.
+    folds excite is damped within some steps, while slow motions go on.
     """
 
     stable, slow = 4.0 / (1.0 + 2.0 * _SMOOTH), False
 
     def __init__(self) -> None:
-        """At rest; ``memory`` has the steps since, and the last ones in a row that went uphill."""
+        """At rest; ``memory`` has the steps since, and the last successive ones against forces."""
         self.memory = [0.0, 0.0]
 
     def factors(self, motion: Motion) -> tuple[float, float, float]:

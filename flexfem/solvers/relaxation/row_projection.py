@@ -18,7 +18,7 @@ class RowProjection:
     """Forces and projection of the rows of a system."""
 
     def __init__(self, system: System) -> None:
-        """Find which rows meet at which nodes (collective)."""
+        """Find the rows at each node (collective)."""
         self._system, rows = system, system.constraints
         local = np.full(len(system.part_of_node) + 1, False)
         for part in system.parts:

@@ -40,7 +40,7 @@ class Scheme:
 
     Attributes:
         damping: "accelerated", "viscous" or "kinetic".
-        margin: masses relative to the smallest that are stable for sure.
+        margin: masses relative to the smallest that are certainly stable.
         least: smallest mass of a node relative to its largest, for translations and rotations.
         physical: masses of the model times one factor.
         renew: iterations after which masses are computed again.
@@ -121,7 +121,7 @@ class Relaxation:
             self.renew()
 
     def renew(self) -> None:
-        """Masses for the present stiffness; axes of nodes turn with the shells (collective)."""
+        """Masses for the present stiffness; axes of nodes rotate with the shells (collective)."""
         system = self.system
         for part, velocity in zip(system.parts, self._velocity, strict=True):
             block = part.block
@@ -257,7 +257,7 @@ class Relaxation:
             contacts.accept()
 
     def evaluate(self) -> bool:
-        """Measure how far it has come; False where forces are not finite (collective).
+        """Measure the progress; False where forces are not finite (collective).
 
         The next step does not evaluate again.
         """
@@ -275,7 +275,7 @@ class Relaxation:
         return finite
 
     def settle(self) -> None:
-        """Accept the present positions, for whatever records them (collective)."""
+        """Accept the present positions, for recording (collective)."""
         system, rows = self.system, self.system.constraints
         for part in system.parts:
             part.block.take()

@@ -25,7 +25,7 @@ class LinearBuckling:
     """Buckling loads from the difference to a first equilibrium."""
 
     def __init__(self, equilibrium: Equilibrium) -> None:
-        """Remember the matrix at the present equilibrium (collective)."""
+        """Store the matrix at the present equilibrium (collective)."""
         self._equilibrium = equilibrium
         self._start = equilibrium.loading.t
         self._first = self._matrix()

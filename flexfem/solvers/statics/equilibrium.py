@@ -4,7 +4,7 @@
 The equations are those of dynamics without inertia, ``s (f_internal - f_external) + G^T L = 0`` and
 ``Phi = 0`` with ``L = s lambda``; s is the inverse of the model's largest stiffness, so that scaled
 multipliers are lengths. The trial state becomes the base of the next increment after every
-iteration, so that a load step may turn nodes by any angle.
+iteration, so that a load step may rotate nodes by any angle.
 """
 
 from collections.abc import Callable
@@ -82,7 +82,7 @@ class Loading:
     def __init__(
         self, system: System, growing: BoolArray, gravity_grows: bool, span: float
     ) -> None:
-        """Remember full gravity.
+        """Store full gravity.
 
         Args:
             system: system whose loads are set.
@@ -143,8 +143,8 @@ class Equilibrium:
         weights: (n_owned, width) of each block, scaled stiffness of its nodes at the start, the
             same for three directions.
         iterations: of the last solution.
-        cut: by how much a load step that failed is best shortened.
-        room: by how much the last load step could have been longer, judged by its rotations.
+        cut: factor by which a failed load step is best shortened.
+        room: factor by which the last load step could have been longer, by its rotations.
         inertia: counts unstable directions.
         limits: when iterations stop.
         strains: of each part, continued along the last step of an iteration, whose stresses the

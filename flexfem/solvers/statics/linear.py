@@ -76,7 +76,7 @@ class LinearSolution:
 
 
 def solve_linear(equilibrium: Equilibrium, start: Snapshot, t: float) -> LinearSolution | None:
-    """Displacements from a start under what acts at ``t``, None without any (collective)."""
+    """Displacements from a start under the loads at ``t``, None without any (collective)."""
     system, tangent, loading = equilibrium.system, equilibrium.tangent, equilibrium.loading
     equilibrium.restore(start)
     loading.set(t, fraction=0.0)  # loads have no part in the stiffness

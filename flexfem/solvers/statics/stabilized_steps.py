@@ -3,7 +3,7 @@
 
 The blocks' matrices get a multiple of their initial diagonals added, which leaves the equilibrium
 as it is: a step of Newton's method for a body in a viscous fluid. Where contacts close within a
-step, it is shortened to where they balance what drives it, and no longer than they can follow.
+step, it is shortened to where they balance the driving forces, and no longer than they can follow.
 """
 
 from math import isfinite

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Reference motion of the slow and the fast heavy top: ``python tests/data/generate/heavy_top.py``.
 
-Data of Brüls, Cardona, Arnold (2012). The rigid body turns about its fixed point: Euler's equations
-in body axes and quaternion kinematics, integrated by DOP853. Nothing is shared with flexfem.
+Data of Brüls, Cardona, Arnold (2012). The rigid body rotates about its fixed point: Euler's
+equations in body axes and quaternion kinematics, integrated by DOP853. Nothing is shared with
+flexfem.
 """
 
 import numpy as np

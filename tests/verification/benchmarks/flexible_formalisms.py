@@ -81,7 +81,7 @@ def formalism_rows() -> list[Result]:
 
 
 def crank_rows(full: bool) -> list[Result]:
-    """Slider of a crank that turns uniformly, with links too stiff to bend, by all formalisms."""
+    """Slider of a crank that rotates uniformly, with links too stiff to bend, by all formalisms."""
     end, h = 0.1, 5e-4 if full else 2e-3
     study = load_case("formalisms").model(
         element="beam", motion="planar", prescribed=True, elements=1, youngs_modulus=7e13

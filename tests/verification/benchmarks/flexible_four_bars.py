@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Four bars with a misaligned joint (Bauchau, Betsch, Cardona and others 2016).
 
-Rigid bars could not move at all: the axis of one revolute is turned by 5 degrees out of the normal
+Rigid bars could not move at all: the axis of one revolute is rotated by 5 degrees out of the normal
 of the mechanism's plane.
 """
 

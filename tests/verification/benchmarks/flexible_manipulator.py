@@ -57,7 +57,7 @@ def _closures(full: bool, kind: str, known: ff.Outcome, mesh: str) -> list[Resul
     lines = []
     for closure, outcome in runs.items():
         steps = outcome.summary["steps"]
-        # 40, with rejected steps, where amplitudes' held unknowns are among the independent ones
+        # 40, with rejected steps, where amplitudes' fixed unknowns are among the independent ones
         lines.append(Result(f"3-RRR, {kind}", f"iterations a step, {closure}", 2.0, "2 to 2.5",
                             outcome.summary["newton_iterations"] / steps, mesh,
                             0.25 if full else 0.4))  # fmt: skip

@@ -21,7 +21,7 @@ SOURCE = "48 beam elements"
 TWIST, LARGEST = {8.0: 18.16, 10.0: 5.72, 12.0: 1.48}, 43.06
 #: Lag of the spin-up, means of u3 and stretch after it, m.
 LAG, OUT, STRETCH = -0.3854, -0.04433, 3.947e-4
-#: What the deployment reaches: its name in the results, and the value.
+#: Results of the deployment: name and value.
 DEPLOYMENT = {
     "least u2, m": ("u2_min", -0.07973),
     "least u3, m": ("u3_min", -0.12833),
@@ -44,7 +44,7 @@ def spin_up(theory: str, full: bool) -> Iterator[tuple[str, float, float, float,
     """Quantity, reference, value, tolerance and scale."""
     outcome = run("spin_up", theory, full, 30.0 if full else 17.0)
     history, exact = outcome.history, theory == "beam"
-    # with sections turned about a vector the twist at 10 s is half of its peak off
+    # with sections rotated about a vector the twist at 10 s is half of its peak off
     for t, twist in TWIST.items():
         found = math.degrees(np.interp(t, history["t"], history["theta1"]))
         yield f"twist at {t:g} s, degrees", twist, found, 5e-3 if exact else 0.05, LARGEST

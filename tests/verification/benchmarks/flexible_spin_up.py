@@ -39,7 +39,7 @@ def _tip(t: float, tip: ff.MarkerState) -> tuple[float, float]:
 
 
 def build(elements: int) -> ff.Model:
-    """Straight beam along x whose root is turned about z."""
+    """Straight beam along x whose root is rotated about z."""
     points = np.zeros((elements + 1, 3))
     points[:, 0] = np.linspace(0.0, 10.0, elements + 1)
     cells = np.stack([np.arange(elements), np.arange(1, elements + 1)], axis=1)

@@ -66,7 +66,7 @@ def under_gravity(formulation: str, elements: int, h: float, full: bool) -> list
 
 
 def driven() -> list[Result]:
-    """What the four laws leave of vibration, and how far D is off the rigid path on the way."""
+    """Residual vibration of the four laws, and deviation of D from the rigid path on the way."""
     lines, case = [], load_case("deployable_truss")
     mesh = "28 x 4 elements, h = 0.005 s"
     for control, (off, loose, left) in LAWS.items():

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Moment of a drive that turns a rigid body by a smooth step: closed form, every integrator."""
+"""Moment of a drive that rotates a rigid body by a smooth step: closed form, every integrator."""
 
 from mpi4py import MPI
 

@@ -78,7 +78,7 @@ def results(full: bool = True) -> list[Result]:
     ]
 
     def missing(tension: float) -> float:
-        """How much further the mast must be for the spring to have a tension, m."""
+        """Further displacement of the mast that gives the spring a tension, m."""
         return elastica(tension)[0] + tension / SPRING - (WAY + 2.0 * PITCH)
 
     tension = brentq(missing, 0.5, 60.0, xtol=1e-6)

@@ -116,7 +116,7 @@ def results(full: bool = True) -> list[Result]:
     if full:
         newton = ff.solve_static(heavy_plate(), ff.StaticOptions(quiet=True)).history["middle_z"]
         found = relaxed(heavy_plate(), 1e-8, 1e-8)["middle_z"]
-        # one equilibrium, two ways to it; wrong held nodes give 1e-3 m
+        # one equilibrium, two ways to it; wrong fixed nodes give 1e-3 m
         lines.append(
             Result("heavy clamped plate, relaxation", "depth of the middle, m", -float(newton[-1]),
                    "Newton's method", -found, "12 x 12 cells", 1e-5)

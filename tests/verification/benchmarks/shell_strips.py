@@ -21,7 +21,7 @@ ENDS = {"strip_1": -RADIUS, "strip_2": RADIUS}
 
 
 def turned(t: float, before: ff.MarkerState, after: ff.MarkerState) -> tuple[float]:
-    """Angle (rad) about the hinge axis, X, by which one side has turned against the other."""
+    """Angle (rad) about the hinge axis, X, by which one side has rotated against the other."""
     relative = before.rotation.T @ after.rotation
     return (float(np.arctan2(relative[2, 1], relative[1, 1])),)
 
@@ -51,8 +51,8 @@ def results(full: bool = True) -> list[Result]:
         case = f"circular strips, {element}"
         words = f"{mesh.replace('x', ' x ')} nodes, h = {dt:g} s"
         for i in (1, 2):
-            # the drive holds the angle between the triangles at the hinge, markers turn with all
-            # triangles around them, which bend; without the drive the angle stays zero
+            # the drive prescribes the angle between the triangles at the hinge, markers rotate with
+            # all triangles around them, which bend; without the drive the angle stays zero
             lines.append(
                 Result(case, f"angle of hinge {i} at t = {t:g} s, rad", angle, "drive, closed form",
                        float(shells[f"angle_of_{i}"][-1]), words, 1e-2 if full else 3e-2)

@@ -43,7 +43,7 @@ class GeometricStiffness:
         """(6 k, n, n) matrices for the static functions of the interfaces (collective).
 
         Rigid motions cause no stress: the effect of the first interface is the opposite of that of
-        all others cause that move with it.
+        all others together.
         """
         matrices = np.zeros((static.shape[1], basis.shape[1], basis.shape[1]))
         moving = np.flatnonzero(~ties.held)

@@ -48,9 +48,9 @@ def find_region(owner: str, domain: mesh.Mesh, where: Any) -> Region:
     Args:
         owner: for messages.
         domain: the mesh; facets are faces of solids, edges of surfaces, vertices of lines.
-        where: (facet tags, tag) with the MeshTags of facets; a function of points (3, q) that says
-            which of them are meant (facets with all vertices there); or a point (3,), which means
-            the nearest vertex.
+        where: (facet tags, tag) with the MeshTags of facets; a function of points (3, q) that is
+            True on the region (facets with all vertices there); or a point (3,), which means the
+            nearest vertex.
 
     Raises:
         TypeError: `where` is none of these.

@@ -71,8 +71,8 @@ def tie(
         owner: for messages.
         body: the body.
         places: regions by names of interfaces; see :func:`find_region`.
-        kinds: "rigid" or "average" by names; rigid where it says nothing.
-        positions: of the frames by names; the region's centroid where it says nothing.
+        kinds: "rigid" or "average" by names; rigid if not named.
+        positions: of the frames by names; the region's centroid if not named.
 
     Raises:
         TypeError: an argument has the wrong type.

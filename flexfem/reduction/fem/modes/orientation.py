@@ -21,7 +21,7 @@ _FAMILY = 8
 
 
 class Orientation:
-    """Some fixed forces without any symmetry that tell modes apart.
+    """Fixed forces without any symmetry that distinguish modes.
 
     In a family of c modes of one frequency, the first is the only one on which the first force does
     work, the second one that on which the second does and the later ones do not, and so on, and

@@ -12,7 +12,7 @@ from flexfem.reduction.fem.modes.orientation import Orientation
 
 __all__ = ["Choice", "Spectrum", "choose_modes"]
 
-#: Modes that are computed beyond those asked for, to see whether the last has equals.
+#: Modes computed beyond those requested, to see whether the last has a multiple frequency.
 _MORE = 2
 #: Modes that are tried first where their number is not known.
 _FIRST = 12
@@ -72,7 +72,7 @@ class Choice:
 
 
 class Spectrum:
-    """Modes that are computed when they are asked for."""
+    """Modes that are computed on demand."""
 
     def __init__(
         self,
@@ -84,8 +84,8 @@ class Spectrum:
 
         Args:
             compute: from a count to at least that many eigenvalues and modes, if there are.
-            available: number of modes that `compute` gives whatever the count, None if it gives
-                as many as it is asked for.
+            available: number of modes that `compute` gives whatever the count, None if it gives as
+                many as requested.
             most: largest number of modes then.
         """
         self._compute, self._available, self.most = compute, available, available or most
@@ -115,13 +115,13 @@ def choose_modes(
     Args:
         owner: for messages.
         choice: choice of modes.
-        spectrum: of choice of modes.
+        spectrum: modes to choose from.
         orientation: gives them signs.
         moved: from modes to the part of the body's mass that each moves along each axis, (3, m);
             zero for axes along which the body does not move.
 
     Raises:
-        ValueError: there are fewer modes than asked for.
+        ValueError: there are fewer modes than requested.
     """
     count = choice.number if choice.number is not None else _FIRST
     while True:
