@@ -10,18 +10,26 @@ twist along that derivative: its work over the step is exactly the change of the
 and it vanishes for rigid motions about the mean positions, which keeps both momenta.
 
 Test motions are constants of the cell: the translations and rotations of both nodes in their own
-axes at the end of the step, from which the axes of the sections may be turned. Forces and their
-derivatives are found for nine inertial motions, the difference of the translations and both
-rotations, and turned into these axes last, which costs least.
+axes at the end of the step, from which the axes of the sections may be turned. Internal forces and
+their derivatives are found for nine motions in fixed axes, the difference of the translations and
+both rotations, and turned into those of the nodes last, which costs least.
+
+The masses move with the linear field of the velocities ``u_i`` of the mass centres of a cell's
+ends, ``1/2 sum_ij M_ij u_i . u_j`` as in ``forms.beam``. A node's rates are those of its own centre
+c; where the section of a cell is turned against the node, its centre lies at the further arm s, and
+``u = r + R (Omega x s)``. The mean forces ``f_i = sum_j M_ij Du_j / h`` at the ends and the moments
+``(R_0 + R_1)/2 (c + s + h/4 DOmega x s) x f_i`` do the work by which this energy changes; without
+arms they are the balance of angular momentum, too. The rotary inertia is that of
+``core.nodes.step_kernels``.
 """
 
 from dataclasses import dataclass
+from functools import cache
 
-import basix.ufl
 import ufl
 
-from flexfem.forms.beam import _work
-from flexfem.forms.beam_law import symmetric
+from flexfem.forms.beam import _about_centre, _work
+from flexfem.forms.beam_law import constant_field, interval_mesh, symmetric
 from flexfem.forms.discrete import Change, cross, inverse, polynomial, root
 from flexfem.forms.lie import _ARC, _POLE, _REST, Expr, skew
 
@@ -33,7 +41,7 @@ class BeamEnergyForms:
     """Forms of one family of beams over a step and the order in which they expect their data.
 
     Attributes:
-        residual: rank 1, mean internal force over the step.
+        residual: rank 1, mean internal and inertia forces minus the weight over the step.
         tangent: rank 2, its exact derivative along the same motions of the end of the step.
         coefficients: the fields by name, in the order in which a cell's data is packed.
     """
@@ -43,27 +51,25 @@ class BeamEnergyForms:
     coefficients: dict[str, ufl.Coefficient]
 
 
-def _constant(mesh: ufl.Mesh, size: int) -> ufl.FunctionSpace:
-    """Space of ``size`` numbers a cell."""
-    shape = (size,) if size > 1 else ()
-    return ufl.FunctionSpace(mesh, basix.ufl.element("DG", "interval", 0, shape=shape))
-
-
 def _coefficients(mesh: ufl.Mesh) -> dict[str, ufl.Coefficient]:
-    """Data of a cell; positions and rotations are those of its nodes, turns those from there."""
+    """Data of a cell: what its nodes have, rotations to their axes from the sections', the rest."""
     layout = {
         "position": 6,
         "rotation": 18,
         "start_position": 6,
         "start_rotation": 18,
         "turn": 18,
+        "increments": 12,
+        "rates": 12,
+        "start_rates": 12,
+        "centres": 6,
         "relative_twist": 6,
         "last_change": 6,
-        "length": 1,
-        "damping": 1,
+        "inertia": 21,
         "stiffness": 21,
     }
-    return {name: ufl.Coefficient(_constant(mesh, size)) for name, size in layout.items()}
+    fields = {name: constant_field(mesh, size) for name, size in layout.items()}
+    return fields | {name: constant_field(mesh) for name in ("length", "damping")}
 
 
 def _rows(values: Expr, first: int) -> Expr:
@@ -154,13 +160,78 @@ def _sections(fields: dict[str, ufl.Coefficient], name: str) -> list[Expr]:
     return [_rows(fields[name], 9 * k) * _rows(fields["turn"], 9 * k) for k in range(2)]
 
 
-def _inertial(rotations: list[Expr], motion: Expr) -> Expr:
-    """Difference of translations and both rotations in inertial axes from those of the nodes."""
+def _in_fixed_axes(rotations: list[Expr], motion: Expr) -> Expr:
+    """Difference of translations and both rotations in fixed axes from those of the nodes."""
     u, theta = (
         [R * _part(motion, 6 * side + first) for side, R in enumerate(rotations)]
         for first in (0, 3)
     )
     return _join(u[1] - u[0], *theta)
+
+
+@dataclass(frozen=True)
+class _End:
+    """An end of a cell over the step.
+
+    Attributes:
+        start, end: rotations of the node.
+        lever: mass centre of the section in node axes.
+        speed: change of the inertial velocity of that.
+        swing: the arm from the node's own centre to that, turned by the change of the angular
+            velocity, in node axes.
+        momentum: change of the angular momentum about the centre, per length.
+    """
+
+    start: Expr
+    end: Expr
+    lever: Expr
+    speed: Expr
+    swing: Expr
+    momentum: Expr
+
+
+def _end(fields: dict[str, ufl.Coefficient], side: int, shift: Expr, rate: Expr) -> _End:
+    """One end; its node moves by ``shift`` at the end of the step, and its rates ``rate`` times."""
+
+    def triples(name: str) -> tuple[Expr, Expr]:
+        return _part(fields[name], 6 * side), _part(fields[name], 6 * side + 3)
+
+    (u, theta), phi = (_part(shift, 6 * side + i) for i in (0, 3)), triples("increments")[1]
+    start, end = (_rows(fields[name], 9 * side) for name in ("start_rotation", "rotation"))
+    _, c, rotary = _about_centre(symmetric(fields["inertia"]))
+    turn, centre = _rows(fields["turn"], 9 * side), _part(fields["centres"], 3 * side)
+    lever, J = turn * c, turn * rotary * turn.T
+    arm = lever - centre
+    (v_0, o_0), (v_1, o_1) = triples("start_rates"), triples("rates")
+    v_1 += rate * end * (u + ufl.cross(theta, centre))
+    # with the change of the Cayley vector
+    o_1 += rate * (theta + 0.5 * ufl.cross(phi, theta) + 0.25 * ufl.dot(phi, theta) * phi)
+    end += end * skew(theta)
+    return _End(
+        start, end, lever,
+        speed=v_1 - v_0 + end * ufl.cross(o_1, arm) - start * ufl.cross(o_0, arm),
+        swing=ufl.cross(o_1 - o_0, arm),
+        momentum=end * J * o_1 - start * J * o_0,
+    )  # fmt: skip
+
+
+def _mass_work(
+    fields: dict[str, ufl.Coefficient], constants: Expr, gravity: Expr, test: Expr, shift: Expr
+) -> Expr:
+    """Work of the mean inertia forces less weights on a test motion of the nodes."""
+    per_step, length = constants[1], fields["length"]
+    mass = length * fields["inertia"][0]
+    ends = [_end(fields, side, shift, constants[2]) for side in range(2)]
+    work = 0
+    for side, (own, other) in enumerate((ends, ends[::-1])):
+        force = per_step / 6 * mass * (2 * own.speed + other.speed)
+        loaded = force - mass / 2 * gravity
+        mean = 0.5 * (own.start + own.end)
+        moment = ufl.cross(mean * own.lever, loaded) + per_step * length / 2 * own.momentum
+        moment += ufl.cross(mean * own.swing / (4 * per_step), force)
+        work += ufl.dot(own.end * _part(test, 6 * side), loaded)
+        work += ufl.dot(own.end * _part(test, 6 * side + 3), moment)
+    return work
 
 
 def _stress(fields: dict[str, ufl.Coefficient], constants: Expr, d: Change) -> Expr:
@@ -171,22 +242,25 @@ def _stress(fields: dict[str, ufl.Coefficient], constants: Expr, d: Change) -> E
     return symmetric(fields["stiffness"]) * (stretch / fields["length"])
 
 
+@cache
 def beam_energy_forms() -> BeamEnergyForms:
     """Build the forms on an abstract interval mesh in three dimensions.
 
-    Their constants are half the dissipation and 1/h.
+    Their constants are half the dissipation, 1/h, the change of rates with increments, and gravity.
     """
-    mesh = ufl.Mesh(basix.ufl.element("Lagrange", "interval", 1, shape=(3,)))
-    fields, space, inertial = _coefficients(mesh), _constant(mesh, 12), _constant(mesh, 9)
-    test, trial = ufl.TestFunction(space), ufl.TrialFunction(space)
-    # small motions from the state at the end in inertial axes, for the derivatives alone
-    motion, shift = ufl.Coefficient(inertial), ufl.Coefficient(inertial)
-    constants = ufl.Constant(mesh, shape=(2,))
+    mesh = interval_mesh()
+    fields, local = _coefficients(mesh), constant_field(mesh, 12)
+    test, trial = (
+        make(local.ufl_function_space()) for make in (ufl.TestFunction, ufl.TrialFunction)
+    )
+    # small motions from the state at the end in fixed axes, for the derivatives alone
+    motion, shift = (constant_field(mesh, 9) for _ in range(2))
+    constants, gravity = ufl.Constant(mesh, shape=(3,)), ufl.Constant(mesh, shape=(3,))
     y = _relative(fields, motion, shift)
 
     def still(expression: Expr) -> Expr:
         expanded = ufl.algorithms.expand_derivatives(expression)
-        return ufl.replace(expanded, {motion: ufl.zero(9), shift: ufl.zero(9)})
+        return ufl.replace(expanded, {motion: ufl.zero(9), shift: ufl.zero(9), local: ufl.zero(12)})
 
     by_motion = ufl.diff(y.d, motion)
     bent = still(ufl.diff(by_motion, shift))
@@ -205,12 +279,15 @@ def beam_energy_forms() -> BeamEnergyForms:
     steepening = sum(force[6 + k] * ufl.diff(rate, trace) for k, rate in enumerate(rates))
     last_entry = [[steepening if i == j == 6 else 0.0 for j in range(7)] for i in range(7)]
     K = change.T * ufl.diff(force, end) * _extension(slopes) + ufl.as_matrix(last_entry)
-    inertial_force = by_motion.T * own
-    inertial_K = by_motion.T * K * by_shift + ufl.dot(own, bent)
+    fixed_force = by_motion.T * own
+    fixed_K = by_motion.T * K * by_shift + ufl.dot(own, bent)
     # and in the axes of the nodes, which turn with them
     rotations = [_rows(fields["rotation"], 9 * side) for side in range(2)]
     turned = [R * skew(_part(trial, 6 * side + 3)) for side, R in enumerate(rotations)]
-    work, change_of_axes = _inertial(rotations, test), _inertial(turned, test)
-    tangent = ufl.dot(work, inertial_K * _inertial(rotations, trial))
-    tangent += ufl.dot(inertial_force, change_of_axes)
-    return BeamEnergyForms(_work(mesh, ufl.dot(inertial_force, work)), _work(mesh, tangent), fields)
+    work, change_of_axes = _in_fixed_axes(rotations, test), _in_fixed_axes(turned, test)
+    tangent = ufl.dot(work, fixed_K * _in_fixed_axes(rotations, trial))
+    tangent += ufl.dot(fixed_force, change_of_axes)
+    masses = _mass_work(fields, constants, gravity, test, local)
+    tangent += still(ufl.derivative(masses, local, trial))
+    residual = ufl.dot(fixed_force, work) + still(masses)
+    return BeamEnergyForms(_work(mesh, residual), _work(mesh, tangent), fields)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """SE(3) beams of linear material over a step that conserves energy.
 
-Elastic and damping forces are forms of ``flexfem.forms.beam_energy``, those of the masses are
-written by hand in ``energy_momentum_inertia``.
+The physics is in ``flexfem.forms.beam_energy``; here is its data per cell and the calls of the
+driver of kernels.
 """
 
 from mpi4py import MPI
@@ -12,11 +12,6 @@ import ufl
 
 from flexfem._types import FloatArray
 from flexfem.core.nodes.step_kernels import StepNodes
-from flexfem.families.beam_se3.energy_momentum_inertia import (
-    StepMasses,
-    add_mass_forces,
-    add_mass_tangents,
-)
 from flexfem.families.beam_se3.group import BeamGroup
 from flexfem.forms.beam_energy import beam_energy_forms
 from flexfem.kernels.driver import (
@@ -37,6 +32,10 @@ _NODAL = {
     "rotation": (Nodal.ROTATION, StepNodes.word("frames")),
     "start_position": (Nodal.POSITION, StepNodes.word("frames0")),
     "start_rotation": (Nodal.ROTATION, StepNodes.word("frames0")),
+    "increments": (Nodal.TWIST, StepNodes.word("increments")),
+    "rates": (Nodal.TWIST, StepNodes.word("rates")),
+    "start_rates": (Nodal.TWIST, StepNodes.word("rates0")),
+    "centres": (Nodal.POSITION, StepNodes.word("centres")),
 }
 #: Columns of the change over the last step in the data of cells.
 _LAST = slice(6, 12)
@@ -46,7 +45,7 @@ _OWN = {
     "turn": (14, 18),
 }  # fmt: skip
 #: The same of the data of sections.
-_SECTION = {"stiffness": (21, 21)}
+_SECTION = {"inertia": (0, 21), "stiffness": (21, 21)}
 
 
 class EnergyBeams:
@@ -61,17 +60,15 @@ class EnergyBeams:
     def __init__(self, comm: MPI.Intracomm, beams: BeamGroup, count: int) -> None:
         """Compile the kernels (collective) and prepare the cells at ``count`` nodes."""
         own, self._beams = beams.cells, beams
-        arms, rotary = _ends(beams)
+        # one row of turns for all cells if none is turned
+        turns = np.broadcast_to(own.turns.reshape(-1, 2, 3, 3), (len(own.nodes), 2, 3, 3))
+        centres = beams.centres[own.section]
         self.centres = np.zeros((count, 3))
-        self.centres[own.nodes] = beams.centres[own.section][:, np.newaxis]
-        arms -= self.centres[own.nodes]
+        self.centres[own.nodes] = centres[:, np.newaxis]
+        arms = np.einsum("csij,cj->csi", turns, centres) - self.centres[own.nodes]
         self.offset = bool(np.any(np.abs(arms) > 1e-12 * np.abs(beams.centres).max(initial=0.0)))
-        ends = np.zeros((len(own.nodes), 2, 16))
-        ends[:, :, :3], ends[:, :, 7:] = arms, rotary.reshape(-1, 2, 9)
-        masses = own.sections[own.section, 0] * beams.lengths
-        self._masses = StepMasses(nodes=own.nodes, masses=masses, ends=ends)
-        nothing, turns = np.zeros((len(own.nodes), 6)), _turns(beams).reshape(-1, 18)
-        data = np.column_stack([own.own[:, :6], nothing, own.own[:, 6:], turns])
+        last = np.zeros((len(own.nodes), 6))
+        data = np.column_stack([own.own[:, :6], last, own.own[:, 6:], turns.reshape(-1, 18)])
         self._cells = plain_cells(data, own.nodes, section=own.section, sections=own.sections)
         forms = beam_energy_forms()
 
@@ -95,31 +92,17 @@ class EnergyBeams:
     def add_force(self, state: StepNodes, scale: float) -> None:
         """Add ``scale`` times the mean force over the step to the residual of the nodes."""
         memories = self._force.memory, self._cells.memory, state.memory
-        add_forces(*memories, state.law, scale, state.residual)
-        add_mass_forces(self._masses.memory, state.memory, scale)
+        add_forces(*memories, _constants(state), scale, state.residual)
 
     def tangent(self, state: StepNodes, scale: float) -> FloatArray:
         """``scale`` times the derivatives (m, 12, 12) along local twists at the end."""
         values = np.empty((len(self._cells.nodes), 144))
         memories = self._stiffness.memory, self._cells.memory, state.memory
-        evaluate(*memories, state.law, values)
-        add_mass_tangents(self._masses.memory, state.memory, values)
+        evaluate(*memories, _constants(state), values)
         values *= scale
         return values.reshape(-1, 12, 12)
 
 
-def _turns(beams: BeamGroup) -> FloatArray:
-    """Rotations (m, 2, 3, 3) from the axes of the sections to those of the nodes."""
-    turns = beams.cells.turns.reshape(-1, 2, 3, 3)  # one row for all if none is turned
-    return np.broadcast_to(turns, (len(beams.cells.nodes), 2, 3, 3))
-
-
-def _ends(beams: BeamGroup) -> tuple[FloatArray, FloatArray]:
-    """Of the ends of all cells, in node axes: mass centre (m, 2, 3), rotary inertia (m, 2, 3, 3).
-
-    The latter is about the centre, and that of half a cell.
-    """
-    Q, sections = _turns(beams), beams.cells.section
-    half = 0.5 * beams.lengths[:, np.newaxis, np.newaxis] * beams.rotary[sections]
-    arms = np.einsum("csij,cj->csi", Q, beams.centres[sections])
-    return arms, np.einsum("csij,cjk,cslk->csil", Q, half, Q)
+def _constants(state: StepNodes) -> FloatArray:
+    """Constants of the kernels."""
+    return np.concatenate([state.law, state.gravity])
