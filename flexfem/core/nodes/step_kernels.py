@@ -24,7 +24,6 @@ __all__ = [
     "StepNodes",
     "add",
     "correct",
-    "increment_rate",
     "mean_acceleration",
     "mean_turn",
     "momentum_force",
@@ -119,7 +118,7 @@ def _spin_momentum(lump: FloatArray, v: Triple) -> Triple:
 
 
 @inlined
-def increment_rate(phi: Triple, theta: Triple) -> Triple:
+def _increment_rate(phi: Triple, theta: Triple) -> Triple:
     """Change of the Cayley vector ``phi`` of a node that rotates by ``theta`` in its own axes."""
     c, d = cross(phi, theta), 0.25 * dot(phi, theta)
     return (
@@ -185,7 +184,7 @@ def correct(memory: Memory, sign: float) -> float:
     n, step = nodes.increments, nodes.step
     for i in range(n.shape[0]):
         u = turn(nodes.frames[i], triple(step[i], 0))
-        w = increment_rate(triple(n[i], 3), triple(step[i], 3))
+        w = _increment_rate(triple(n[i], 3), triple(step[i], 3))
         for k in range(3):
             n[i, k] += sign * u[k]
             n[i, 3 + k] += sign * w[k]
@@ -268,7 +267,7 @@ def momentum_tangent(
         u, t = unit(k), unit(k - 3)
         da = turn(H1, add(u, 1.0, cross(t, centre)))
         da = (rate / h * da[0], rate / h * da[1], rate / h * da[2])
-        do = increment_rate(triple(phi, 3), t)
+        do = _increment_rate(triple(phi, 3), t)
         do = (rate * do[0], rate * do[1], rate * do[2])
         de = turn(H1, add(cross(do, first), 1.0, cross(t, cross(o1, first))))
         df = (mass * da[0] + de[0] / h, mass * da[1] + de[1] / h, mass * da[2] + de[2] / h)

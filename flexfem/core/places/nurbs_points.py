@@ -27,6 +27,8 @@ from flexfem.lie.quaternion import Quaternion, conjugate, from_matrix, matrix_in
 __all__ = [
     "add_force_part",
     "add_nurbs_second",
+    "apply",
+    "apply_transposed",
     "nurbs_jacobian",
     "nurbs_pose",
     "put_translations",
@@ -113,13 +115,15 @@ def _interpolate(
 
 
 @inlined
-def _apply(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
+def apply(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
+    """Write ``A v`` of a matrix (9,)."""
     for i in range(3):
         out[i] = A[3 * i] * v[0] + A[3 * i + 1] * v[1] + A[3 * i + 2] * v[2]
 
 
 @inlined
-def _apply_transposed(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
+def apply_transposed(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
+    """Write ``A^T v``."""
     for i in range(3):
         out[i] = A[i] * v[0] + A[3 + i] * v[1] + A[6 + i] * v[2]
 
@@ -198,22 +202,22 @@ def add_force_part(
     ``a`` (4, 3) is work space.
     """
     k = frames.shape[0]
-    _apply(H[3:], f, a[0])
+    apply(H[3:], f, a[0])
     for c in range(6 * k + 1):
         if c < 6 * k and c % 6 < 3:
             continue  # translations do not rotate F
         for i in range(3):
             p, q = (i + 1) % 3, (i + 2) % 3
             a[1, i] = J[3 + p, c] * f[q] - J[3 + q, c] * f[p]
-        _apply(H[3:], a[1], a[2])
+        apply(H[3:], a[1], a[2])
         for node in range(k):
-            _apply_transposed(frames[node, 3:], a[2], a[3])
+            apply_transposed(frames[node, 3:], a[2], a[3])
             for i in range(3):
                 out[6 * node + i, c] += N[0, node] * a[3, i]
         for i in range(3):
             out[6 * k, c] += x[1, i] * a[2, i]
     for node in range(k):
-        _apply_transposed(frames[node, 3:], a[0], a[1])
+        apply_transposed(frames[node, 3:], a[0], a[1])
         _add_cross(a[1], N[0, node], out, 6 * node, 6 * node + 3)
         for i in range(3):
             out[6 * node + i, 6 * k] += N[1, node] * a[1, i]

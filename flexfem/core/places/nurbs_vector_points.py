@@ -18,8 +18,14 @@ and ``exp(v) m - sum N_I T^-1(v_I) b`` at r besides, since ``T^-T(-v) = T^-1(v)`
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.places.nurbs_points import add_force_part, put_translations, shape_functions
-from flexfem.kernels.compiled import inlined, on_demand, subroutine
+from flexfem.core.places.nurbs_points import (
+    add_force_part,
+    apply,
+    apply_transposed,
+    put_translations,
+    shape_functions,
+)
+from flexfem.kernels.compiled import on_demand, subroutine
 from flexfem.lie.so3 import (
     exp_into,
     inverse_tangent_derivative_into,
@@ -30,18 +36,6 @@ from flexfem.lie.so3 import (
 )
 
 __all__ = ["add_vectors_second", "vectors_jacobian", "vectors_pose"]
-
-
-@inlined
-def _apply(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
-    for i in range(3):
-        out[i] = A[3 * i] * v[0] + A[3 * i + 1] * v[1] + A[3 * i + 2] * v[2]
-
-
-@inlined
-def _apply_transposed(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
-    for i in range(3):
-        out[i] = A[i] * v[0] + A[3 + i] * v[1] + A[6 + i] * v[2]
 
 
 @subroutine
@@ -165,18 +159,18 @@ def _add_moment_part(
     r = k // 2
     tangent_into(v[0], T)
     exp_into(v[0], E)
-    _apply_transposed(T, m, b)
+    apply_transposed(T, m, b)
     for c in range(6 * k + 1):
         if c < 6 * k and c % 6 < 3:
             continue  # translations rotate nothing
         tangent_derivative_into(v[0], D[k, :, c].copy(), dT)
-        _apply_transposed(dT, m, db)
+        apply_transposed(dT, m, db)
         for i in range(3):  # exp(v) rotates by T dv in its own axes
             w[i] = T[3 * i] * D[k, 0, c] + T[3 * i + 1] * D[k, 1, c] + T[3 * i + 2] * D[k, 2, c]
         for i in range(3):
             j, n = (i + 1) % 3, (i + 2) % 3
             p[0, i] = w[j] * m[n] - w[n] * m[j]
-        _apply(E, p[0], p[1])
+        apply(E, p[0], p[1])
         for i in range(3):
             out[6 * r + 3 + i, c] += p[1, i]
             out[6 * k, c] += D[k + 1, i, c] * b[i] + v[1, i] * db[i]

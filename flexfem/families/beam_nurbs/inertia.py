@@ -13,6 +13,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_kernels import Nodes, step_rates_into
+from flexfem.core.nodes.step_kernels import add, turn, turn_back
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 from flexfem.kernels.records import Float3D, Int1D, Int2D, Memory, Record, unpack
 from flexfem.lie._blocks import cross, triple
@@ -48,34 +49,9 @@ class NodalMasses(Record):
 
 
 @inlined
-def _sum(u: Triple, v: Triple) -> Triple:
-    return u[0] + v[0], u[1] + v[1], u[2] + v[2]
-
-
-@inlined
-def _turned(H: FloatArray, v: Triple) -> Triple:
-    """``R v`` of a frame."""
-    return (
-        H[3] * v[0] + H[4] * v[1] + H[5] * v[2],
-        H[6] * v[0] + H[7] * v[1] + H[8] * v[2],
-        H[9] * v[0] + H[10] * v[1] + H[11] * v[2],
-    )
-
-
-@inlined
-def _turned_back(H: FloatArray, v: Triple) -> Triple:
-    """``R^T v`` of a frame."""
-    return (
-        H[3] * v[0] + H[6] * v[1] + H[9] * v[2],
-        H[4] * v[0] + H[7] * v[1] + H[10] * v[2],
-        H[5] * v[0] + H[8] * v[1] + H[11] * v[2],
-    )
-
-
-@inlined
 def _acceleration(v: FloatArray, a: FloatArray) -> Triple:
     """Inertial acceleration in local axes."""
-    return _sum(triple(a, 0), cross(triple(v, 3), triple(v, 0)))
+    return add(triple(a, 0), 1.0, cross(triple(v, 3), triple(v, 0)))
 
 
 @inlined
@@ -101,7 +77,7 @@ def accelerations_into(nodes: IntArray, state: Nodes, gravity: FloatArray, b: Fl
     """Inertial accelerations (n, 3) of some nodes less that of gravity."""
     frames, velocity, acceleration = state.frames, state.velocity, state.acceleration
     for node in nodes:
-        turned = _turned(frames[node], _acceleration(velocity[node], acceleration[node]))
+        turned = turn(frames[node], _acceleration(velocity[node], acceleration[node]))
         for i in range(3):
             b[node, i] = turned[i] - gravity[i]
 
@@ -123,7 +99,7 @@ def _add_lump(
     work: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """Add ``scale (M (a - g) - ad_v^T M v)`` to ``out`` (6,)."""
-    weight = _turned_back(H, triple(gravity, 0))
+    weight = turn_back(H, triple(gravity, 0))
     for i in range(3):
         work[i], work[3 + i] = a[i] - weight[i], a[3 + i]
     _add(out, 0, scale, _product(M, work, 0))
@@ -146,21 +122,21 @@ def _add_lump_change(
     _add(out, 3, scale, _product(M, work, 3))
     linear, change = _product(M, v, 0), _product(M, dv, 0)
     spin, spin_change = triple(v, 3), triple(dv, 3)
-    _add(out, 0, scale, _sum(cross(spin_change, linear), cross(spin, change)))
+    _add(out, 0, scale, add(cross(spin_change, linear), 1.0, cross(spin, change)))
     angular = cross(spin_change, _product(M, v, 3))
-    _add(out, 3, scale, _sum(angular, cross(spin, _product(M, dv, 3))))
-    both = _sum(cross(triple(dv, 0), linear), cross(triple(v, 0), change))
+    _add(out, 3, scale, add(angular, 1.0, cross(spin, _product(M, dv, 3))))
+    both = add(cross(triple(dv, 0), linear), 1.0, cross(triple(v, 0), change))
     _add(out, 3, scale, both)
 
 
 @inlined
 def _acceleration_change(
-    H: FloatArray, v: FloatArray, a: FloatArray, turn: Triple, dv: FloatArray, da: FloatArray
+    H: FloatArray, v: FloatArray, a: FloatArray, theta: Triple, dv: FloatArray, da: FloatArray
 ) -> Triple:
     """Change of the inertial acceleration, inertial axes."""
-    change = _sum(triple(da, 0), cross(triple(dv, 3), triple(v, 0)))
-    change = _sum(change, cross(triple(v, 3), triple(dv, 0)))
-    return _turned(H, _sum(change, cross(turn, _acceleration(v, a))))
+    change = add(triple(da, 0), 1.0, cross(triple(dv, 3), triple(v, 0)))
+    change = add(change, 1.0, cross(triple(v, 3), triple(dv, 0)))
+    return turn(H, add(change, 1.0, cross(theta, _acceleration(v, a))))
 
 
 @kernel
@@ -221,7 +197,7 @@ def add_inertia(masses: Memory, state: Memory, gravity: FloatArray, scale: float
     add_products(own.cells, own.masses, b, force)
     for u, node in enumerate(own.nodes):
         H, v, a = frames[node], velocity[node], acceleration[node]
-        _add(residual[node], 0, scale, _turned_back(H, triple(force[node], 0)))
+        _add(residual[node], 0, scale, turn_back(H, triple(force[node], 0)))
         _add_lump(own.lumps[u], H, v, a, gravity, scale, work, residual[node])
 
 
@@ -237,18 +213,18 @@ def add_inertia_action(masses: Memory, state: Memory, gravity: FloatArray, scale
     accelerations_into(own.nodes, nodes, gravity, b)
     add_products(own.cells, own.masses, b, force)
     for node in own.nodes:
-        turn = triple(steps[node], 3)
+        theta = triple(steps[node], 3)
         moved = _acceleration_change(
-            frames[node], velocity[node], acceleration[node], turn, dv[node], dw[node]
+            frames[node], velocity[node], acceleration[node], theta, dv[node], dw[node]
         )
         db[node, 0], db[node, 1], db[node, 2] = moved
     add_products(own.cells, own.masses, db, change)
     for u, node in enumerate(own.nodes):
-        H, turn = frames[node], triple(steps[node], 3)
-        local = _turned_back(H, triple(force[node], 0))
-        moved = _sum(_turned_back(H, triple(change[node], 0)), cross(local, turn))
+        H, theta = frames[node], triple(steps[node], 3)
+        local = turn_back(H, triple(force[node], 0))
+        moved = add(turn_back(H, triple(change[node], 0)), 1.0, cross(local, theta))
         _add(residual[node], 0, scale, moved)
-        weight = cross(_turned_back(H, triple(gravity, 0)), turn)
+        weight = cross(turn_back(H, triple(gravity, 0)), theta)
         _add_lump_change(
             own.lumps[u], velocity[node], weight, dv[node], dw[node], scale, work, residual[node]
         )
@@ -277,14 +253,14 @@ def nodal_tangent(
     add_products(masses.cells, masses.masses, b, force)
     for u, node in enumerate(masses.nodes):
         H, v, a = frames[node], velocity[node], acceleration[node]
-        pull = _turned_back(H, triple(gravity, 0))
-        local = _turned_back(H, triple(force[node], 0))
+        pull = turn_back(H, triple(gravity, 0))
+        local = turn_back(H, triple(force[node], 0))
         for j in range(6):
             dv[:], dw[:], column[:] = rates[0, node, :, j], rates[1, node, :, j], 0.0
-            turn = (stiffness * (j == 3), stiffness * (j == 4), stiffness * (j == 5))
-            change = _acceleration_change(H, v, a, turn, dv, dw)
-            _add(column, 0, 1.0, cross(local, turn))
-            _add_lump_change(masses.lumps[u], v, cross(pull, turn), dv, dw, 1.0, work, column)
+            theta = (stiffness * (j == 3), stiffness * (j == 4), stiffness * (j == 5))
+            change = _acceleration_change(H, v, a, theta, dv, dw)
+            _add(column, 0, 1.0, cross(local, theta))
+            _add_lump_change(masses.lumps[u], v, cross(pull, theta), dv, dw, 1.0, work, column)
             for i in range(3):
                 moved[node, i, j] = change[i]
             for i in range(6):

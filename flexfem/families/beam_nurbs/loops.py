@@ -3,6 +3,11 @@
 
 ``LANES`` elements are treated side by side; arrays that end with this axis are made by
 ``tables.lanes``.
+
+These are not loops of ``kernels.driver``: it would copy frames, shape functions and strains of the
+start in every call, which takes 2.3 microseconds for 16 cubic elements beside the 5.2 of
+:func:`add_residual`, twice in a step of 82 of the slider-crank, and 25 beside 62 for 400 quadratic
+ones.
 """
 
 import numpy as np

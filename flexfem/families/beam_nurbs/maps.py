@@ -17,7 +17,9 @@ reference node, whose place is zero, are not touched.
 """
 
 from flexfem._types import FloatArray, IndexArray
+from flexfem.core.nodes.step_kernels import add
 from flexfem.families.beam_nurbs.vector_maps import (
+    at,
     put_vector,
     put_vector_force_changes,
     put_vector_forces,
@@ -46,11 +48,6 @@ RELATIVE, PLACE = 9, 7
 
 
 @inlined
-def _at(a: FloatArray, node: int, first: int, lane: int) -> Triple:
-    return a[node, first, lane], a[node, first + 1, lane], a[node, first + 2, lane]
-
-
-@inlined
 def _put(a: FloatArray, node: int, first: int, lane: int, v: Triple) -> None:
     a[node, first, lane], a[node, first + 1, lane], a[node, first + 2, lane] = v
 
@@ -60,11 +57,6 @@ def _add(a: FloatArray, node: int, first: int, lane: int, v: Triple) -> None:
     a[node, first, lane] += v[0]
     a[node, first + 1, lane] += v[1]
     a[node, first + 2, lane] += v[2]
-
-
-@inlined
-def _sum(u: Triple, f: float, v: Triple) -> Triple:
-    return u[0] + f * v[0], u[1] + f * v[1], u[2] + f * v[2]
 
 
 @inlined
@@ -163,17 +155,17 @@ def rates_into(
         if node == ref:
             continue
         for lane in range(LANES):
-            y, omega_r = _at(places, node, 0, lane), _at(twists, ref, 3, lane)
-            speed = _turned(relative, node, lane, _at(twists, node, 0, lane))
-            speed = _sum(speed, -1.0, _at(twists, ref, 0, lane))
-            _put(rates, node, 0, lane, _sum(speed, 1.0, cross(y, omega_r)))
+            y, omega_r = at(places, node, 0, lane), at(twists, ref, 3, lane)
+            speed = _turned(relative, node, lane, at(twists, node, 0, lane))
+            speed = add(speed, -1.0, at(twists, ref, 0, lane))
+            _put(rates, node, 0, lane, add(speed, 1.0, cross(y, omega_r)))
         if vectors:
             put_vector_rates(places, twists, node, rates)
             continue
         for lane in range(LANES):
-            w, v = 1.0 + places[node, 3, lane], _at(places, node, 4, lane)
-            omega, omega_r = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
-            difference, total = _sum(omega, -1.0, omega_r), _sum(omega, 1.0, omega_r)
+            w, v = 1.0 + places[node, 3, lane], at(places, node, 4, lane)
+            omega, omega_r = at(twists, node, 3, lane), at(twists, ref, 3, lane)
+            difference, total = add(omega, -1.0, omega_r), add(omega, 1.0, omega_r)
             rates[node, 3, lane] = -0.5 * dot(v, difference)
             _put(rates, node, 4, lane, _turn(w, v, difference, total))
 
@@ -194,18 +186,18 @@ def rate_changes_into(
         if node == ref:
             continue
         for lane in range(LANES):
-            turn = _turned_back(relative, node, lane, _at(steps, ref, 3, lane))
-            turn, omega_r = _sum(_at(steps, node, 3, lane), -1.0, turn), _at(twists, ref, 3, lane)
-            speed = _turned(relative, node, lane, cross(turn, _at(twists, node, 0, lane)))
-            speed = _sum(speed, -1.0, cross(omega_r, _at(moved, node, 0, lane)))
+            turn = _turned_back(relative, node, lane, at(steps, ref, 3, lane))
+            turn, omega_r = add(at(steps, node, 3, lane), -1.0, turn), at(twists, ref, 3, lane)
+            speed = _turned(relative, node, lane, cross(turn, at(twists, node, 0, lane)))
+            speed = add(speed, -1.0, cross(omega_r, at(moved, node, 0, lane)))
             _put(changes, node, 0, lane, speed)
         if vectors:
             put_vector_rate_changes(places, twists, moved, node, changes)
             continue
         for lane in range(LANES):
-            dw, dv = moved[node, 3, lane], _at(moved, node, 4, lane)
-            omega, omega_r = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
-            difference, total = _sum(omega, -1.0, omega_r), _sum(omega, 1.0, omega_r)
+            dw, dv = moved[node, 3, lane], at(moved, node, 4, lane)
+            omega, omega_r = at(twists, node, 3, lane), at(twists, ref, 3, lane)
+            difference, total = add(omega, -1.0, omega_r), add(omega, 1.0, omega_r)
             changes[node, 3, lane] = -0.5 * dot(dv, difference)
             _put(changes, node, 4, lane, _turn(dw, dv, difference, total))
 
@@ -227,7 +219,7 @@ def forces_into(
         if node == ref:
             continue
         for lane in range(LANES):
-            y, f = _at(places, node, 0, lane), _at(dual, node, 0, lane)
+            y, f = at(places, node, 0, lane), at(dual, node, 0, lane)
             _put(forces, node, 0, lane, _turned_back(relative, node, lane, f))
             _add(forces, ref, 0, lane, (-f[0], -f[1], -f[2]))
             _add(forces, ref, 3, lane, cross(f, y))
@@ -235,7 +227,7 @@ def forces_into(
             put_vector_forces(places, dual, node, forces)
             continue
         for lane in range(LANES):
-            v, b = _at(places, node, 4, lane), _at(dual, node, 4, lane)
+            v, b = at(places, node, 4, lane), at(dual, node, 4, lane)
             own, other = _moments(1.0 + places[node, 3, lane], v, dual[node, 3, lane], b)
             _put(forces, node, 3, lane, own)
             _add(forces, ref, 3, lane, other)
@@ -257,16 +249,16 @@ def force_changes_into(
         if node == ref:
             continue
         for lane in range(LANES):
-            f = _at(dual, node, 0, lane)
-            turn = _turned_back(relative, node, lane, _at(steps, ref, 3, lane))
-            turn = _sum(_at(steps, node, 3, lane), -1.0, turn)
+            f = at(dual, node, 0, lane)
+            turn = _turned_back(relative, node, lane, at(steps, ref, 3, lane))
+            turn = add(at(steps, node, 3, lane), -1.0, turn)
             _put(changes, node, 0, lane, cross(_turned_back(relative, node, lane, f), turn))
-            _put(moments, node, 0, lane, cross(f, _at(moved, node, 0, lane)))
+            _put(moments, node, 0, lane, cross(f, at(moved, node, 0, lane)))
         if vectors:
             put_vector_force_changes(places, dual, moved, node, changes, moments)
             continue
         for lane in range(LANES):
-            b, dv = _at(dual, node, 4, lane), _at(moved, node, 4, lane)
+            b, dv = at(dual, node, 4, lane), at(moved, node, 4, lane)
             own, other = _moments(moved[node, 3, lane], dv, dual[node, 3, lane], b)
             _put(changes, node, 3, lane, own)
             _add(moments, node, 0, lane, other)

@@ -4,6 +4,11 @@
 ``nodes`` (m, N) hold frame, interfaces and amplitudes of each body, the frame left out where it
 moves with the body on average. See ``core.places.floating_frames`` and ``inertia`` for the
 notation.
+
+These are not loops of ``kernels.driver``: it would copy the data of bodies in every call, 1888
+numbers of a bar with two interfaces and six modes, which takes 2.9 microseconds beside the 3.3 of
+:func:`add_residual`, twice in a step of 62; nodal data alone take 0.9, and 7 beside 157 for 64
+bodies.
 """
 
 import numpy as np
