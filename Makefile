@@ -63,11 +63,9 @@ test: export FLEXFEM_CFLAGS := -O1 -march=native -fno-math-errno
 test: $(STAMP) ## lint, documentation, then all tests on 1 and 2 ranks, some on 3
 	# the linters leave one core idle: loops that many tests need are compiled beside them
 	@$(MAKE) --no-print-directory -j $(RANKS) compiled-sliding compiled-floating lint docs
-	# each process starts with its share of the tests and takes over from the other one at the end
-	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist worksteal \
-		--ignore tests/cases --ignore tests/test_architecture.py
 	# what a file's tests share is made once; files as they come, the longest are not the last
-	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist loadfile --no-loadscope-reorder tests/cases
+	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist loadfile --no-loadscope-reorder \
+		--ignore tests/test_architecture.py
 	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests
 	$(GIVE_WAY) $(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m three_ranks tests
 

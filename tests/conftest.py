@@ -71,7 +71,12 @@ def pytest_ignore_collect(collection_path: Path, config: pytest.Config) -> bool 
 
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Skip tests of one process on several ranks."""
+    """Skip tests of one process on several ranks, and put those of cases before the last ones.
+
+    Several processes of tests take file after file: those of cases take longest, and the programs
+    that they start find compiled what tests before them have used.
+    """
+    items.sort(key=lambda item: {"cases": 1, "verification": 2}.get(item.path.parent.name, 0))
     comm = _communicator()
     if comm is not None and comm.size > 1:
         for item in items:

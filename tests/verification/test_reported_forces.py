@@ -130,13 +130,12 @@ def _hub(formulation: str = "se3", *, friction: float | None = None) -> ff.Model
     return model
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize(
     ("model", "integrator", "bound"),
     [
         (_hub(), "generalized_alpha", 1e-6),
         (_hub("nurbs"), "generalized_alpha", 1e-6),
-        (_hub(friction=0.3), "generalized_alpha", 1e-6),
+        pytest.param(_hub(friction=0.3), "generalized_alpha", 1e-6, marks=pytest.mark.three_ranks),
         (_hub(friction=0.3), "stabilized_index2", 1e-8),
         (_hub(), "energy_momentum", 1e-5),  # forces by masses of the start
     ],

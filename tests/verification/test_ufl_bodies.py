@@ -1,12 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Bodies with an energy in UFL, also from a script outside the package, against closed forms.
-
-The script has a truss with a swinging bar, and a membrane that falls on a plane.
-"""
-
-import subprocess
-import sys
-from pathlib import Path
+"""Bodies with an energy in UFL against closed forms."""
 
 import numpy as np
 import pytest
@@ -18,109 +11,6 @@ import flexfem as ff
 from tests.unit.test_ufl_bodies import block
 
 pytestmark = pytest.mark.serial
-
-SCRIPT = '''"""Bars of two nodes and a membrane of triangles."""
-
-import numpy as np
-import ufl
-import flexfem as ff
-
-
-def bar(x, X, p):
-    F = ufl.grad(x)
-    return p.EA / 2 * ((ufl.inner(F, F) - 1) / 2) ** 2
-
-
-def membrane(x, X, p):
-    F = ufl.grad(x)
-    C = F.T * F
-    square = (ufl.tr(C) ** 2 - ufl.inner(C, C)) / 2
-    return p.mu * p.h / 2 * (ufl.tr(C) + 1 / square - 3)
-
-
-def model():
-    """Two bars that carry a ball; a membrane that falls on a plane and pulls at a body."""
-    m = ff.Model("truss")
-    points = [[0, 0, 0], [1, 0, 0], [1, 0, -1]]
-    ends = {"a": [0], "b": [1], "c": [2]}
-    truss = ff.ElementMesh(points, [[0, 1], [1, 2]], "interval", nodes=ends)
-    m.add(ff.UFLBody("bars", truss, bar, density=0.5, parameters={"EA": 2e3}))
-    m.add(ff.Spherical("pin", ff.Ground((0, 0, 0)), ff.Marker("bars", "a")))
-    m.add(ff.RigidBody("ball", mass=1.0, inertia=np.eye(3) * 0.1, position=(1, 0, -1.2)))
-    m.add(ff.Spherical("tie", ff.Marker("bars", "c"), ff.Marker("ball", offset=(0, 0, 0.2))))
-    ticks = np.linspace(0, 0.5, 5)
-    flat = ff.SurfaceMesh.grid(
-        "sheet", ticks, ticks, lambda p: np.column_stack([p[:, 0] + 2, p[:, 1], 0 * p[:, 0]])
-    )
-    mesh = ff.ElementMesh.from_surface(flat)
-    edge = np.flatnonzero(np.isclose(mesh.points[:, 0], 2.0))
-    mesh = ff.ElementMesh(mesh.points, mesh.cells, "triangle", nodes={"edge": edge})
-    sheet = m.add(ff.UFLBody(
-        "sheet", mesh, membrane, density=0.2, parameters={"mu": 1e4, "h": 1e-2}, thickness=1e-2
-    ))
-    m.add(ff.Spherical("mean", ff.Ground((2, 0.25, 0)), sheet.marker("edge")))
-    m.add(ff.PointForce("push", ff.Marker("sheet", (2.5, 0.5, 0.0)), (0.0, 0.1, 0.0)))
-    plane = ff.RigidPlane(ff.Ground((0, 0, -0.05)))
-    m.add(ff.Contact("floor", "sheet", surfaces=plane, stiffness=1e5))
-    m.add(ff.Gravity((0, 0, -9.81)))
-    m.add(ff.PositionProbe("b", ff.Marker("bars", "b")))
-    m.add(ff.PositionProbe("bob", ff.Marker("ball")))
-    m.add(ff.PositionProbe("corner", ff.Marker("sheet", (2.5, 0.5, 0.0))))
-    m.add(ff.ReactionProbe("pin_force", "pin"))
-    m.add(ff.EnergyProbe("energy"))
-    m.add(ff.MomentumProbe("momentum", bodies=["bars", "ball"]))
-    m.add(ff.ContactProbe("touch", "floor"))
-    return m
-
-
-CASE = ff.Case(
-    name="truss", summary="bars, a ball and a membrane", description=__doc__, build=model,
-    dt=2e-3, t_end=0.24, smoke={"t_end": 4e-3},
-)
-'''
-
-ROOT = Path(__file__).parents[2]
-
-
-def run(folder: Path, ranks: int, *options: str) -> dict[str, np.ndarray]:
-    """History of a run of the script on some ranks."""
-    program = [sys.executable, "-m", "flexfem", "run", "truss.py", *options]
-    if ranks > 1:
-        mpirun = Path(sys.executable).with_name("mpirun")
-        program = [str(mpirun), "-n", str(ranks), *program, "--split-above", "1"]
-    result = subprocess.run(
-        program, cwd=folder, capture_output=True, text=True, timeout=300, check=False
-    )
-    assert result.returncode == 0, result.stderr
-    name = options[options.index("--output") + 1]
-    return dict(ff.read_history(folder / name / "history.csv"))
-
-
-def test_a_script_of_the_user_runs_on_all_ranks_and_from_checkpoints(tmp_path, monkeypatch):
-    """Joints, loads, probes, contact, restart on another number of ranks, and pictures."""
-    monkeypatch.setenv("PYTHONPATH", str(ROOT))
-    (tmp_path / "truss.py").write_text(SCRIPT)
-    whole = run(tmp_path, 1, "--output", "one")
-    assert whole["touch_closed"].max() > 3.0
-    assert abs(whole["energy_balance"]).max() <= 0.01
-    run(tmp_path, 2, "--output", "half", "--t-end", "0.12", "--checkpoint-every", "60")
-    (checkpoint,) = (tmp_path / "half").rglob("*.h5")
-    runs = {
-        "three": run(tmp_path, 3, "--output", "three"),
-        "again": run(tmp_path, 1, "--output", "again", "--restart", str(checkpoint)),
-    }
-    for name, history in runs.items():
-        count = len(history["t"])
-        for column, values in whole.items():
-            scale = max(abs(values).max(), 1.0)
-            np.testing.assert_allclose(
-                history[column], values[-count:], atol=1e-9 * scale, err_msg=f"{name} {column}"
-            )
-    for name in ("energy_lines", "energy_triangles"):
-        assert (tmp_path / "one" / f"{name}.pvd").is_file()
-        texts = [file.read_bytes() for file in (tmp_path / "three" / name).glob("*.vtu")]
-        assert all(b'Name="energy"' in text for text in texts)
-        assert texts
 
 
 def bar(x, X, p):
