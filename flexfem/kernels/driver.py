@@ -375,11 +375,11 @@ def add_blocks(
     held, rows = np.full(width, -1), int(math.sqrt(call.size))
     for first in range(0, count, width):
         _evaluate_batch(call, own, nodes, first, held, data, constants, results)
-        for lane in range(min(width, count - first)):
-            for s in range(rows // 3):
-                i, row = _unknown(call, columns, s)
-                for t in range(rows // 3):
-                    j, column = _unknown(call, columns, t)
+        for s in range(rows // 3):
+            i, row = _unknown(call, columns, s)
+            for t in range(rows // 3):
+                j, column = _unknown(call, columns, t)
+                for lane in range(min(width, count - first)):  # which lie side by side in memory
                     to = index[first + lane, i, j]
                     if to >= 0:
                         for a in range(3):

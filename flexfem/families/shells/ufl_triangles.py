@@ -8,7 +8,7 @@ measure of strain begins here.
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Self, override
+from typing import Any, Self, override
 
 import numpy as np
 
@@ -29,6 +29,11 @@ _ALL = slice(None)
 _CHUNK = 128
 
 
+def _fields(triangles: RotationFreeTriangles | DirectorTriangles) -> dict[str, Any]:
+    """What triangles are made of."""
+    return {part.name: getattr(triangles, part.name) for part in fields(triangles) if part.init}
+
+
 @dataclass(frozen=True)
 class UFLRotationFreeTriangles(RotationFreeTriangles):
     """Rotation-free triangles with the strains of ``forms.shell``."""
@@ -38,8 +43,7 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
     @classmethod
     def of(cls, triangles: RotationFreeTriangles, kernels: StrainKernels) -> Self:
         """The same triangles with kernels of ``forms.strain_forms.rotation_free_strains``."""
-        own = {part.name: getattr(triangles, part.name) for part in fields(triangles) if part.init}
-        return cls(**own, kernels=kernels)
+        return cls(**_fields(triangles), kernels=kernels)
 
     @cached_property
     def _to_points(self) -> FloatArray:
@@ -173,7 +177,7 @@ class UFLDirectorTriangles(DirectorTriangles):
     @classmethod
     def of(cls, triangles: DirectorTriangles, kernels: StrainKernels) -> Self:
         """The same triangles with kernels of ``forms.strain_forms.director_strains``."""
-        return cls(**vars(triangles), kernels=kernels)
+        return cls(**_fields(triangles), kernels=kernels)
 
     def _turns(self, frames: FloatArray, rows: slice) -> FloatArray:
         """Rotations (m, 3, 3, 3) of the frames that turn the directors."""
@@ -264,11 +268,15 @@ class UFLDirectorTriangles(DirectorTriangles):
         np.add.at(residual[:, :3], self.nodes[:, :6], split[:, :6])
         np.add.at(residual[:, 3:], self.nodes[:, 6:], split[:, 6:])
 
-    def _tangents(
-        self, frames: FloatArray, factors: tuple[float, float], starts: FloatArray | None,
-        response: DirectorResponse | None, rows: slice = _ALL,
-    ) -> FloatArray:  # fmt: skip
-        """Matrices (m, 27, 27), see :meth:`tangents_into`."""
+    @override
+    def tangents(
+        self,
+        frames: FloatArray,
+        factors: tuple[float, float] = (1.0, 0.0),
+        starts: FloatArray | None = None,
+        response: DirectorResponse | None = None,
+        rows: slice = _ALL,
+    ) -> FloatArray:
         begin, planes, given = self._present(frames, starts, response)
         unknowns = self._unknowns(frames, rows)
         strains, by_vectors = self._covariant(unknowns)
@@ -306,17 +314,22 @@ class UFLDirectorTriangles(DirectorTriangles):
             tangents[:, 9 + 3 * k : 12 + 3 * k, turned] += shifts[:, k]
 
     @override
-    def tangents_into(
+    def add_tangents(
         self,
         frames: FloatArray,
-        tangents: FloatArray,
+        index: IndexArray,
+        blocks: FloatArray,
         factors: tuple[float, float] = (1.0, 0.0),
         starts: FloatArray | None = None,
-        first: int = 0,
         response: DirectorResponse | None = None,
     ) -> None:
-        rows = slice(first, first + len(tangents))
-        tangents[:] = self._tangents(frames, factors, starts, response, rows)
+        columns = np.repeat([0, 3], [6, 3])[:, None] + np.arange(3)
+        for first in range(0, len(index), _CHUNK):
+            rows = slice(first, first + _CHUNK)
+            tangents = self.tangents(frames, factors, starts, response, rows)
+            split = tangents.reshape(-1, 9, 3, 9, 3).transpose(0, 1, 3, 2, 4)
+            to = index[rows][..., None, None]
+            np.add.at(blocks, (to, columns[:, None, :, None], columns[None, :, None, :]), split)
 
     @override
     def add_action(
@@ -328,7 +341,7 @@ class UFLDirectorTriangles(DirectorTriangles):
         starts: FloatArray | None = None,
         response: DirectorResponse | None = None,
     ) -> None:
-        tangents = self._tangents(frames, factors, starts, response)
+        tangents = self.tangents(frames, factors, starts, response)
         forces = tangents @ self._own_steps(steps)[:, :, None]
         self._scatter(forces[:, :, 0], residual)
 
