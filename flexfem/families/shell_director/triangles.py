@@ -45,11 +45,11 @@ from flexfem.kernels.driver import (
 )
 from flexfem.kernels.records import Float2D, Memory, Record
 
-__all__ = ["DirectorTriangles"]
+__all__ = ["UNKNOWNS", "DirectorTriangles"]
 
 _NO_STRESSES = np.zeros((0, 18))
 #: Translations of the six nodes, turns of the three with directors.
-_UNKNOWNS = [(i, 0) for i in range(6)] + [(i, 3) for i in range(6, 9)]
+UNKNOWNS = np.array([(i, 0 if i < 6 else 3) for i in range(9)])
 
 
 class _Nodes(Record):
@@ -79,7 +79,7 @@ def _cell_kernel(
         nodal["steps"] = Nodal.TWIST, _Nodes.word("steps")
     own = {"starts": (0, 24)} | ({"given": (24, 18)} if given else {})
     made = kernel.kernel([*SIZES.values(), TANGENT_WORK if kernel is tangent else WORK])
-    return cell_kernel(made, size, SIZES, nodal, own, unknowns=_UNKNOWNS)
+    return cell_kernel(made, size, SIZES, nodal, own, unknowns=UNKNOWNS)
 
 
 @dataclass(frozen=True)
@@ -308,7 +308,10 @@ class DirectorTriangles:
         place of :attr:`starts`, less what rates or assumptions add to the strains. ``response`` is
         what :meth:`response` returns; without it, that of the same ``starts`` without rates.
         """
-        present = self._present(frames, starts, response)
+        begin, planes, stresses = self._present(frames, starts, response)
+        if len(stresses):
+            planes = self.planes  # forces of given stresses need no stiffness
+        present = begin, planes, stresses
         call = self._call(kernels.forces, 27, self._at(frames), (scale, 0.0), present)
         add_forces(*call, 1.0, residual)
 

@@ -16,10 +16,11 @@ from flexfem._types import FloatArray, IndexArray
 from flexfem.families.common.corotating_loops import add_blocks
 from flexfem.families.shell_director.law import Response as DirectorResponse
 from flexfem.families.shell_director.tables import BARYCENTRIC, MIDDLES, POINTS, slopes
-from flexfem.families.shell_director.triangles import DirectorTriangles
+from flexfem.families.shell_director.triangles import UNKNOWNS, DirectorTriangles
 from flexfem.families.shell_rotation_free.triangles import Response, RotationFreeTriangles
 from flexfem.families.shells.strain_kernels import StrainKernels
 from flexfem.forms.director_shell import MEMBRANE_PLACES, membrane_weights
+from flexfem.kernels.driver import ALL_COLUMNS, add_products
 from flexfem.lie import so3
 
 __all__ = ["UFLDirectorTriangles", "UFLRotationFreeTriangles"]
@@ -138,9 +139,8 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
         self, points: FloatArray, steps: FloatArray, residual: FloatArray,
         factors: tuple[float, float] = (1.0, 0.0), response: Response | None = None,
     ) -> None:  # fmt: skip
-        own = steps[self.patches.nodes]
-        forces = self.tangents(points, factors, response) @ own.reshape(len(own), -1, 1)
-        self._scatter(forces.reshape(own.shape), residual)
+        tangents = self.tangents(points, factors, response).reshape(len(self.starts), -1)
+        add_products(ALL_COLUMNS, self._cells.memory, tangents, steps, 1.0, False, residual)
 
 
 def _director_places() -> tuple[FloatArray, FloatArray]:
@@ -341,9 +341,8 @@ class UFLDirectorTriangles(DirectorTriangles):
         starts: FloatArray | None = None,
         response: DirectorResponse | None = None,
     ) -> None:
-        tangents = self.tangents(frames, factors, starts, response)
-        forces = tangents @ self._own_steps(steps)[:, :, None]
-        self._scatter(forces[:, :, 0], residual)
+        tangents = self.tangents(frames, factors, starts, response).reshape(len(self.nodes), -1)
+        add_products(UNKNOWNS, self._cells.memory, tangents, steps, 1.0, False, residual)
 
 
 def _transposed_times(matrices: FloatArray, values: FloatArray) -> FloatArray:
