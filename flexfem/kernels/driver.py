@@ -6,8 +6,9 @@ coefficients of one cell, or of ``LANES`` cells side by side. :class:`CellKernel
 nodal array, the data of the cell and the data of its section go among the coefficients, and
 :class:`Cells` holds them. :func:`add_forces` adds the results to nodes (residuals, actions of a
 tangent), :func:`add_entries` to a vector or a matrix of nodes with one number each,
-:func:`evaluate` keeps them by cell, and :func:`evaluate_tangents` combines derivatives by
-configuration, velocity and acceleration to one matrix a cell.
+:func:`add_blocks` adds matrices to those of pairs of nodes, :func:`evaluate` keeps results by cell,
+and :func:`evaluate_tangents` combines derivatives by configuration, velocity and acceleration to
+one matrix a cell. :func:`add_products` multiplies what is kept by nodal values.
 """
 
 import math
@@ -33,6 +34,7 @@ from flexfem.kernels.records import (
 )
 
 __all__ = [
+    "ALL_COLUMNS",
     "LINE",
     "NO_NODES",
     "CellKernel",
@@ -41,6 +43,7 @@ __all__ = [
     "add_blocks",
     "add_entries",
     "add_forces",
+    "add_products",
     "cell_kernel",
     "evaluate",
     "evaluate_tangents",
@@ -49,6 +52,8 @@ __all__ = [
 
 #: Corners of the reference interval, for forms that do not depend on the size of the cell.
 LINE = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
+#: Unknowns that go through all columns, node by node, see :class:`CellKernel`.
+ALL_COLUMNS = np.empty((0, 2), dtype=np.int64)
 #: Record of the nodes for kernels without nodal data.
 NO_NODES: Memory = np.empty(0, dtype=np.int64)
 
@@ -148,7 +153,7 @@ def cell_kernel(
     nodal: Mapping[str, tuple[Nodal, int]],
     own: Mapping[str, tuple[int, int]],
     section: Mapping[str, tuple[int, int]] | None = None,
-    unknowns: Iterable[tuple[int, int]] = (),
+    unknowns: Int2D = ALL_COLUMNS,
 ) -> CellKernel:
     """The kernel with places for its data; those that it does not use are left out.
 
@@ -169,7 +174,7 @@ def cell_kernel(
 
     return CellKernel(
         address=kernel.address, lanes=kernel.lanes, coefficients=max(int(kernel.offsets[-1]), 1),
-        size=size, unknowns=np.array(list(unknowns), dtype=np.int64).reshape(-1, 2),
+        size=size, unknowns=unknowns,
         nodal=table([(kind, word, offset[name]) for name, (kind, word) in nodal.items()]),
         own=table([(*columns, offset[name]) for name, columns in own.items()]),
         section=table([(*columns, offset[name]) for name, columns in (section or {}).items()]),
@@ -277,23 +282,23 @@ def _evaluate_batch(
 
 
 @inlined
-def _unknown(kernel: CellKernel, columns: int, t: int) -> tuple[int, int]:
-    """Node of the cell and first column there of three results."""
-    if kernel.unknowns.shape[0] > 0:
-        return kernel.unknowns[t, 0], kernel.unknowns[t, 1]
+def _unknown(unknowns: IntArray, columns: int, t: int) -> tuple[int, int]:
+    """Node of the cell and first column there of three results, see ``CellKernel.unknowns``."""
+    if unknowns.shape[0] > 0:
+        return unknowns[t, 0], unknowns[t, 1]
     return 3 * t // columns, 3 * t % columns
 
 
 @inlined
 def _add_to_nodes(
-    kernel: CellKernel, cells: Cells, c: int, results: FloatArray, lane: int, scale: float,
-    target: FloatArray,
+    unknowns: IntArray, cells: Cells, c: int, turned: bool, results: FloatArray, lane: int,
+    scale: float, target: FloatArray,
 ) -> None:  # fmt: skip
     """Add the results of a cell to its nodes; those of twists in the axes of the nodes."""
-    turned, turn = cells.turned[c], c * cells.turned[c]
-    for t in range(kernel.size // 3):
+    turn = c * turned
+    for t in range(results.shape[0] // 3):
         at = 3 * t
-        j, column = _unknown(kernel, target.shape[1], t)
+        j, column = _unknown(unknowns, target.shape[1], t)
         node = cells.nodes[c, j]
         if node < 0:
             continue
@@ -331,7 +336,8 @@ def add_forces(
     for first in range(0, count, width):
         _evaluate_batch(call, own, nodes, first, held, data, constants, results)
         for lane in range(min(width, count - first)):
-            _add_to_nodes(call, own, first + lane, results, lane, scale, target)
+            c = first + lane
+            _add_to_nodes(call.unknowns, own, c, own.turned[c], results, lane, scale, target)
 
 
 @kernel
@@ -406,17 +412,52 @@ def add_blocks(
     held, rows = np.full(width, -1), int(math.sqrt(call.size))
     for first in range(0, count, width):
         _evaluate_batch(call, own, nodes, first, held, data, constants, results)
-        for lane in range(min(width, count - first)):
-            for s in range(rows // 3):
-                i, row = _unknown(call, columns, s)
-                for t in range(rows // 3):
-                    j, column = _unknown(call, columns, t)
+        for s in range(rows // 3):
+            i, row = _unknown(call.unknowns, columns, s)
+            for t in range(rows // 3):
+                j, column = _unknown(call.unknowns, columns, t)
+                for lane in range(min(width, count - first)):  # which lie side by side in memory
                     to = index[first + lane, i, j]
                     if to >= 0:
                         for a in range(3):
                             at = (3 * s + a) * rows + 3 * t
                             for b in range(3):
                                 blocks[to, row + a, column + b] += results[at + b, lane]
+
+
+@kernel
+def add_products(
+    unknowns: IntArray, cells: Memory, matrices: FloatArray, steps: FloatArray, scale: float,
+    transposed: bool, target: FloatArray,
+) -> None:  # fmt: skip
+    """Add ``scale`` times the matrices of all cells, or their transposes, times nodal values.
+
+    Args:
+        unknowns: as of a :class:`CellKernel`.
+        cells: :class:`Cells`.
+        matrices: (m, s^2) in the axes of the nodes, as :func:`evaluate_tangents` leaves them, and
+            :func:`evaluate` where these are also the axes of the cells.
+        steps: (n, 3) or (n, 6) values.
+        scale: factor of the products.
+        transposed: whether the matrices are transposed.
+        target: of the shape of the values.
+    """
+    own, size = unpack(Cells, cells), int(math.sqrt(matrices.shape[1]))
+    x, y = np.empty(size), np.empty((size, 1))
+    for c in range(own.nodes.shape[0]):
+        for t in range(size // 3):
+            j, column = _unknown(unknowns, target.shape[1], t)
+            node = own.nodes[c, j]
+            for i in range(3):
+                x[3 * t + i] = steps[node, column + i] if node >= 0 else 0.0
+        y[:] = 0.0
+        for i in range(size):
+            for j in range(size):
+                if transposed:
+                    y[j, 0] += matrices[c, i * size + j] * x[i]
+                else:
+                    y[i, 0] += matrices[c, i * size + j] * x[j]
+        _add_to_nodes(unknowns, own, c, False, y, 0, scale, target)
 
 
 @subroutine

@@ -51,8 +51,7 @@ def forces(made: DirectorTriangles, frames):
 
 def sparse_tangent(made: DirectorTriangles, frames, starts=None):
     """Tangent (6 n, 6 n)."""
-    matrices = np.empty((len(made.nodes), 27, 27))
-    made.tangents_into(frames, matrices, starts=starts)
+    matrices = made.tangents(frames, starts=starts)
     moves, turns = 6 * made.nodes[:, :6, None], 6 * made.nodes[:, 6:, None] + 3
     places = np.concatenate([moves, turns], 1) + np.arange(3)
     places = places.reshape(-1, 27)

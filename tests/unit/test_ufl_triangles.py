@@ -71,7 +71,10 @@ def test_director_triangles(given):
             else:
                 triangles.add_action(frames, steps, residual, (0.7, 0.2), starts)
         assert_same(*found)
-    tangents = np.empty((2, len(fast.areas) - 3, 27, 27))
-    for matrices, triangles in zip(tangents, (made, fast), strict=True):
-        triangles.tangents_into(frames, matrices, (0.7, 0.2), starts, 3)
-    assert_same(*tangents)
+    both = made, fast
+    assert_same(*(triangles.tangents(frames, (0.7, 0.2), starts) for triangles in both))
+    pairs = NodePairs(len(frames), [fast.nodes])
+    sums = np.zeros((2, len(pairs.rows), 6, 6))
+    for blocks, triangles in zip(sums, both, strict=True):
+        triangles.add_tangents(frames, pairs.index[0], blocks, (0.7, 0.2), starts)
+    assert_same(*sums)

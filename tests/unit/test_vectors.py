@@ -87,7 +87,7 @@ def test_missing_nodes_take_data_of_the_first_and_get_no_results():
     cells, at = plain_cells(np.empty((0, 0)), nodes), Points(points=points)
     nodal = {"points": (Nodal.POSITION, Points.word("points"))}
     # the second node's results go to the last three columns
-    unknowns = [(0, 0), (1, 3)]
+    unknowns = np.array([(0, 0), (1, 3)])
     kernel = cell_kernel(positions.kernel([6]), 6, ["points"], nodal, {}, unknowns=unknowns)
     sums, none = np.zeros((4, 6)), np.zeros(1)
     add_forces(kernel.memory, cells.memory, at.memory, none, 2.0, sums)

@@ -22,7 +22,6 @@ from flexfem.families.common.corotating_axes import CorotatingAxes
 from flexfem.families.common.node_pairs import NodePairs
 from flexfem.families.shell_director.inertia import (
     PairMasses,
-    add_blocks,
     add_inertia_blocks,
     add_motion,
     add_turns,
@@ -32,9 +31,6 @@ from flexfem.families.shell_director.triangles import DirectorTriangles
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 __all__ = ["DirectorCells", "DirectorShells"]
-
-#: Triangles whose matrices are computed at a time: they stay in the cache.
-_CHUNK = 64
 
 
 @dataclass(frozen=True)
@@ -154,11 +150,9 @@ class DirectorShells:
         if factors[0] != 0.0 or (self.viscous and factors[1] != 0.0):
             starts = self._starts(block, request.of_group(0))
             response = self._response(block, starts, _rate(shifts))
-            matrices = np.empty((_CHUNK, 27, 27))
-            for first in range(0, len(self._index), _CHUNK):
-                part = matrices[: len(self._index) - first]
-                self.triangles.tangents_into(block.frames, part, factors, starts, first, response)
-                add_blocks(part, self._index, first, blocks)
+            self.triangles.add_tangents(
+                block.frames, self._index, blocks, factors, starts, response
+            )
         rates, nodes = np.empty((2, len(block.frames), 6, 6)), block.nodes.memory
         inertial = block.inertial_rates(shifts) and not request.local
         step_rates(self._inertia.nodes, nodes, shifts, inertial, rates)

@@ -15,7 +15,7 @@ from flexfem.families.beam_nurbs.inertia import NodalMasses, nodal_tangent
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.records import Float1D, Int1D, Memory, Record, unpack
 
-__all__ = ["PairMasses", "add_blocks", "add_inertia_blocks", "add_motion", "add_turns"]
+__all__ = ["PairMasses", "add_inertia_blocks", "add_motion", "add_turns"]
 
 
 class PairMasses(Record):
@@ -31,23 +31,6 @@ class PairMasses(Record):
     columns: Int1D
     diagonal: Int1D
     masses: Float1D
-
-
-@kernel
-def add_blocks(tangents: FloatArray, index: IndexArray, first: int, blocks: FloatArray) -> None:
-    """Add matrices (r, 27, 27) to those (k, 6, 6) of pairs of nodes.
-
-    ``index`` (m, 9, 9) are the numbers of the pairs; that of the first matrix is at ``first``.
-    """
-    for m in range(len(tangents)):
-        K, at = tangents[m], index[first + m]
-        for i in range(9):
-            row = 0 if i < 6 else 3
-            for j in range(9):
-                to, column = blocks[at[i, j]], 0 if j < 6 else 3
-                for a in range(3):
-                    for b in range(3):
-                        to[row + a, column + b] += K[3 * i + a, 3 * j + b]
 
 
 @kernel

@@ -2,18 +2,20 @@
 """Director triangles: energy, internal forces, tangents and masses from frames of their nodes.
 
 The energy is that of ``forms.director_shell``: quadratic positions, and one director in the middle
-of each edge, which a frame there carries. Differentiated by hand, a residual costs 0.7 and
-a tangent 9.9 us a triangle; by the form (``families.shells.ufl_triangles``) they cost 32 and 56 us
+of each edge, which a frame there carries. Differentiated by hand, a residual costs 0.4 and
+a tangent 4 us a triangle; by the form (``families.shells.ufl_triangles``) they cost 24 and 49 us
 (``tests/benchmarks/shell_kernels.py``).
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
+from functools import cache
 from typing import Self
 
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem.families.shell_director import kernels
 from flexfem.families.shell_director.geometry import (
     Geometry,
     consistent_masses,
@@ -27,18 +29,57 @@ from flexfem.families.shell_director.law import (
     law_response,
     law_viscosity,
 )
-from flexfem.families.shell_director.loops import (
-    TriangleData,
-    add_forces,
-    strain_rates_into,
-    strains_into,
-)
+from flexfem.families.shell_director.steps import SIZES, WORK, constant_data
 from flexfem.families.shell_director.tables import MIDDLES, POINTS, slopes
-from flexfem.families.shell_director.tangent import add_action, tangents_into
+from flexfem.families.shell_director.tangent import TANGENT_WORK, tangent
+from flexfem.kernels.by_hand import ByHand
+from flexfem.kernels.driver import (
+    CellKernel,
+    Cells,
+    Nodal,
+    add_blocks,
+    add_forces,
+    cell_kernel,
+    evaluate,
+    plain_cells,
+)
+from flexfem.kernels.records import Float2D, Memory, Record
 
-__all__ = ["DirectorTriangles"]
+__all__ = ["UNKNOWNS", "DirectorTriangles"]
 
 _NO_STRESSES = np.zeros((0, 18))
+#: Translations of the six nodes, turns of the three with directors.
+UNKNOWNS = np.array([(i, 0 if i < 6 else 3) for i in range(9)])
+
+
+class _Nodes(Record):
+    """Frames (n, 12) and twists (n, 6) of nodes."""
+
+    frames: Float2D
+    steps: Float2D
+
+
+@cache
+def _cell_kernel(
+    kernel: ByHand, size: int, *, given: bool = False, stepped: bool = False
+) -> CellKernel:
+    """A kernel.
+
+    Args:
+        kernel: one of ``kernels`` and ``tangent``.
+        size: number of results.
+        given: stresses are those of the cells.
+        stepped: it takes the twists of nodes.
+    """
+    nodal = {
+        "positions": (Nodal.POSITION, _Nodes.word("frames")),
+        "rotations": (Nodal.ROTATION, _Nodes.word("frames")),
+    }
+    if stepped:
+        nodal["steps"] = Nodal.TWIST, _Nodes.word("steps")
+    own = {"starts": (0, 24)} | ({"given": (24, 18)} if given else {})
+    made = kernel.kernel([*SIZES.values(), TANGENT_WORK if kernel is tangent else WORK])
+    return cell_kernel(made, size, SIZES, nodal, own, unknowns=UNKNOWNS)
 
 
 @dataclass(frozen=True)
@@ -49,7 +90,12 @@ class DirectorTriangles:
     start: membrane 11, 22, 12, curvatures or moments 11, 22, 12, shear 1, 2.
 
     Attributes:
-        data: nodes, directors, shear stiffness and damping.
+        nodes: (m, 9) corners, middles of the opposite edges, and the nodes whose frames turn the
+            directors, which are the middles again but where a middle is held along axes that must
+            not turn.
+        directors: at the start in the axes of the frames that turn them, (m, 3, 3).
+        shears: stiffness of covariant shear strains times areas, relaxed, N m, (m, 6, 6).
+        damping: stiffness-proportional, s, (m,).
         starts: covariant strains at the start, (m, 24).
         sections: which stiffness a triangle has, (m,).
         stiffness: of membrane and bending, N/m, N and N m, (s, 6, 6).
@@ -60,7 +106,10 @@ class DirectorTriangles:
         laws: of the user, for membrane and bending.
     """
 
-    data: TriangleData
+    nodes: IntArray
+    directors: FloatArray
+    shears: FloatArray
+    damping: FloatArray
     starts: FloatArray
     sections: IntArray
     stiffness: FloatArray
@@ -72,6 +121,20 @@ class DirectorTriangles:
     _points: Geometry
     _middles: Geometry
     laws: tuple[DirectorLaw, ...] = ()
+    _cells: Cells = field(init=False)
+    _nodes: _Nodes = field(init=False)
+
+    def __post_init__(self) -> None:
+        """Put the data together as the driver of kernels takes them."""
+        nodes = np.ascontiguousarray(self.nodes, dtype=np.int32)
+        cells = plain_cells(self.starts, nodes, self._rows(self.planes))
+        object.__setattr__(self, "_cells", cells)
+        state = _Nodes(frames=np.zeros((1, 12)), steps=np.zeros((1, 6)))
+        object.__setattr__(self, "_nodes", state)
+
+    def _rows(self, planes: FloatArray) -> FloatArray:
+        """Data of calls of kernels with some stiffness of membrane and bending."""
+        return constant_data(self.nodes, self.directors, self.damping, self.shears, planes)
 
     @classmethod
     def build(
@@ -107,49 +170,22 @@ class DirectorTriangles:
         places, stiffness = frames[nodes[:, :6], :3], stiffness.reshape(-1, 6, 6)
         turns = frames[nodes[:, 6:], 3:].reshape(-1, 3, 3, 3)
         own = np.einsum("mkba,mkb->mka", turns, directors)
-        starts = np.empty((len(nodes), 24))
-        strains_into(frames, nodes, own, starts)
         points, middles = (Geometry.at(at, places, directions) for at in (POINTS, MIDDLES))
         numbers = np.zeros(len(nodes), np.int64) if sections is None else sections.astype(np.int64)
         D, across = stiffness[numbers], shear.reshape(-1, 2, 2)[numbers]
         times = np.zeros(len(nodes)) if damping is None else damping
         mean = Geometry.at(np.full((3, 2), 1 / 3), places, directions).axes[:, 0]
-        data = TriangleData(
-            nodes=_numbers(nodes), directors=own,
-            shears=shear_stiffness(middles, D, across), damping=times,
+        made = cls(
+            nodes.astype(np.int64), own, shear_stiffness(middles, D, across), times,
+            np.zeros((len(nodes), 24)), numbers, stiffness, shear.reshape(-1, 2, 2),
+            plane_stiffness(points, D), points.areas.sum(1), mean, places, points, middles,
+            tuple(laws),
         )  # fmt: skip
-        return cls(
-            data, starts, numbers, stiffness, shear.reshape(-1, 2, 2), plane_stiffness(points, D),
-            points.areas.sum(1), mean, places, points, middles, tuple(laws),
-        )  # fmt: skip
+        return replace(made, starts=made.changes(frames))
 
     def renumbered(self, nodes: IndexArray) -> Self:
         """The same triangles with other numbers (m, 9) of their nodes."""
-        own = self.data
-        data = TriangleData(
-            nodes=_numbers(nodes), directors=own.directors, shears=own.shears, damping=own.damping
-        )
-        return replace(self, data=data)
-
-    @property
-    def nodes(self) -> IntArray:
-        """Nodes (m, 9) of the triangles, see ``TriangleData``."""
-        return self.data.nodes
-
-    @property
-    def directors(self) -> FloatArray:
-        """Directors (m, 3, 3) at the start in the axes of the frames that turn them."""
-        return self.data.directors
-
-    @property
-    def shears(self) -> FloatArray:
-        """Stiffness (m, 6, 6) of covariant shear strains times areas, relaxed."""
-        return self.data.shears
-
-    @property
-    def damping(self) -> FloatArray:
-        """Stiffness-proportional damping (m,), s."""
-        return self.data.damping
+        return replace(self, nodes=nodes.astype(np.int64))
 
     def strains(self, frames: FloatArray) -> FloatArray:
         """Mean strains (m, 8) of the triangles."""
@@ -205,15 +241,18 @@ class DirectorTriangles:
 
     def changes(self, frames: FloatArray) -> FloatArray:
         """Changes (m, 24) of the covariant strains since the start."""
-        strains = np.empty_like(self.starts)
-        strains_into(frames, self.nodes, self.directors, strains)
+        strains, made = np.empty_like(self.starts), _cell_kernel(kernels.strains, 24)
+        cells, nodes = self._cells.memory, self._at(frames)
+        evaluate(made.memory, cells, nodes, _constants(), strains)
         strains -= self.starts
         return strains
 
     def rates(self, frames: FloatArray, steps: FloatArray) -> FloatArray:
         """Derivatives (m, 24) of the covariant strains along local twists (n, 6) of the nodes."""
         rates = np.empty_like(self.starts)
-        strain_rates_into(frames, steps, self.nodes, self.directors, rates)
+        made = _cell_kernel(kernels.strain_rates, 24, stepped=True)
+        cells, nodes = self._cells.memory, self._at(frames, steps)
+        evaluate(made.memory, cells, nodes, _constants(), rates)
         return rates
 
     @property
@@ -269,27 +308,48 @@ class DirectorTriangles:
         place of :attr:`starts`, less what rates or assumptions add to the strains. ``response`` is
         what :meth:`response` returns; without it, that of the same ``starts`` without rates.
         """
-        present = self._present(frames, starts, response)
-        add_forces(frames, self.data.memory, *present, scale, residual)
+        begin, planes, stresses = self._present(frames, starts, response)
+        if len(stresses):
+            planes = self.planes  # forces of given stresses need no stiffness
+        present = begin, planes, stresses
+        call = self._call(kernels.forces, 27, self._at(frames), (scale, 0.0), present)
+        add_forces(*call, 1.0, residual)
 
-    def tangents_into(
+    def tangents(
         self,
         frames: FloatArray,
-        tangents: FloatArray,
         factors: tuple[float, float] = (1.0, 0.0),
         starts: FloatArray | None = None,
-        first: int = 0,
         response: Response | None = None,
-    ) -> None:
-        """Write derivatives of the internal forces, (r, 27, 27).
+    ) -> FloatArray:
+        """Derivatives of the internal forces, (m, 27, 27).
 
         They are those by local twists of the nodes times the first of the factors, plus those by
-        local velocities times the second, but for how strain rates change as triangles turn, of the
-        r triangles from ``first`` on. Rows and columns are the translations of the six nodes, then
-        the turns of the three with directors.
+        local velocities times the second, but for how strain rates change as triangles turn. Rows
+        and columns are the translations of the six nodes, then the turns of the three with
+        directors.
         """
         present = self._present(frames, starts, response)
-        tangents_into(frames, self.data.memory, *present, np.array(factors), first, tangents)
+        found = np.empty((len(self.nodes), 27 * 27))
+        evaluate(*self._call(tangent, 27 * 27, self._at(frames), factors, present), found)
+        return found.reshape(-1, 27, 27)
+
+    def add_tangents(
+        self,
+        frames: FloatArray,
+        index: IndexArray,
+        blocks: FloatArray,
+        factors: tuple[float, float] = (1.0, 0.0),
+        starts: FloatArray | None = None,
+        response: Response | None = None,
+    ) -> None:
+        """Add the derivatives of :meth:`tangents` to matrices (b, 6, 6) of pairs of nodes.
+
+        ``index`` (m, 9, 9) are the numbers of the pairs.
+        """
+        present = self._present(frames, starts, response)
+        call = self._call(tangent, 27 * 27, self._at(frames), factors, present)
+        add_blocks(*call, index, blocks)
 
     def add_action(
         self,
@@ -300,9 +360,10 @@ class DirectorTriangles:
         starts: FloatArray | None = None,
         response: Response | None = None,
     ) -> None:
-        """Add the derivatives of :meth:`tangents_into` times steps to the residual, (n, 6) both."""
-        present = self._present(frames, starts, response)
-        add_action(frames, steps, self.data.memory, *present, np.array(factors), residual)
+        """Add the derivatives of :meth:`tangents` times steps to the residual, (n, 6) both."""
+        present, nodes = self._present(frames, starts, response), self._at(frames, steps)
+        call = self._call(kernels.action, 27, nodes, factors, present, stepped=True)
+        add_forces(*call, 1.0, residual)
 
     def masses(self, density: FloatArray) -> FloatArray:
         """Consistent masses (m, 6, 6), kg, constant with translations in inertial axes.
@@ -347,11 +408,31 @@ class DirectorTriangles:
     def _present(
         self, frames: FloatArray, starts: FloatArray | None, response: Response | None
     ) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """Strains at the start, stiffness and stresses, as the compiled loops take them."""
+        """Strains at the start, stiffness and stresses."""
         own = self.response(frames, starts) if response is None else response
         return self.starts if starts is None else starts, own.planes, own.stresses
 
+    def _at(self, frames: FloatArray, steps: FloatArray | None = None) -> Memory:
+        """Record of the nodes."""
+        self._nodes.frames = frames
+        if steps is not None:
+            self._nodes.steps = steps
+        return self._nodes.memory
 
-def _numbers(nodes: IndexArray) -> IntArray:
-    """Numbers of nodes as compiled loops take them."""
-    return np.ascontiguousarray(nodes, dtype=np.int64)
+    def _call(
+        self, kernel: ByHand, size: int, nodes: Memory, factors: tuple[float, float],
+        present: tuple[FloatArray, FloatArray, FloatArray], *, stepped: bool = False,
+    ) -> tuple[Memory, Memory, Memory, FloatArray]:  # fmt: skip
+        """Kernel, cells, nodes and constants for what :meth:`_present` returns."""
+        starts, planes, stresses = present
+        cells, given = self._cells, len(stresses) > 0
+        if planes is not self.planes:
+            cells = plain_cells(self.starts, cells.nodes, self._rows(planes))
+        cells.own = np.concatenate([starts, stresses], axis=1) if given else starts
+        made = _cell_kernel(kernel, size, given=given, stepped=stepped)
+        return made.memory, cells.memory, nodes, _constants(factors, given)
+
+
+def _constants(factors: tuple[float, float] = (1.0, 0.0), given: bool = False) -> FloatArray:
+    """Constants of kernels, see ``steps``."""
+    return np.array([*factors, given], dtype=np.float64)

@@ -8,7 +8,7 @@ measure of strain begins here.
 
 from dataclasses import dataclass, field, fields
 from functools import cached_property
-from typing import Self, override
+from typing import Any, Self, override
 
 import numpy as np
 
@@ -16,10 +16,11 @@ from flexfem._types import FloatArray, IndexArray
 from flexfem.families.common.corotating_loops import add_blocks
 from flexfem.families.shell_director.law import Response as DirectorResponse
 from flexfem.families.shell_director.tables import BARYCENTRIC, MIDDLES, POINTS, slopes
-from flexfem.families.shell_director.triangles import DirectorTriangles
+from flexfem.families.shell_director.triangles import UNKNOWNS, DirectorTriangles
 from flexfem.families.shell_rotation_free.triangles import Response, RotationFreeTriangles
 from flexfem.families.shells.strain_kernels import StrainKernels
 from flexfem.forms.director_shell import MEMBRANE_PLACES, membrane_weights
+from flexfem.kernels.driver import ALL_COLUMNS, add_products
 from flexfem.lie import so3
 
 __all__ = ["UFLDirectorTriangles", "UFLRotationFreeTriangles"]
@@ -27,6 +28,11 @@ __all__ = ["UFLDirectorTriangles", "UFLRotationFreeTriangles"]
 _ALL = slice(None)
 #: Triangles whose matrices are computed at a time: they stay in the cache.
 _CHUNK = 128
+
+
+def _fields(triangles: RotationFreeTriangles | DirectorTriangles) -> dict[str, Any]:
+    """What triangles are made of."""
+    return {part.name: getattr(triangles, part.name) for part in fields(triangles) if part.init}
 
 
 @dataclass(frozen=True)
@@ -38,8 +44,7 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
     @classmethod
     def of(cls, triangles: RotationFreeTriangles, kernels: StrainKernels) -> Self:
         """The same triangles with kernels of ``forms.strain_forms.rotation_free_strains``."""
-        own = {part.name: getattr(triangles, part.name) for part in fields(triangles) if part.init}
-        return cls(**own, kernels=kernels)
+        return cls(**_fields(triangles), kernels=kernels)
 
     @cached_property
     def _to_points(self) -> FloatArray:
@@ -134,9 +139,8 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
         self, points: FloatArray, steps: FloatArray, residual: FloatArray,
         factors: tuple[float, float] = (1.0, 0.0), response: Response | None = None,
     ) -> None:  # fmt: skip
-        own = steps[self.patches.nodes]
-        forces = self.tangents(points, factors, response) @ own.reshape(len(own), -1, 1)
-        self._scatter(forces.reshape(own.shape), residual)
+        tangents = self.tangents(points, factors, response).reshape(len(self.starts), -1)
+        add_products(ALL_COLUMNS, self._cells.memory, tangents, steps, 1.0, False, residual)
 
 
 def _director_places() -> tuple[FloatArray, FloatArray]:
@@ -173,7 +177,7 @@ class UFLDirectorTriangles(DirectorTriangles):
     @classmethod
     def of(cls, triangles: DirectorTriangles, kernels: StrainKernels) -> Self:
         """The same triangles with kernels of ``forms.strain_forms.director_strains``."""
-        return cls(**vars(triangles), kernels=kernels)
+        return cls(**_fields(triangles), kernels=kernels)
 
     def _turns(self, frames: FloatArray, rows: slice) -> FloatArray:
         """Rotations (m, 3, 3, 3) of the frames that turn the directors."""
@@ -264,11 +268,15 @@ class UFLDirectorTriangles(DirectorTriangles):
         np.add.at(residual[:, :3], self.nodes[:, :6], split[:, :6])
         np.add.at(residual[:, 3:], self.nodes[:, 6:], split[:, 6:])
 
-    def _tangents(
-        self, frames: FloatArray, factors: tuple[float, float], starts: FloatArray | None,
-        response: DirectorResponse | None, rows: slice = _ALL,
-    ) -> FloatArray:  # fmt: skip
-        """Matrices (m, 27, 27), see :meth:`tangents_into`."""
+    @override
+    def tangents(
+        self,
+        frames: FloatArray,
+        factors: tuple[float, float] = (1.0, 0.0),
+        starts: FloatArray | None = None,
+        response: DirectorResponse | None = None,
+        rows: slice = _ALL,
+    ) -> FloatArray:
         begin, planes, given = self._present(frames, starts, response)
         unknowns = self._unknowns(frames, rows)
         strains, by_vectors = self._covariant(unknowns)
@@ -306,17 +314,22 @@ class UFLDirectorTriangles(DirectorTriangles):
             tangents[:, 9 + 3 * k : 12 + 3 * k, turned] += shifts[:, k]
 
     @override
-    def tangents_into(
+    def add_tangents(
         self,
         frames: FloatArray,
-        tangents: FloatArray,
+        index: IndexArray,
+        blocks: FloatArray,
         factors: tuple[float, float] = (1.0, 0.0),
         starts: FloatArray | None = None,
-        first: int = 0,
         response: DirectorResponse | None = None,
     ) -> None:
-        rows = slice(first, first + len(tangents))
-        tangents[:] = self._tangents(frames, factors, starts, response, rows)
+        columns = np.repeat([0, 3], [6, 3])[:, None] + np.arange(3)
+        for first in range(0, len(index), _CHUNK):
+            rows = slice(first, first + _CHUNK)
+            tangents = self.tangents(frames, factors, starts, response, rows)
+            split = tangents.reshape(-1, 9, 3, 9, 3).transpose(0, 1, 3, 2, 4)
+            to = index[rows][..., None, None]
+            np.add.at(blocks, (to, columns[:, None, :, None], columns[None, :, None, :]), split)
 
     @override
     def add_action(
@@ -328,9 +341,8 @@ class UFLDirectorTriangles(DirectorTriangles):
         starts: FloatArray | None = None,
         response: DirectorResponse | None = None,
     ) -> None:
-        tangents = self._tangents(frames, factors, starts, response)
-        forces = tangents @ self._own_steps(steps)[:, :, None]
-        self._scatter(forces[:, :, 0], residual)
+        tangents = self.tangents(frames, factors, starts, response).reshape(len(self.nodes), -1)
+        add_products(UNKNOWNS, self._cells.memory, tangents, steps, 1.0, False, residual)
 
 
 def _transposed_times(matrices: FloatArray, values: FloatArray) -> FloatArray:

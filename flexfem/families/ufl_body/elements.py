@@ -5,7 +5,7 @@ Cells of one energy, shape and degree form a group. Energy, forces and stiffness
 tabulated by the kernels that FFCx generates of the energy and its derivatives.
 """
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -22,7 +22,14 @@ from flexfem.families.common.corotating_loops import (
     turn_blocks,
 )
 from flexfem.families.common.node_pairs import NodePairs
-from flexfem.kernels.driver import CellKernel, Cells, evaluate, plain_cells
+from flexfem.kernels.driver import (
+    ALL_COLUMNS,
+    CellKernel,
+    Cells,
+    add_products,
+    evaluate,
+    plain_cells,
+)
 from flexfem.kernels.records import Float2D, Record
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
@@ -100,6 +107,11 @@ class EnergyCells:
         width = 3 * self.nodes.shape[1]
         return self._tabulated(self.kernels.stiffness, at).reshape(-1, width, width)
 
+    def add_action(self, at: Points, steps: FloatArray, factor: float, forces: FloatArray) -> None:
+        """Add ``factor`` times the second derivatives times steps to forces, (n, 3) both."""
+        matrices, cells = self._tabulated(self.kernels.stiffness, at), self._cells.memory
+        add_products(ALL_COLUMNS, cells, matrices, steps, factor, False, forces)
+
     def _tabulated(self, which: CellKernel, at: Points) -> FloatArray:
         out = np.empty((len(self.nodes), which.size))
         evaluate(which.memory, self._cells.memory, at.memory, np.empty(1), out)
@@ -172,17 +184,10 @@ class EnergyElements:
         positions_into(block.frames, self._points)
         inertial_into(block.frames, block.acceleration, self._vectors)
         felt = self._vectors - gravity
-        self._scatter(
-            block, scale, lambda g: g.forces(self._at) + g.mass @ felt[g.nodes]
-        )  # fmt: skip
-
-    def _scatter(
-        self, block: FrameBlock, scale: float, forces: Callable[[EnergyCells], FloatArray]
-    ) -> None:
-        """Add ``scale`` times forces (m, k, 3) of all groups to the block's residual."""
         total = np.zeros_like(self._points)
         for group in self.groups:
-            np.add.at(total, group.nodes, forces(group))
+            forces = group.forces(self._at) + group.mass @ felt[group.nodes]
+            np.add.at(total, group.nodes, forces)
         add_to_nodes(block.frames, total, scale, block.residual)
 
     def values(
@@ -213,16 +218,14 @@ class EnergyElements:
         positions_into(block.frames, self._points)
         inertial_into(block.frames, block.step, self._vectors)
 
-        def action(group: EnergyCells) -> FloatArray:
-            steps = self._vectors[group.nodes]
-            found: FloatArray = float(shifts[1]) * (group.mass @ steps)
+        total = np.zeros_like(self._points)
+        for group in self.groups:
+            np.add.at(
+                total, group.nodes, float(shifts[1]) * (group.mass @ self._vectors[group.nodes])
+            )
             if shifts[2] != 0.0:
-                flat = steps.reshape(len(steps), group.nodes.shape[1] * 3, 1)
-                moved = group.stiffnesses(self._at) @ flat
-                found += float(shifts[2]) * moved.reshape(steps.shape)
-            return found
-
-        self._scatter(block, scale, action)
+                group.add_action(self._at, self._vectors, float(shifts[2]), total)
+        add_to_nodes(block.frames, total, scale, block.residual)
 
     def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains | None:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
