@@ -24,7 +24,7 @@ from numba.core.caching import (
 
 from flexfem._trust import private_folder, trusted
 
-__all__ = ["install", "source_stamp"]
+__all__ = ["install", "source_stamp", "sources"]
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 #: A module, or a package and the names that are imported from it, which may be modules.
@@ -37,6 +37,14 @@ def source_stamp(
     file: Path, package: Path = _PACKAGE, read: Callable[[Path], bytes] = Path.read_bytes
 ) -> str:
     """Checksum of a module of the package and of all modules of the package that it imports."""
+    digest = hashlib.blake2b(digest_size=16)
+    for path in sorted(sources(file, package)):
+        digest.update(read(path))
+    return digest.hexdigest()
+
+
+def sources(file: Path, package: Path = _PACKAGE) -> set[Path]:
+    """A module and all modules of the package that it imports, also by way of others."""
     found: set[Path] = set()
     left = [file.resolve()]
     while left:
@@ -44,10 +52,7 @@ def source_stamp(
         if path not in found:
             found.add(path)
             left += _imported(path, package)
-    digest = hashlib.blake2b(digest_size=16)
-    for path in sorted(found):
-        digest.update(read(path))
-    return digest.hexdigest()
+    return found
 
 
 @cache

@@ -3,9 +3,9 @@
 
 A run compiles its loops one after the other, most of them at its start, and so would a core alone
 be at work. ``loops.txt`` lists loops, those first that nearly all models call: they are compiled
-while the run loads DOLFINx and builds its model. Of the others those follow that are in the modules
-which the run has loaded. ``python -m tests.list_loops`` writes the list. A loop that is not in it
-is compiled when the run needs it.
+while the run loads DOLFINx and builds its model. Of the others those follow that are in modules of
+what its model has. ``python -m tests.list_loops`` writes the list. A loop that is not in it is
+compiled when the run needs it.
 """
 
 import gc
@@ -17,17 +17,24 @@ from collections.abc import Iterator
 from contextlib import suppress
 from importlib import import_module
 from itertools import islice
-from typing import Any, NamedTuple
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 from numba import types
 from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 
 from flexfem import _beside
+from flexfem.core.marker import Carrier
+from flexfem.kernels.caching import sources
 from flexfem.kernels.compile_once import busy
 
-__all__ = ["compile_beside", "kind_of", "text_of"]
+if TYPE_CHECKING:  # the processes have no need of it
+    from flexfem.layout.numbered_model import NumberedModel
 
+__all__ = ["compile_beside", "kind_of", "modules_of", "text_of"]
+
+_PACKAGE = Path(__file__).resolve().parents[1]
 #: Loops whose absence from the cache shows a first run, and how many of these must be absent.
 _LOOKED_AT, _ABSENT = 8, 4
 _ARRAY = re.compile(r"(readonly )?array\((\w+), (\d)d, ([ACF])\)")
@@ -36,15 +43,16 @@ _NUMBERS = {str(kind): kind for kind in (*types.number_domain, types.boolean)}
 _SIGNAL_OF_PARENT = 1
 
 
-def compile_beside(ranks: int) -> None:
-    """Start the processes, where most of the loops in the loaded modules were never compiled.
+def compile_beside(model: "NumberedModel", ranks: int) -> None:
+    """Start the processes, where most of the loops that a model needs were never compiled.
 
-    Where the command has started them already, they learn which modules these are.
+    Where the command has started them already, they learn in which modules these are.
 
     Args:
+        model: of the run.
         ranks: of the run, which wait for one another while one of them compiles.
     """
-    modules = {name for name in sys.modules if name.startswith("flexfem.")}
+    modules = modules_of(model)
     if not _beside.started():
         loops = (entry for entry in _listed() if entry.module in modules)
         first = [entry.resolved() for entry in islice(loops, _LOOKED_AT)]
@@ -53,6 +61,30 @@ def compile_beside(ranks: int) -> None:
             return
         _beside.start(ranks)
     _beside.tell(modules)
+
+
+def modules_of(model: "NumberedModel") -> set[str]:
+    """Modules of the package without those for families, contact and lines that a model lacks.
+
+    Markers between nodes may need lines as well: these are left to the run.
+    """
+    of_families = {
+        path
+        for family in model.families.values()
+        for path in sources(Path(sys.modules[type(family).__module__].__file__ or ""))
+    }
+    contact = bool(model.model.contacts)
+    joints = model.model.joints
+    lines = any(isinstance(marker, Carrier) for joint in joints for marker in joint.markers)
+
+    def needed(name: str) -> bool:
+        if name.startswith("flexfem.families."):
+            return _PACKAGE.joinpath(*name.split(".")[1:]).with_suffix(".py") in of_families
+        if name.startswith("flexfem.contact."):
+            return contact
+        return lines or not name.startswith("flexfem.constraints.lines.")
+
+    return {name for name in sys.modules if name.startswith("flexfem.") and needed(name)}
 
 
 class _Entry(NamedTuple):

@@ -12,19 +12,23 @@ from importlib import import_module
 from io import BytesIO
 from pathlib import Path
 from types import SimpleNamespace
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import pytest
 from numba import types
 from numba.core.dispatcher import Dispatcher
 
+import flexfem as ff
 from flexfem import _beside
 from flexfem.kernels.compile_once import busy
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.system import compile_beside as beside
 
 pytestmark = pytest.mark.serial
 
+#: A numbered model without anything.
+NOTHING: Any = SimpleNamespace(families={}, model=SimpleNamespace(contacts=[], joints=[]))
 COMMAND = [sys.executable, "-P", "-m", "flexfem.system.compile_beside"]
 
 
@@ -168,26 +172,53 @@ def started(monkeypatch):
 
 @pytest.mark.parametrize(("ranks", "count"), [(1, 3), (2, 2), (4, 1), (9, 1)])
 def test_processes_of_a_first_run_are_for_the_cores_that_are_left(started, ranks, count):
-    beside.compile_beside(ranks)
+    beside.compile_beside(NOTHING, ranks)
     assert [command[-2] for command in started] == ["flexfem.system.compile_beside"] * count
     assert all(process.stdin.closed for process in _beside._STARTED)
-    beside.compile_beside(ranks)  # another model of the same program
+    beside.compile_beside(NOTHING, ranks)  # another model of the same program
     assert len(started) == count
 
 
 def test_nothing_is_started_on_one_core_when_switched_off_or_later(started, monkeypatch):
     monkeypatch.setenv(_beside.SWITCH, "0")
-    beside.compile_beside(1)
+    beside.compile_beside(NOTHING, 1)
     _beside.start(1)
     monkeypatch.setenv(_beside.SWITCH, "1")
     index = type(se3._compose_loop._cache._cache_file)
     monkeypatch.setattr(index, "_load_index", lambda _: {"kept": 1})
-    beside.compile_beside(1)
+    beside.compile_beside(NOTHING, 1)
     monkeypatch.setattr(index, "_load_index", lambda _: {})
     monkeypatch.setattr(os, "sched_getaffinity", lambda _: {0})
-    beside.compile_beside(1)
+    beside.compile_beside(NOTHING, 1)
     _beside.start(1)
     assert not started
+
+
+def numbered(*things: Any) -> NumberedModel:
+    """A cantilever beam, and what else there is."""
+    steel = ff.Material(youngs_modulus=2.1e11, poisson_ratio=0.3, density=7850.0)
+    mesh = ff.LineMesh.straight({"beam": [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]}, elements=4)
+    model = ff.Model("one", mesh=mesh)
+    model.add(
+        ff.Beam("beam", ff.Section.circle(0.01, steel)),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("beam", "start")), *things,
+    )  # fmt: skip
+    return NumberedModel(model)
+
+
+def test_only_modules_of_what_a_model_has_are_told():
+    """All families are loaded whatever the model: their loops would be compiled for nothing."""
+    import_module("flexfem.simulation.run.setup")
+    parts = "beam_nurbs", "shell_director", "shell_rotation_free", "floating", "beam_se3"
+    told = beside.modules_of(numbered())
+    assert "flexfem.core.places.line_points" in told
+    found = [any(f"flexfem.families.{part}." in name for name in told) for part in parts]
+    assert found == [False, False, False, False, True]
+    assert not any(".contact." in name or ".constraints.lines." in name for name in told)
+    ring = ff.RigidBody("ring", 1.0, (1.0, 1.0, 1.0), position=(0.5, 0.0, 0.0))
+    slide = ff.Sliding("slide", ff.Carrier("beam"), ff.Marker("ring"))
+    told = beside.modules_of(numbered(ring, slide))
+    assert "flexfem.constraints.lines.hessians" in told
 
 
 @pytest.mark.parametrize("variable", ["NUMBA_CACHE_DIR", "XDG_CACHE_HOME"])

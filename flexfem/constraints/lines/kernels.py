@@ -284,7 +284,10 @@ def evaluate_lines(memory: Memory, poses: FloatArray, gradients: FloatArray) -> 
 def put_interface_nodes(memory: Memory, term_nodes: IntArray, pair_nodes: IntArray) -> None:
     """Write the nodes of the joints' nodes to the terms (t, 2) and pairs (p, 2) that hold them."""
     own = unpack(JointsOnLines, memory)
-    nodes = np.empty(own.width.max(), dtype=np.int64)
+    most = 0
+    for c in range(own.width.size):
+        most = max(most, own.width[c])
+    nodes = np.empty(most, dtype=np.int64)
     for c in range(own.width.size):
         for m in range(own.first_marker[c], own.first_marker[c + 1]):
             if own.interface_node[m] >= 0:

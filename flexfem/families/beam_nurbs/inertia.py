@@ -256,7 +256,8 @@ def nodal_tangent(
         pull = turn_back(H, triple(gravity, 0))
         local = turn_back(H, triple(force[node], 0))
         for j in range(6):
-            dv[:], dw[:], column[:] = rates[0, node, :, j], rates[1, node, :, j], 0.0
+            for i in range(6):
+                dv[i], dw[i], column[i] = rates[0, node, i, j], rates[1, node, i, j], 0.0
             theta = (stiffness * (j == 3), stiffness * (j == 4), stiffness * (j == 5))
             change = _acceleration_change(H, v, a, theta, dv, dw)
             _add(column, 0, 1.0, cross(local, theta))

@@ -209,7 +209,10 @@ def _rate_maps_into(
             _axis(side, j, twists)
             for node in range(k):
                 if node != k // 2:
-                    moved[node] = A[side, _other(node, k // 2), :, j]
+                    other = _other(node, k // 2)
+                    for i in range(PLACE):
+                        for lane in range(LANES):
+                            moved[node, i, lane] = A[side, other, i, j, lane]
             rate_changes_into(vectors, relative, places, speeds, twists, moved, change)
             _columns(elements.nodes, first, by_v, side, j, twists)
             rates_into(vectors, relative, places, twists, moved)

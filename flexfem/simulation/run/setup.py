@@ -53,7 +53,7 @@ def set_up(
             check(serial)
         destroy_dropped(comm)  # models that were built before
         if comm.rank == 0:
-            compile_beside(comm.size)
+            compile_beside(serial, comm.size)
         return serial, build(serial, comm, split_above)
     except ValueError as error:  # on every rank
         raise InputError(str(error)) from error
