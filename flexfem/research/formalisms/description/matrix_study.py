@@ -17,7 +17,7 @@ class ElementMatrixStudy:
 
     Args:
         bodies: by their labels in the table, in the order of ``labels``.
-        labels: names of the columns that tell the bodies apart, such as ("element", "motion").
+        labels: names of the columns that distinguish the bodies, such as ("element", "motion").
         omega: angular velocity of the frames, local components, rad/s.
         epsilon: their angular acceleration, local components, rad/s^2.
         number: of the element in each mesh.
