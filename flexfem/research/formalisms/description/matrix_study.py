@@ -13,7 +13,7 @@ __all__ = ["ElementMatrixStudy"]
 
 @dataclass(frozen=True, repr=False)
 class ElementMatrixStudy:
-    """Bodies of which the matrices of one element are wanted, see `ElementMatrices`.
+    """Bodies for the matrices of one element, see `ElementMatrices`.
 
     Args:
         bodies: by their labels in the table, in the order of ``labels``.
