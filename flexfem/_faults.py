@@ -51,7 +51,7 @@ class FunctionError(RuntimeError):
     outcome: Any = None
 
     def __init__(self, message: str, trace: str = "") -> None:
-        """Note the line to tell the user, and the traceback."""
+        """Keep the line for the user, and the traceback."""
         super().__init__(message, trace)
         self.trace = trace
 

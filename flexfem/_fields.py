@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Fields of model objects: type, default and check of a value, said once.
+"""Fields of model objects: type, default and check of a value in one place.
 
 A class under :func:`declared` is a frozen dataclass. Its fields say how their values are checked
 and converted to the stored form; messages name the object and the value, see ``flexfem._checks``.
@@ -212,7 +212,7 @@ def function(of: str = "", *, default: Any = MISSING) -> Any:
 
 
 def owner_of(thing: Any) -> str:
-    """Return how messages call an object: as its ``_owner`` says, or by its class and name."""
+    """Return the name of an object in messages: its ``_owner``, or class and name."""
     if hasattr(type(thing), "_owner"):
         return str(thing._owner)
     if hasattr(thing, "name"):

@@ -128,7 +128,7 @@ def read_text(owner: str, path: str | PathLike[str], limit: int) -> str:
 
 
 def number_in(text: str) -> float:
-    """Number that a field of a text says.
+    """Number in a field of a text.
 
     Raises:
         ValueError: it is no number, or none that a computer can hold.

@@ -40,7 +40,7 @@ _GROUP = (
 
 
 def available() -> float:
-    """Bytes that this computer, its container and its limits leave; infinite if nothing tells."""
+    """Bytes that this computer, its container and its limits leave; infinite if unknown."""
     return min(_limits(), default=float("inf"))
 
 

@@ -30,7 +30,7 @@ _OTHERS_WRITE = stat.S_IWGRP | stat.S_IWOTH
 def trusted(folder: str | Path, advice: str, program: str | Path | None = None) -> bool:
     """Return True if nobody else can have written into a folder, which may not exist yet.
 
-    If someone could, one line says so, once a process and on the first rank only.
+    Otherwise one line is printed, once a process and on the first rank only.
 
     Args:
         folder: where compiled code is kept.
@@ -51,7 +51,7 @@ def trusted(folder: str | Path, advice: str, program: str | Path | None = None) 
     return not why
 
 
-#: Folders, and those of their programs, that were looked at: a package has hundreds of loops.
+#: Folders, and those of their programs, that were checked: a package has hundreds of loops.
 _GOOD: set[tuple[str, str]] = set()
 
 

@@ -28,15 +28,15 @@ def rank() -> int:
 
 
 def launched_in_parallel() -> bool:
-    """Return True if a launcher started more than one rank, as far as the environment tells."""
+    """Return True if a launcher started more than one rank, by the variables of the environment."""
     started = ranks_started()
     if started is not None:
         return started > 1
-    return any(name in os.environ for name in _RANK_VARIABLES)  # PMIx does not tell the size
+    return any(name in os.environ for name in _RANK_VARIABLES)  # PMIx does not give the size
 
 
 def ranks_started() -> int | None:
-    """Return the number of ranks that the launcher says it started; None if it does not say."""
+    """Return the number of ranks started by the launcher; None if unknown."""
     return max(
         (int(os.environ[name]) for name in _SIZE_VARIABLES if name in os.environ), default=None
     )
@@ -52,7 +52,7 @@ def ranks() -> int:
 
 
 def ranks_here() -> tuple[int, int]:
-    """Ranks on this computer, one where the launcher does not tell, and all ranks."""
+    """Ranks on this computer, one where the launcher does not give them, and all ranks."""
     here = next((int(os.environ[name]) for name in _LOCAL_VARIABLES if name in os.environ), 1)
     started = ranks_started()
     if started is None and launched_in_parallel():

@@ -275,7 +275,7 @@ PROGRESS = ProgressOption()
 
 
 def option(help: str, *, default: Any = MISSING, kind: type[Option] = Option, **more: Any) -> Any:
-    """Declare a field of settings that is an option: all that is said of it.
+    """Declare a field of settings that is an option, with its whole description.
 
     Its name and type are those of the field. Without a default, each case gives one.
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Kinds of analysis a case can ask for: one a file, with its options."""
+"""Kinds of analysis of cases: one a file, with its options."""

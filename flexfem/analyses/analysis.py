@@ -12,7 +12,7 @@ __all__ = ["Analysis", "kernels", "restart", "split_above"]
 
 
 def kernels() -> Any:
-    """Declare the option of all analyses that says how shells are assembled."""
+    """Declare the option of all analyses for the assembly of shells."""
     return option(
         "assemble shells by hand-written loops (fast) or from their UFL forms (ufl); everything "
         "else that has a strain comes from UFL forms in any case",
@@ -23,7 +23,7 @@ def kernels() -> Any:
 
 
 def split_above() -> Any:
-    """Declare the option of all analyses that says which beams are divided."""
+    """Declare the option of all analyses for the division of long beams."""
     return option(
         "a beam with more elements than this and than a rank's share is split over ranks",
         default=4000,
@@ -32,7 +32,7 @@ def split_above() -> Any:
 
 
 def restart(more: str = "; --t-end may be later") -> Any:
-    """Declare the checkpoint that runs go on from."""
+    """Declare the checkpoint that runs resume from."""
     return setting(f"checkpoint to go on from, on any number of ranks{more}", default=None)
 
 

@@ -139,7 +139,7 @@ def _check_text(arguments: Sequence[str]) -> None:
 
 
 def traced(cause: BaseException | None, argv: Sequence[str]) -> str:
-    """Python's traceback of an error; empty unless the command line asks for it."""
+    """Python's traceback of an error; empty unless requested on the command line."""
     if cause is None or TRACEBACK not in argv:
         return ""
     # that of another rank comes as text

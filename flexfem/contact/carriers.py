@@ -136,7 +136,7 @@ class Carriers:
         return np.flatnonzero(self.home == self._comm.rank)
 
     def ask(self, nodes: IntArray) -> None:
-        """Bring the rows of some points of other ranks from now on (collective)."""
+        """Request the rows of some points of other ranks from now on (collective)."""
         if self._comm.size > 1:
             wanted = np.unique(np.concatenate([nodes, self._between[0].ravel()]))
             self._exchange = HaloExchange(self._comm, self.home, wanted)

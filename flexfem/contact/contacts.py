@@ -284,7 +284,7 @@ class Contacts:
 
     @property
     def longest_step(self) -> float:
-        """Largest motion of nodes (m) until :meth:`update` so that none gets through."""
+        """Largest motion of nodes (m) until :meth:`update` so that none passes through."""
         return min(group.surfaces.longest_step for group in self.groups)
 
     @property

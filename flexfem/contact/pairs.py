@@ -107,7 +107,7 @@ class ContactSurfaces:
 
     @property
     def longest_step(self) -> float:
-        """Largest motion of nodes (m) with the same neighbour lists so that none gets through.
+        """Largest motion of nodes (m) with the same neighbour lists so that none passes through.
 
         That is half of the skin, and half of the radius of a rigid surface.
         """

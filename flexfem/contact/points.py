@@ -50,7 +50,7 @@ class ContactPoints:
         body: number of each triangle's body in ``names``, (m,); owner: that of each point, (n + d,)
         names: names of the bodies in messages.
         triangles_of: triangles of shells by name and of rigid meshes by their ``id``.
-        points_of: points of beams by name; lengths: of beam that each of them stands for, m.
+        points_of: points of beams by name; lengths: of beam that each of them represents, m.
     """
 
     kind: IntArray
@@ -271,7 +271,7 @@ def _parts(
 def _divide(
     start: FloatArray, cells: IntArray, own: IntArray, parts: int
 ) -> tuple[int, FloatArray]:
-    """Number of points inside elements, and the length that each point stands for."""
+    """Number of points inside elements, and the length that each point represents."""
     lengths = np.linalg.norm(start[cells[:, 1]] - start[cells[:, 0]], axis=1) / parts
     at = np.searchsorted(own, cells)
     ends = np.bincount(at.ravel(), np.repeat(0.5 * lengths, 2), len(own))

@@ -44,7 +44,7 @@ __all__ = [
 
 @declared
 class Joint:
-    """A connection between two markers, or more where a joint says so.
+    """A connection between two markers, of some joints more.
 
     Attributes:
         name: unique name within the model.
@@ -230,7 +230,7 @@ def unit(vector: Sequence[float] | FloatArray) -> FloatArray:
 
 
 def distance(owner: str, poses: Sequence[Pose], names: str = "a and b") -> float:
-    """Distance of the first two markers at the start, m; ``names`` says which these are.
+    """Distance of the first two markers at the start, m; ``names`` are their names for messages.
 
     Raises:
         ValueError: it is zero, so that its direction is unknown.
@@ -278,7 +278,7 @@ def perpendicular(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Product of two vectors: drives ask for it in every step, and NumPy's own takes long."""
+    """Product of two vectors: drives need it in every step, and NumPy's own is slow."""
     (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 

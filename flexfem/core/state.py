@@ -36,7 +36,7 @@ class State:
     Attributes:
         values: arrays that are the same on every rank (the first one's are written).
         rows: arrays (k, ...) of this rank by the name of their numbering and their own.
-        optional: names of values that others who go on from the state need not have written.
+        optional: names of values that a file of the state may lack.
     """
 
     values: Mapping[str, FloatArray] = field(default_factory=dict)

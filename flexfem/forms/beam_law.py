@@ -187,7 +187,7 @@ def _check_terminals(law: SectionLaw, what: str, value: Expr, arguments: tuple[A
 
 @dataclass(frozen=True)
 class LawForm:
-    """Everything a law says about one cell, as one form.
+    """All quantities of a law in one cell, as one form.
 
     Attributes:
         form: rank 1; its vector holds the energy, the stress (6), its derivative by the strain

@@ -117,7 +117,7 @@ def _check_start(model: Model, tolerance: float) -> None:
     """Raise for joints that do not hold where the model starts now.
 
     Raises:
-        InputError: a drive asks for something else than the start at t = 0, for example.
+        InputError: a drive contradicts the start at t = 0, for example.
     """
     serial = NumberedModel(model)
     parts = RigidParts(serial)

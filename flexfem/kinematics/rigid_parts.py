@@ -106,7 +106,7 @@ def _nodes(
 def _clusters(
     nodes: dict[str, tuple[FloatArray, list[tuple[object, ...]]]],
 ) -> Iterable[tuple[str, ...]]:
-    """Names of the bodies that hang together, in the order of the first of each."""
+    """Names of the connected bodies, in the order of the first of each."""
     cluster: dict[str, list[str]] = {}
     owner: dict[tuple[object, ...], str] = {}
     for name, (_, keys) in nodes.items():

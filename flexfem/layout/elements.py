@@ -124,7 +124,7 @@ class ElementFamily(Protocol):
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:
-        """Cell (j,) of each point of :meth:`viscosity`, and the size (j,) it stands for.
+        """Cell (j,) of each point of :meth:`viscosity`, and the size (j,) it represents.
 
         It is a length in beams, m, and an area in shells, m^2.
         """

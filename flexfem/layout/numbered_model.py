@@ -167,7 +167,7 @@ class NumberedModel:
         return ElementPlace.on(self.line(marker.body), place.element, place.xi)
 
     def _place_of(self, marker: Observed) -> Place | None:
-        """Place of a marker in the model, found once: systems ask for it many times."""
+        """Place of a marker in the model, found once: systems need it many times."""
         if marker not in self._places:
             self._places[marker] = self.model.marker_place(marker)
         return self._places[marker]

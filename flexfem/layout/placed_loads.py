@@ -37,7 +37,7 @@ def marker_forces(
 ) -> Iterator[Force]:
     """Loads of markers on the nodes of a block that this rank owns.
 
-    ``turning`` says whether those that follow markers and moments act on nodes.
+    ``turning`` is True if those that follow markers and moments act on nodes.
     """
     for number, load in enumerate(serial.model.loads):
         if not turning and (load.follower or load.has_moment):

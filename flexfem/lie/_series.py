@@ -29,7 +29,7 @@ B1, C1 = derivative(B), derivative(C)
 B2, C2 = derivative(B1), derivative(C1)
 
 #: From the partial fractions of the cotangent, ``e = sum_n 2 / ((2 pi n)^2 - x)``. The first pole
-#: stands as it is, ``2 / (E_POLE - x)``, and the rest is a series that converges like ``16^-k`` up
+#: is kept as it is, ``2 / (E_POLE - x)``, and the rest is a series that converges like ``16^-k`` up
 #: to ``|theta| = pi``: no cancellation, no branch, no singular derivative anywhere in between.
 E_POLE = 4.0 * pi**2
 

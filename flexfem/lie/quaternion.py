@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled operations on quaternions ``(w, v)`` with scalar part w and vector part v.
 
-A unit quaternion ``(cos(t/2), sin(t/2) n)`` stands for the rotation by t about the unit vector n.
+A unit quaternion ``(cos(t/2), sin(t/2) n)`` represents the rotation by t about the unit vector n.
 Matrices are stored row by row, 9 entries from ``offset`` on.
 """
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rotations: exponential, logarithm and tangent maps of SO(3).
 
-A rotation vector ``theta`` (rad) stands for the rotation matrix ``R = exp(skew(theta))``. The
+A rotation vector ``theta`` (rad) represents the rotation matrix ``R = exp(skew(theta))``. The
 tangent map is the right one: ``R(theta + d) = R(theta) exp(T(theta) d)`` to first order, so that
 ``T d`` is the increment of rotation in the rotated axes. The left map is ``T(-theta)``.
 

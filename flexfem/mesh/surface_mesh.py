@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Meshes of triangles with named bodies, lines and nodes, on which shells live."""
+"""Meshes of triangles with named bodies, lines and nodes, for shells."""
 
 from collections import Counter
 from collections.abc import Callable, Mapping, Sequence

@@ -67,7 +67,7 @@ class Contact:
             the rate of penetration.
         two_pass: True if masters, shells or meshes of rigid surfaces, and slaves change roles in a
             second pass, each with half of the stiffness; beams are slaves only.
-        skin: Distance within which candidates are looked for, metres: nothing gets through a
+        skin: Distance within which candidates are searched, metres: nothing passes through a
             surface if both move by less than half of it in a step. None: 0.4 edges of the mesh.
         radius: Of the beams, metres; None for that of their circular sections.
 

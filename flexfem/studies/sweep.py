@@ -147,7 +147,8 @@ class Sweep:
 
         Raises:
             InputError: Another sweep is running in the folder.
-            KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; runs were interrupted, and can go on.
+            KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; runs were interrupted, and can be
+                resumed.
             OSError: Results cannot be written.
         """
         if self._study is not None:

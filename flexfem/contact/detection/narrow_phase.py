@@ -185,7 +185,7 @@ def find_contacts(
         count = closest_candidates(points, node, touched, own, i, offsets[i])
         kept = _minima(points, touched, own, count, made, closed)
         if kept < 0:
-            # the node seems to have got through: only all candidates tell whether it has
+            # the node may have passed through: all candidates are needed to decide
             count = closest_candidates(points, node, touched, own, i, np.inf)
             kept = _minima(points, touched, own, count, made, closed)
         for c in range(closed, abs(kept)):

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Sides of nearby triangles to which nodes belong.
 
-A node keeps the side on which it came near, even where it has got through the surface: it is
+A node keeps the side on which it came near, even where it has passed through the surface: it is
 pushed back. It loses it where it passes the rim of an open surface. Triangles of one connected part
 that share nodes have the same side.
 """

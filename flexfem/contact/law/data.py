@@ -109,7 +109,7 @@ class Candidates(Record):
         triangles: Their numbers, ascending for each slave, shape (k,).
         sides: Side of each to which the slave belongs: 1, -1, or 0 for none, shape (k,).
         labels: Numbers of the connected groups of a slave's candidates, shape (k,).
-        chosen: Numbers of the triangles that were looked at, ascending.
+        chosen: Numbers of the triangles that were searched, ascending.
         normals: Unit normals of all triangles, those of the chosen ones up to date, shape (m, 3).
         near, measures: Of those that may touch at present, see ``closest``, at least as many rows
             as a slave has candidates, with ``NEAR`` and ``MEASURES`` columns.

@@ -30,7 +30,7 @@ from flexfem.kernels.records import Memory, unpack
 
 __all__ = ["TriangleContact"]
 
-#: Triangles of one node that it may have got through, at most.
+#: Largest number of triangles that one node may have passed through.
 _THROUGH = 4
 
 
@@ -39,7 +39,7 @@ class TriangleContact(ObstacleContacts):
 
     Attributes:
         slaves, masters: Nodes and triangles.
-        skin: Search distance of candidates, m: nothing gets through a surface that moves by less
+        skin: Search distance of candidates, m: nothing passes through a surface that moves by less
             than half of it, relative to the surface, in a step.
         candidates: Triangles near the slaves.
         found: Contacts at the trial state.
@@ -164,7 +164,7 @@ class TriangleContact(ObstacleContacts):
     def memory(self, points: FloatArray) -> FloatArray:
         """Memory of the contact beyond the accepted state, a row for each slave.
 
-        These are the triangles that a node has got through, and the closed contacts.
+        These are the triangles that a node has passed through, and the closed contacts.
         """
         c = self.candidates
         kept = c.sides.copy()

@@ -46,7 +46,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
 def _falling(inspection: Inspection, held: list[set[int]]) -> Iterator[Finding]:
     """The model, if joints tie it to the ground but none of them keeps it from falling.
 
-    Forces, contacts and sliders may keep it: where there are some, nothing is said.
+    Forces, contacts and sliders may keep it: where there are some, nothing is reported.
     """
     model, rows = inspection.model, inspection.rows.rows
     if len(held) != 1 or model.contacts or model.loads or not bool(rows.rigid.all()):

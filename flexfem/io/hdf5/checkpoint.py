@@ -119,7 +119,7 @@ class Checkpoint:
         self.header: dict[str, Any] = comm.bcast(header)
 
     def refuse(self, reason: str) -> InputError:
-        """The error that says why this file cannot be used."""
+        """The error with the reason why this file cannot be used."""
         return InputError(f"checkpoint '{self.path}': {reason}")
 
     def read(self, numberings: Mapping[str, Numbering]) -> State:
@@ -342,7 +342,7 @@ def _on_first(comm: MPI.Comm, action: Callable[[], None]) -> None:
 
 
 def _rename(temporary: Path, path: Path) -> None:
-    """Give the file its name, for good."""
+    """Give the file its final name."""
     temporary.replace(path)
     folder = os.open(path.parent, os.O_RDONLY)
     try:

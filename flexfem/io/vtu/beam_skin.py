@@ -110,7 +110,7 @@ class BeamSkin:
             k, m = len(one.points), len(cells)
             node.append(np.repeat(beams.cells[cells].reshape(-1), k))
             cell.append(np.repeat(cells, 2 * k))
-            # section axes are rotated against those of the node, for good
+            # section axes are rotated against those of the node, by a constant
             turn = beams.turn[cells, :, :, 1:]
             arm.append(np.einsum("meij,mkj->meki", turn, table[of]).reshape(-1, 3))
             first = start + 2 * k * np.arange(m)

@@ -174,7 +174,7 @@ class _File:
         return data
 
     def _plain(self, stream: "_Stream", size: int) -> bytes:
-        """Return the bytes of an array that says how many it has; nothing if they are others."""
+        """Return the bytes of an array that states their number; nothing if it is wrong."""
         head = self.header.itemsize
         (found,) = np.frombuffer(stream.head(head), self.header).tolist()
         return stream.body(head, size) if found == size else b""

@@ -111,7 +111,7 @@ def _speeds(shape: FloatArray, points: FloatArray, xi: FloatArray) -> FloatArray
 def _arc_polynomials(shape: FloatArray, points: FloatArray) -> FloatArray:
     """Return the arc lengths of elements with control points (m, k, 3) in powers of xi.
 
-    The speed is interpolated at Chebyshev points, where the last coefficients tell the error.
+    The speed is interpolated at Chebyshev points, where the last coefficients estimate the error.
     """
     from numpy.polynomial import chebyshev
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Normals of the surface that flat triangles stand for, at their corners."""
+"""Normals of the surface that flat triangles approximate, at their corners."""
 
 import numpy as np
 

@@ -55,7 +55,7 @@ def line_stiffness(mesh: SurfaceMesh, shell: Shell, sides: IntArray) -> FloatArr
 
 
 def line_slopes(mesh: SurfaceMesh, sides: IntArray) -> tuple[IntArray, FloatArray]:
-    """Triangles (k, 2) whose slopes across an edge stand for those along it, and where (k, 2).
+    """Triangles (k, 2) whose slopes across an edge represent those along it, and where (k, 2).
 
     On lattices the slope of a triangle, across an edge, is that of the shell where a line of the
     lattice from the edge meets it: for the neighbours that share one end of the edge at this end,

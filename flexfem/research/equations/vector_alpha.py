@@ -26,7 +26,7 @@ __all__ = ["VectorAlpha"]
 #: Forward differences of the fourth order for a first, of the third for a second derivative.
 _FIRST = np.array([-25.0 / 12.0, 4.0, -3.0, 4.0 / 3.0, -0.25])
 _SECOND = np.array([35.0 / 12.0, -26.0 / 3.0, 9.5, -14.0 / 3.0, 11.0 / 12.0])
-#: Constraints (m, rad) and their rates that pass for satisfied at the start.
+#: Constraints (m, rad) and their rates that count as satisfied at the start.
 _VIOLATED = 1e-6
 
 

@@ -21,6 +21,6 @@ formalism     the four formalisms as equations for accelerations
 motion        one formalism as equations to be integrated
 
 All energies are functions of the coordinates q of a mechanism: for each body those of its frame,
-then its free elastic ones. A mechanism is held by every rank as a whole: its bodies are coupled by
-few, dense equations, which cost less than the messages of their distribution.
+then its free elastic ones. A mechanism is on every rank as a whole: its bodies are coupled by few,
+dense equations, which cost less than the messages of their distribution.
 """

@@ -38,7 +38,7 @@ FORMS = {
 
 @dataclass(frozen=True)
 class Count:
-    """Sizes of the equations of a formalism for one cell; see the module for what is counted."""
+    """Sizes of the equations of a formalism for one cell; see the module for the counts."""
 
     derivatives: int
     nodes: int

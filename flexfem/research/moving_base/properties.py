@@ -117,7 +117,7 @@ class BeamProperties:
         return np.unique(np.array(ends, dtype=np.float64))
 
     def gauss_points(self) -> tuple[FloatArray, FloatArray]:
-        """Eight points in each segment, (k,), and the lengths that they stand for, m."""
+        """Eight points in each segment, (k,), and the lengths that they represent, m."""
         at, weights = np.polynomial.legendre.leggauss(8)
         half = 0.5 * np.diff(self.breaks)
         middles = self.breaks[:-1] + half

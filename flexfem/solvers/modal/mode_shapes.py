@@ -53,7 +53,7 @@ class Modes:
             rotation, not positive; empty where they are counted.
         zero_below: angular frequencies below this count as zero, rad/s.
         state_error: largest residual, of those that are neither zero nor doubtful, where the
-            equilibrium is one step of Newton's method more accurate; None unless it was looked at.
+            equilibrium is one step of Newton's method more accurate; None unless it was checked.
         unsettled: it is neither below the tolerance nor round-off.
     """
 
@@ -124,7 +124,7 @@ def find(
         target: rad/s.
         accuracy: relative residual of the eigenvalues.
         improve: moves the system to a state that is nearer to its equilibrium, False if it cannot;
-            None looks at no other state.
+            None checks no other state.
 
     Returns:
         At most ``count`` modes; fewer if the iteration has found fewer.

@@ -3,8 +3,8 @@
 
 See :class:`~flexfem.solvers.modal.pencil.Pencil` for the problem. Without C it is linear in
 ``lambda^2``. Multipliers make infinite eigenvalues, which the shift-and-invert transformation maps
-to zero, the end of the spectrum that is never looked at (Meerbergen, Spence 1997). Small problems
-are solved densely.
+to zero, the end of the spectrum that is never used (Meerbergen, Spence 1997). Small problems are
+solved densely.
 """
 
 from dataclasses import replace
@@ -171,7 +171,7 @@ class _Companion:
     constraints if both halves of the argument do, so that infinite eigenvalues never show. (In a
     companion form that keeps the multipliers in z they spoil the digits of the finite ones.)
     Complex vectors have their real parts first, then their imaginary ones; every eigenvalue has its
-    conjugate then, of which :meth:`mode` tells one from the other.
+    conjugate then, which :meth:`mode` distinguishes.
     """
 
     def __init__(self, inverse: ShiftedInverse) -> None:

@@ -69,7 +69,7 @@ class Accelerated:
     (O'Donoghue, Candes, Found. Comput. Math. 15 (2015) 715-732), for some steps in a row, since a
     contact that closes is no reason to stop all. The part of the change of forces that steps take
     away (there all of it) is a damping in proportion to the stiffness: what contacts and snapping
-    folds excite is damped within some steps, while slow motions go on.
+    folds excite is damped within some steps, while slow motions continue.
     """
 
     stable, slow = 4.0 / (1.0 + 2.0 * _SMOOTH), False

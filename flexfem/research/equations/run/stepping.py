@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Equations of motion with their scheme in time, as a run and its checkpoints see them."""
+"""Equations of motion with their scheme in time, as runs and checkpoints use them."""
 
 from collections.abc import Iterator
 from contextlib import contextmanager
@@ -42,7 +42,7 @@ class SteppedEquations:
     """Equations with their scheme in time.
 
     Attributes:
-        status: whether there was a consistent start.
+        status: True if there was a consistent start.
         steps, rejected: accepted (partial) steps and rejected ones.
     """
 
@@ -64,7 +64,7 @@ class SteppedEquations:
 
     @contextmanager
     def _functions(self) -> Iterator[None]:
-        """Note where a function of the user's fails within."""
+        """Collect failures of the user's functions within."""
         try:
             yield
         except FAILURES as error:

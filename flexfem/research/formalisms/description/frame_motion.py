@@ -59,7 +59,7 @@ def check_rates(owner: str, motion: Motion, count: int) -> None:
             before, now, after = (
                 values_of(owner, motion, t * (1.0 + s * _STEP), count) for s in (-1.0, 0.0, 1.0)
             )
-        except FAILURES:  # the run tells of it, if it gets there
+        except FAILURES:  # the run reports it, if it gets there
             continue
         for k, name in enumerate(found, 1):
             h = t * _STEP

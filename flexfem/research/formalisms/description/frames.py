@@ -2,11 +2,11 @@
 """Floating frames and their coordinates.
 
 The formalisms of Lagrange and Hamilton need true coordinates. In the plane they are the origin and
-the angle. In space the orientation has Euler parameters (a, b, c, d), one more than it has
-freedoms: they are free of singular positions, and R is a polynomial of second degree in them, which
-is cheap to differentiate. R is left without division by their norm: off the unit sphere it also
-stretches, so that all four have inertia, which the Legendre transformation to momenta needs. Their
-unit norm is a constraint like that of a joint.
+the angle. In space the orientation has Euler parameters (a, b, c, d), one more than it has degrees
+of freedom: they are free of singular positions, and R is a polynomial of second degree in them,
+which is cheap to differentiate. R is left without division by their norm: off the unit sphere it
+also stretches, so that all four have inertia, which the Legendre transformation to momenta needs.
+Their unit norm is a constraint like that of a joint.
 """
 
 from dataclasses import dataclass

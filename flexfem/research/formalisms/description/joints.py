@@ -46,7 +46,7 @@ class End:
 
 @dataclass(frozen=True)
 class EndState:
-    """An end as UFL sees it.
+    """An end in UFL.
 
     Attributes:
         frame: kind of the floating frame.

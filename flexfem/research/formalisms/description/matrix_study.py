@@ -13,11 +13,11 @@ __all__ = ["ElementMatrixStudy"]
 
 @dataclass(frozen=True, repr=False)
 class ElementMatrixStudy:
-    """Bodies of which the matrices of one element are wanted, see `ElementMatrices`.
+    """Bodies for the matrices of one element, see `ElementMatrices`.
 
     Args:
         bodies: by their labels in the table, in the order of ``labels``.
-        labels: names of the columns that tell the bodies apart, such as ("element", "motion").
+        labels: names of the columns that distinguish the bodies, such as ("element", "motion").
         omega: angular velocity of the frames, local components, rad/s.
         epsilon: their angular acceleration, local components, rad/s^2.
         number: of the element in each mesh.

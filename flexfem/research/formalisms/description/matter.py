@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Matter of bodies: the positions of their points and their strain energy, in UFL.
 
-Matter says of which cells the mesh is, which fields describe the elastic displacement, where a
-point is in the floating frame and the energy of a displacement. Everything else is derived. Matter
-of one's own is one more class with these members; numbers that may change between runs are
+Matter defines the cells of the mesh, the fields of the elastic displacement, the position of a
+point in the floating frame and the energy of a displacement. Everything else is derived. Matter of
+one's own is one more class with these members; numbers that may change between runs are
 ``parameters``, so that no form is compiled twice for another value.
 
 A beam is its axis and, for the rotary inertia of its sections, the vectors along their axes that
@@ -78,8 +78,8 @@ class BeamMatter:
         material: elastic constants and density.
         width: of the rectangular section along the third axis, m.
         height: along the second axis, m.
-        spatial: whether it bends and twists in space, with six displacements a node, or in the
-            plane with three.
+        spatial: True if it bends and twists in space, with six displacements a node; in the plane
+            it has three.
         degree: of the elements.
         damping: dissipation relative to the strain energy of the velocities, s.
 

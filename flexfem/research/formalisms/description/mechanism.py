@@ -37,9 +37,9 @@ class EnergyBody:
         frame: `PlanarFrame` or `SpatialFrame`.
         mesh: function of an MPI communicator that returns a DOLFINx mesh in local coordinates (m);
             it is called with a communicator of one process.
-        held: function of the nodes' local coordinates (n, 3) that tells which elastic coordinates
-            vanish, (n,) for whole nodes or (n, components); they fix the frame to the body. None
-            holds the nodes with the smallest first coordinate.
+        held: function of the nodes' local coordinates (n, 3) that returns flags of the elastic
+            coordinates that are fixed, (n,) for whole nodes or (n, components); they fix the frame
+            to the body. None fixes the nodes with the smallest first coordinate.
         origin: start of the frame, m.
         rotation: of the frame at the start, 3x3; None for the inertial axes.
         velocity: of the origin at the start, m/s.

@@ -20,7 +20,7 @@ class FormalismStudy:
 
     Args:
         mechanisms: by their labels in the table, in the order of ``labels``.
-        labels: names of the columns that tell the mechanisms apart, such as ("element", "motion").
+        labels: names of the columns that distinguish the mechanisms, such as ("element", "motion").
         formalisms: names among `FORMALISMS`.
         steps: that are timed for the table.
     """

@@ -46,7 +46,7 @@ def findings(rows: Sequence[Row], labels: Sequence[str], energies: Sequence[Row]
 
     Args:
         rows: costs of the formalisms.
-        labels: names of the columns that tell mechanisms apart.
+        labels: names of the columns that distinguish mechanisms.
         energies: costs of kinetic energy and energy of accelerations.
     """
     groups: dict[tuple[Any, ...], dict[str, Row]] = {}
@@ -122,7 +122,7 @@ def _of_energies(rows: Sequence[Row], labels: Sequence[str]) -> str:
 
 
 def _side(low: float, high: float, same: float) -> int:
-    """1 for more, -1 for less, 0 where ratios between these bounds do not tell."""
+    """1 for more, -1 for less, 0 where ratios between these bounds are inconclusive."""
     return 1 if low > 1.0 + same else -1 if high < 1.0 - same else 0
 
 

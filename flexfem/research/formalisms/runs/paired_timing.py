@@ -3,7 +3,7 @@
 
 Other work on the machine slows one measurement or another by any factor. Alternatives that take
 turns meet the same load, the least of several repeats is the nearest to the undisturbed time, and
-the ratios of the repeats tell whether a difference is one of the alternatives or of the load.
+the ratios of the repeats show whether a difference is one of the alternatives or of the load.
 """
 
 import time
