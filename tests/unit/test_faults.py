@@ -166,7 +166,14 @@ def test_a_function_fails_during_the_run(
     assert not (shared_tmp_path / ".flexfem_run").exists()
 
 
-@pytest.mark.parametrize("what", ["amplitude", "sampled", "event", "action"])
+@pytest.mark.parametrize(
+    "what",
+    [
+        "sampled",
+        "event",
+        *(pytest.param(w, marks=pytest.mark.serial) for w in ("amplitude", "action")),
+    ],
+)
 def test_a_mended_function_goes_on(what: str, shared_tmp_path: Path) -> None:
     """The samples and events that failed are made by the restart."""
     sound = ff.simulate(pendulum(Failing("nothing")), options(None))

@@ -89,6 +89,7 @@ def _speeds(run: Run, bend: float) -> tuple[float, float, float]:
     return run.system.time, v[0, 3:] @ X, v[1, 3:] @ second
 
 
+@pytest.mark.serial
 def test_universal_joint_speed_ratio():
     """w2/w1 = cos b/(1 - sin^2 b cos^2 a), a from the plane of the shafts."""
     bend = 0.6

@@ -64,6 +64,7 @@ def _reaction_error(h: float) -> float:
     return float(error.max())
 
 
+@pytest.mark.serial
 def test_pendulum_reaction():
     coarse, fine = _reaction_error(4e-3), _reaction_error(2e-3)
     if fine:
