@@ -30,6 +30,7 @@ from flexfem.simulation.run.cautions import Cautions
 from flexfem.simulation.run.checkpoints import Checkpoints, Restart
 from flexfem.simulation.run.failure_reasons import (
     ITERATED,
+    STABILISED,
     STATICS,
     moves_most,
     not_finite,
@@ -426,7 +427,8 @@ class StaticSteps(Steps):
             return f"{culprit} after t = {t:.6g}"
         where = moves_most(self._serial, self.system) if status in ITERATED else ""
         text = self._inverted if status is Status.INSIDE_OUT else status.value
-        return with_hint(f"{text} at t = {t:.6g}{where}", STATICS.get(status))
+        hints = STABILISED if options.stabilise else STATICS
+        return with_hint(f"{text} at t = {t:.6g}{where}", hints.get(status))
 
     def _unreached(self) -> str:
         """The run came to ``t_end`` before the column had its value (collective)."""

@@ -264,6 +264,14 @@ def test_stabilised_search_ends_where_the_start_does() -> None:
         assert abs(outcome.history["tip_z"][-1] + 1.0 + 0.981 / 2e5) <= 1e-9
 
 
+def test_advice_after_a_stabilised_failure_is_not_to_stabilise() -> None:
+    model = ff.Model("falling")
+    model.add(ff.Gravity((0.0, 0.0, -10.0)), ff.RigidBody("bob", 2.0, (1.0, 1.0, 1.0)))
+    outcome = ff.solve_static(model, ff.StaticOptions(load_steps=1, stabilise=True))
+    assert "increase load_steps" in outcome.status
+    assert "stabilise" not in outcome.status
+
+
 def test_stabilised_steps_factorise_again_only_where_nothing_holds_them() -> None:
     """A cantilever needs hardly any stabilisation, the start of a chain needs more and more."""
     held, hanging = (solve(model, load_steps=2, stabilise=True).summary

@@ -19,6 +19,7 @@ __all__ = [
     "ITERATED",
     "MOTION",
     "RELAXATION",
+    "STABILISED",
     "START",
     "STATICS",
     "modes_hint",
@@ -65,6 +66,17 @@ STATICS: Mapping[Status, str] = {
     "at a limit point use arc_length",
     Status.INSIDE_OUT: "a finite force compresses a linear law to nothing: reduce the loads, or "
     "use a law that resists any compression",
+}
+_STABLE = (
+    "increase load_steps or max_iterations, or reduce the loads: there may be no stable "
+    "equilibrium for them"
+)
+#: The same for statics that are stabilised already.
+STABILISED: Mapping[Status, str] = {
+    **STATICS,
+    Status.NOT_CONVERGED: _STABLE,
+    Status.DIVERGED: _STABLE,
+    Status.SINGULAR: "constrain motions without stiffness by joints or springs",
 }
 #: What to try where a relaxation has not come to rest, and where it diverged.
 RELAXATION = (
