@@ -14,7 +14,7 @@ would not be inlined, so that calls cost what they did.
 import pickle
 from collections.abc import Callable
 from itertools import islice
-from typing import Any, ClassVar, NamedTuple, NoReturn, Self, override
+from typing import Any, ClassVar, NamedTuple, NoReturn, override
 
 import llvmlite.binding as llvm
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
@@ -116,7 +116,7 @@ class _Library(JITCodeLibrary):
     """
 
     #: Large functions whose machine code is loaded, by their entries.
-    _loaded: ClassVar[dict[str, Self]] = {}
+    _loaded: ClassVar[dict[str, "_Library"]] = {}
 
     def __init__(self, codegen: Any, name: str, *, called: bool, large: bool | None = None) -> None:
         """Nothing is compiled yet.
@@ -129,7 +129,7 @@ class _Library(JITCodeLibrary):
         """
         super().__init__(codegen, name)
         self.entry, self.large = "", bool(large)
-        self.units: dict[str, Self] = {}
+        self.units: dict[str, _Library] = {}
         self.environments: tuple[Any, ...] = ()
         self.demands: tuple[Demand, ...] = ()
         self.called, self._by_size = called, large is None
@@ -137,7 +137,7 @@ class _Library(JITCodeLibrary):
         self.enable_object_caching()
 
     @classmethod
-    def restored(cls, codegen: Any, kept: _Kept, *, called: bool) -> Self:
+    def restored(cls, codegen: Any, kept: _Kept, *, called: bool) -> "_Library":
         """The library of what :meth:`kept` has returned."""
         if kept.entry in cls._loaded:
             return cls._loaded[kept.entry]
@@ -150,7 +150,7 @@ class _Library(JITCodeLibrary):
         return library
 
     @classmethod
-    def _restored_unit(cls, codegen: Any, unit: _Unit) -> Self:
+    def _restored_unit(cls, codegen: Any, unit: _Unit) -> "_Library":
         """The library of a large function."""
         library = cls._loaded.get(unit.entry)
         if library is None:
@@ -191,8 +191,9 @@ class _Library(JITCodeLibrary):
     def set_environments(self, environments: tuple[Any, ...]) -> None:
         """Let machine code know the constants of all functions in it."""
         self.environments = environments
+        codegen: Any = self._codegen
         for environment in environments:
-            self._codegen.set_env(environment.env_name, environment)
+            codegen.set_env(environment.env_name, environment)
 
     @override
     def _optimize_functions(self, ll_module: Any) -> None:
