@@ -74,6 +74,7 @@ class _Unit(NamedTuple):
         machine_code: an object file.
         environments: constants of the functions in it.
         demands: functions that it calls on demand.
+        units: entries of the large functions that it calls, which come before it.
     """
 
     name: str
@@ -81,6 +82,7 @@ class _Unit(NamedTuple):
     machine_code: bytes
     environments: tuple[Any, ...]
     demands: tuple[Demand, ...]
+    units: tuple[str, ...]
 
 
 class _Kept(NamedTuple):
@@ -144,7 +146,8 @@ class _Library(JITCodeLibrary):
         library = cls(codegen, kept.name, called=called)
         library.entry, library.large = kept.entry, kept.bitcode is None
         library._bitcode = kept.bitcode or b""
-        library.units = {unit.entry: cls._restored_unit(codegen, unit) for unit in kept.units}
+        for unit in kept.units:
+            library.units[unit.entry] = cls._restored_unit(codegen, unit)
         library.demands = kept.demands
         library._load(kept.machine_code)
         return library
@@ -157,6 +160,7 @@ class _Library(JITCodeLibrary):
             library = cls(codegen, unit.name, called=False)
             library.entry, library.large = unit.entry, True
             library.demands = unit.demands
+            library.units = {entry: cls._loaded[entry] for entry in unit.units}
             library._load(unit.machine_code)
             library.set_environments(unit.environments)
         return library
@@ -179,7 +183,9 @@ class _Library(JITCodeLibrary):
         machine_code = self._object() if self.called or self.large else None
         bitcode = None if self.large else self._get_module_for_linking().as_bitcode()
         units = [
-            _Unit(unit.name, entry, unit._object(), unit.environments, unit.demands)
+            _Unit(
+                unit.name, entry, unit._object(), unit.environments, unit.demands, tuple(unit.units)
+            )
             for entry, unit in self.units.items()
         ]
         return _Kept(self.name, self.entry, machine_code, bitcode, tuple(units), self.demands)

@@ -48,6 +48,32 @@ def large_part(values, out):
     return out[0]
 
 
+@subroutine
+def _larger(values, out):
+    """Long as well, and calls a large one."""
+    _large(values, out)
+    for i in range(5):
+        for j in range(4):
+            out[i] -= np.tan(out[j]) * np.cosh(out[i + 1]) + np.log(2.0 + abs(out[j]))
+            out[j] += np.hypot(out[i], out[j + 1]) / (3.0 + np.cosh(out[i]))
+    for i in range(6):
+        for j in range(6):
+            out[i] += np.sin(values[j]) * np.cos(values[i]) / (1.0 + values[i] * values[j])
+            out[i] *= np.exp(-values[j]) + np.arctan2(out[i], values[j])
+
+
+@kernel
+def one_way(values, out):
+    _larger(values, out)
+    return out[0]
+
+
+@kernel
+def another_way(values, out):
+    _larger(values, out)
+    return out[1]
+
+
 @on_demand
 def _first_kind(out):
     for i in range(out.size):
@@ -112,6 +138,15 @@ def test_file_of_a_loop_holds_large_functions_that_it_calls(tmp_path):
     for file in tmp_path.rglob("*large_part*"):
         file.unlink()
     assert run(tmp_path, LARGE).stdout == first  # from the files of its parts
+
+
+def test_files_of_all_loops_hold_what_large_functions_call(tmp_path):
+    """The second loop is compiled where its parts came from the file of the first."""
+    script = "from tests.unit.test_calls_of_loops import another_way, one_way\nimport numpy as np\n"
+    script += "print(%s(np.linspace(0.1, 0.7, 6), np.zeros(6)).hex())"
+    run(tmp_path, script % "one_way")
+    both = run(tmp_path, f"{script % 'one_way'}\n{script % 'another_way'}").stdout
+    assert run(tmp_path, script % "another_way").stdout == both.splitlines()[-1] + "\n"
 
 
 def test_errors_of_large_functions_reach_the_caller():
