@@ -47,7 +47,10 @@ for loop, signature in called:
     # only of loops that Python calls, by a name of their module
     if not getattr(library, "called", False):
         continue
-    if getattr(sys.modules[module], name, None) is not loop:
+    named = sys.modules[module]
+    for part in name.split("."):
+        named = getattr(named, part, None)
+    if named is not loop:
         continue
     kept = library.kept()
     size = len(kept.machine_code) + sum(len(unit.machine_code) for unit in kept.units)

@@ -33,7 +33,7 @@ from flexfem.kernels.compiled import inlined, inlined_fused, kernel
 from flexfem.kernels.ffcx import Kernel
 from flexfem.kernels.lanes import LANES
 
-__all__ = ["ByHand", "batched_by_hand", "by_hand", "by_hand_fused"]
+__all__ = ["ByHand", "batched_by_hand", "by_hand"]
 
 type _CellFunction = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], None]
 
@@ -47,6 +47,7 @@ class ByHand:
     Attributes:
         part: the function, as a part of compiled loops.
         lanes: number of cells that one call treats.
+        address: loop that returns the address of the kernel.
     """
 
     def __init__(self, function: _CellFunction, inline: Any, lanes: int) -> None:
@@ -77,7 +78,7 @@ class ByHand:
         names = {"__name__": function.__module__, "_address_of": _address_of, "by_hand": self}
         loop = FunctionType(code, names, "address")
         loop.__module__, loop.__qualname__ = function.__module__, f"{function.__qualname__}.address"
-        self._address = kernel(loop)
+        self.address = kernel(loop)
 
     def kernel(self, sizes: Sequence[int]) -> Kernel:
         """The kernel, as ``compile_kernel`` returns those of forms.
@@ -88,7 +89,7 @@ class ByHand:
         """
         ends = np.array([0, *accumulate(sizes)], dtype=np.int64)
         offsets = np.where(np.array([*sizes, 1]) > 0, ends, -1)
-        return Kernel(self._address(), offsets, self, self.lanes)
+        return Kernel(self.address(), offsets, self, self.lanes)
 
 
 def by_hand(function: _CellFunction) -> ByHand:
@@ -96,13 +97,11 @@ def by_hand(function: _CellFunction) -> ByHand:
     return ByHand(function, inlined, 1)
 
 
-def by_hand_fused(function: _CellFunction) -> ByHand:
-    """The same with products and sums fused to one operation each."""
-    return ByHand(function, inlined_fused, 1)
-
-
 def batched_by_hand(function: _CellFunction) -> ByHand:
-    """The same of ``LANES`` cells side by side, for functions that use ``kernels.vectors``."""
+    """The same of ``LANES`` cells side by side, for functions that use ``kernels.vectors``.
+
+    Products and sums are fused to one operation each.
+    """
     return ByHand(function, inlined_fused, LANES)
 
 

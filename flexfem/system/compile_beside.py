@@ -17,6 +17,7 @@ from collections.abc import Iterator
 from contextlib import suppress
 from importlib import import_module
 from itertools import islice
+from operator import attrgetter
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
@@ -92,7 +93,7 @@ class _Entry(NamedTuple):
 
     Attributes:
         module: where the loop is.
-        function: its name.
+        function: its name there, with that of a kernel written by hand whose address it returns.
         usual: whether nearly all models call it.
         kinds: types of its arguments, as :func:`text_of` writes them.
     """
@@ -105,9 +106,9 @@ class _Entry(NamedTuple):
     def resolved(self) -> tuple[Any, tuple[Any, ...]] | None:
         """The loop and the types of its arguments; None where there is no such loop."""
         try:
-            loop = getattr(import_module(self.module), self.function, None)
+            loop = attrgetter(self.function)(import_module(self.module))
             kinds = tuple(kind_of(kind) for kind in self.kinds)
-        except (ImportError, ValueError):
+        except (AttributeError, ImportError, ValueError):
             return None
         return (loop, kinds) if isinstance(loop, Dispatcher) else None
 

@@ -51,7 +51,7 @@ def test_an_error_in_a_kernel_shows_in_its_results():
 
 
 def test_kernels_are_out_of_date_with_their_own_file():
-    assert Path(spring._address._cache._impl.locator._py_file) == Path(__file__)
+    assert Path(spring.address._cache._impl.locator._py_file) == Path(__file__)
 
 
 def test_kernels_of_one_name_are_told_apart():
@@ -70,7 +70,7 @@ def test_kernels_are_kept_on_disk(tmp_path):
     script = (
         "from tests.unit.test_by_hand import spring\n"
         "spring.kernel([1, 1])\n"
-        "print(sum(spring._address.stats.cache_misses.values()))"
+        "print(sum(spring.address.stats.cache_misses.values()))"
     )
     command = [sys.executable, "-c", script]
     found = [

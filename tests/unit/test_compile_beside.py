@@ -10,6 +10,7 @@ import sys
 import time
 from importlib import import_module
 from io import BytesIO
+from operator import attrgetter
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any, NamedTuple
@@ -37,7 +38,7 @@ def test_list_is_that_of_the_package():
     entries = list(beside._listed())
     assert len(entries) > 30
     for entry in entries:
-        loop = getattr(import_module(entry.module), entry.function)
+        loop = attrgetter(entry.function)(import_module(entry.module))
         assert isinstance(loop, Dispatcher)
         parameters = inspect.signature(loop.py_func).parameters
         assert len(parameters) == len(entry.kinds), entry.function
