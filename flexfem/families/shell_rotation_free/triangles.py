@@ -2,7 +2,7 @@
 """Rotation-free triangles: energy, internal forces, tangents and masses from nodal positions.
 
 The energy is that of ``forms.shell``, with the curvatures of ``mesh.shells.patches``.
-Differentiated by hand, a residual costs 0.06 and a tangent 0.8 us a triangle; by the form
+Differentiated by hand, a residual costs 0.07 and a tangent 0.6 us a triangle; by the form
 (``families.shells.ufl_triangles``) they cost 0.9 and 3.5 us
 (``tests/benchmarks/shell_kernels.py``).
 """
