@@ -11,9 +11,11 @@ A large function is translated once, and called: files of what calls it hold its
 would not be inlined, so that calls cost what they did.
 """
 
+import hashlib
 import pickle
 from collections.abc import Callable
 from itertools import islice
+from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, NoReturn, override
 
 import llvmlite.binding as llvm
@@ -31,6 +33,8 @@ _UNREADABLE = (
     pickle.UnpicklingError,
 )  # fmt: skip
 
+#: Name of what files hold: those that another version of this module wrote are left alone.
+_FORMAT = hashlib.blake2b(Path(__file__).read_bytes(), digest_size=4).hexdigest()
 #: Instructions of a large function: LLVM would hardly inline it.
 _LARGE = 100
 #: Code of callers whose files do not hold what they call.
@@ -266,7 +270,7 @@ class _CacheImpl(CompileResultCacheImpl):
 
     @override
     def get_filename_base(self, fullname: str, abiflags: str) -> str:
-        return f"{super().get_filename_base(fullname, abiflags)}.flexfem"
+        return f"{super().get_filename_base(fullname, abiflags)}.flexfem-{_FORMAT}"
 
 
 class _LoopCacheImpl(_CacheImpl):
