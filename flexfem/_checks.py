@@ -24,7 +24,13 @@ _SHORTEST, _LONGEST = 1e-150, 1e150
 
 
 class InputError(ValueError):
-    """Wrong input that all ranks notice, before anything is computed or written."""
+    """Wrong input that all ranks notice, before anything is computed or written.
+
+    Attributes:
+        alone: this rank noticed it, and others did not come to the same end.
+    """
+
+    alone: bool = False
 
 
 class NumericalError(ArithmeticError):

@@ -89,7 +89,9 @@ def _run(
     try:
         results = case.results_with(parameters)
         outcome = case.analysis.run(model, options, case=case.name, results=results)
-    except (InputError, InstallationError) as error:
+    except InputError as error:
+        raise UsageError(str(error), agreed=not error.alone) from error
+    except InstallationError as error:
         raise UsageError(str(error), agreed=True) from error
     except launch.Interrupted as stop:
         raise _with_command(stop, options, prog, argv) from stop

@@ -1,14 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Cells in SIMD lanes, as batched kernels take them."""
 
+import math
+
 import numpy as np
 
 from flexfem._types import FloatArray
 
-__all__ = ["LANES", "lanes", "unlaned"]
+__all__ = ["LANES", "in_rows", "lanes", "unlaned"]
 
 #: Cells of one call: the width of the largest vectors of today's processors.
 LANES = 8
+
+
+def in_rows(values: FloatArray) -> FloatArray:
+    """The numbers (m, ...) of each cell in one row, (m, k), also of a rank without cells."""
+    return values.reshape(len(values), math.prod(values.shape[1:]))
 
 
 def lanes(values: FloatArray) -> FloatArray:

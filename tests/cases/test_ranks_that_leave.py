@@ -183,19 +183,33 @@ def fails(*given, **named):
         raise InputError("found here alone")
     return build(*given, **named)
 setup.build = fails
-model = ff.Model("top")
-model.add(ff.RigidBody("body", 1.0, (0.1, 0.1, 0.2)))
-ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=1e-3, output=sys.argv[1]))
+def model():
+    model = ff.Model("top")
+    model.add(ff.RigidBody("body", 1.0, (0.1, 0.1, 0.2)))
+    return model
 """
+#: Ends of the script, and exit code and last words of the run.
+ENDS = {
+    "script": (
+        "ff.simulate(model(), ff.RunOptions(dt=1e-3, t_end=1e-3, output=sys.argv[2]))",
+        1, "InputError: found here alone\n",
+    ),
+    "case": (
+        'sys.exit(ff.main(ff.Case("top", "a body", model, dt=1e-3, t_end=1e-3)))',
+        2, "error: found here alone\n",
+    ),
+}  # fmt: skip
 
 
+@pytest.mark.parametrize("end", ENDS)
 @pytest.mark.parametrize("leaving", [0, 1])
 def test_input_refused_on_one_rank_while_a_model_is_built(
-    leaving: int, tmp_path: Path, run: Callable[..., Any]
+    leaving: int, end: str, tmp_path: Path, run: Callable[..., Any]
 ) -> None:
     """The others wait in a collective call of the same step: all end, with its error."""
-    script = tmp_path / "script.py"
-    script.write_text(ALONE.format(leaving=leaving))
-    ended = run(2, script, tmp_path / "results", timeout=60)  # without the limit: no end at all
-    assert ended.returncode == 1
-    assert ended.stderr.endswith("InputError: found here alone\n")
+    script, (last, code, words) = tmp_path / "script.py", ENDS[end]
+    script.write_text(f"{ALONE.format(leaving=leaving)}\n{last}\n")
+    # without the limit: no end at all
+    ended = run(2, script, "--output", tmp_path / "results", timeout=90)
+    assert ended.returncode == code
+    assert ended.stderr.endswith(words)

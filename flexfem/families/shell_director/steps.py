@@ -26,7 +26,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.families.shell_director.tables import CROSSED, MEMBRANE
 from flexfem.kernels.compiled import inlined_fused
-from flexfem.kernels.lanes import LANES, lanes
+from flexfem.kernels.lanes import LANES, in_rows, lanes
 from flexfem.kernels.vectors import add_to, load, store
 
 __all__ = [
@@ -89,11 +89,9 @@ def constant_data(
         shears: (m, 6, 6) stiffness of the shear, relaxed, times areas, N m.
         planes: (m, 3, 6, 6) stiffness of membrane and bending at the points, times areas.
     """
-    count = len(nodes)
-    pieces = directors, nodes[:, 3:6] == nodes[:, 6:], damping, shears, planes
-    columns = [np.reshape(piece, (count, -1)).astype(np.float64) for piece in pieces]
-    rows = lanes(np.concatenate(columns, axis=1))
-    return rows.reshape(len(rows), -1)
+    own = (nodes[:, 3:6] == nodes[:, 6:]).astype(np.float64)
+    pieces = directors, own, damping, shears, planes
+    return in_rows(lanes(np.concatenate([in_rows(piece) for piece in pieces], axis=1)))
 
 
 @inlined_fused

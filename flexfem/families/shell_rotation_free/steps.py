@@ -20,7 +20,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.kernels.compiled import inlined_fused
-from flexfem.kernels.lanes import lanes
+from flexfem.kernels.lanes import in_rows, lanes
 from flexfem.kernels.vectors import load
 from flexfem.mesh.shells.patches import Patches
 
@@ -61,12 +61,11 @@ def constant_data(
         starts: (m, 6) what counts as no strain.
         damping: (m,) stiffness-proportional, s.
     """
-    count, there = len(patches.areas), patches.nodes >= 0
+    there = patches.nodes >= 0
     flat = np.where(there[:, None, : patches.membrane.shape[2]], patches.membrane, 0.0)
     pieces = [starts, patches.areas, damping, offsets, np.swapaxes(flat, 1, 2),
               np.swapaxes(patches.curvatures, 1, 2)]  # fmt: skip
-    rows = lanes(np.concatenate([piece.reshape(count, -1) for piece in pieces], axis=1))
-    return rows.reshape(len(rows), -1)
+    return in_rows(lanes(np.concatenate([in_rows(piece) for piece in pieces], axis=1)))
 
 
 @inlined_fused

@@ -21,6 +21,7 @@ from flexfem.families.shell_rotation_free.triangles import Response, RotationFre
 from flexfem.families.shells.strain_kernels import StrainKernels
 from flexfem.forms.director_shell import MEMBRANE_PLACES, membrane_weights
 from flexfem.kernels.driver import ALL_COLUMNS, add_products
+from flexfem.kernels.lanes import in_rows
 from flexfem.lie import so3
 
 __all__ = ["UFLDirectorTriangles", "UFLRotationFreeTriangles"]
@@ -139,7 +140,7 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
         self, points: FloatArray, steps: FloatArray, residual: FloatArray,
         factors: tuple[float, float] = (1.0, 0.0), response: Response | None = None,
     ) -> None:  # fmt: skip
-        tangents = self.tangents(points, factors, response).reshape(len(self.starts), -1)
+        tangents = in_rows(self.tangents(points, factors, response))
         add_products(ALL_COLUMNS, self._cells.memory, tangents, steps, 1.0, False, residual)
 
 
@@ -341,7 +342,7 @@ class UFLDirectorTriangles(DirectorTriangles):
         starts: FloatArray | None = None,
         response: DirectorResponse | None = None,
     ) -> None:
-        tangents = self.tangents(frames, factors, starts, response).reshape(len(self.nodes), -1)
+        tangents = in_rows(self.tangents(frames, factors, starts, response))
         add_products(UNKNOWNS, self._cells.memory, tangents, steps, 1.0, False, residual)
 
 
