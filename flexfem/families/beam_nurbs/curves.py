@@ -114,8 +114,8 @@ class NurbsLines:
     def gauss(self, beam: int, *, fine: bool = False) -> tuple[FloatArray, FloatArray]:
         """Gauss points (q,) in the elements of a beam, and lengths (m, q) they stand for, m.
 
-        Their number is that of the nodes of an element, or that of integrals along curves if
-        larger.
+        Their number is that of the nodes of an element, or with ``fine`` that of integrals along
+        curves.
         """
         return self._points(beam, _FINE if fine else self.parts[beam].nodes.shape[1])
 

@@ -125,7 +125,7 @@ class NurbsGroup:
         )  # fmt: skip
 
     def _start_strains(self, elements: NurbsElements) -> FloatArray:
-        """Strains (b, q, 6, LANES) of the initial configuration, relative to a straight beam."""
+        """Strains (b, q, 6, LANES) of the initial configuration, with none subtracted."""
         shape, rest = elements.tables.shape[:2], np.zeros((len(self._start), 6))
         nothing = np.zeros((*shape, 6, LANES))
         return self._strains(elements, nothing, self._start, rest)[:, :, :6].copy()
