@@ -126,7 +126,7 @@ def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Mode
 
 
 def settled_modes(point: OperatingPoint, count: int, target: float, accuracy: float) -> Modes:
-    """So many modes nearest to a target in rad/s, about an improved equilibrium (collective)."""
+    """Modes nearest to a target in rad/s, about an improved equilibrium (collective)."""
     for _ in range(_SETTLINGS):
         found = find(point.linearization, count, target, accuracy, point.improve)
         if not found.unsettled:

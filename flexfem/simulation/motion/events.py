@@ -130,7 +130,7 @@ class Events:
         return values
 
     def _agree(self, values: FloatArray) -> None:
-        """Take the largest values of all ranks, and note events of which they differ (collective).
+        """Take the largest values of all ranks, and record events that differ (collective).
 
         A function may fail on one rank only, or have another value there.
         """
@@ -263,7 +263,7 @@ class Events:
         return done if comm.size == 1 else bool(comm.allreduce(done, op=MPI.LAND))
 
     def _rebound(self, impact: _Impact) -> Status:
-        """Velocities after an impact at an open joint, which is open again afterwards."""
+        """Set the velocities after an impact at a released joint, which stays released."""
         system, rows = self._system, self._system.constraints
         rows.set_active(impact.joint, True)
         system.interface.update()

@@ -47,7 +47,7 @@ class StartVelocities:
         return [self._line(found)] if found else []
 
     def _line(self, found: dict[_Body, tuple[float, str]]) -> str:
-        """The first of those that were changed most; rounding, and so ranks, must not choose."""
+        """Line on the first of those that were changed most, independent of rounding and ranks."""
         most = max(float(f"{way:.3g}") for way, _ in found.values())
         body = min(b for b, (way, _) in found.items() if float(f"{way:.3g}") == most)
         others = f" and {len(found) - 1} more" if len(found) > 1 else ""

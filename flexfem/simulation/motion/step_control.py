@@ -70,7 +70,7 @@ class StepControl:
         return (self._position + (_FULL >> self._level)) / _FULL
 
     def accepted(self, error: float) -> None:
-        """The step was taken with this local error (any number without error control)."""
+        """Record an accepted step with this local error (any number without error control)."""
         self._position += _FULL >> self._level
         if self.tolerance is None:
             while self._may_double():

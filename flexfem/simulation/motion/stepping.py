@@ -217,7 +217,7 @@ class Simulation:
         return status
 
     def _failed(self) -> bool:
-        """Return True if a user's function failed on a rank: no step helps (collective)."""
+        """Return True if a user-defined function failed on a rank, with any step (collective)."""
         return agreed(current(), self.system.comm) is not None
 
     def _smaller(self, status: Status) -> bool:
@@ -243,7 +243,7 @@ class Simulation:
         self.system.lead = self.breakpoints.lead(end, before=True)
 
     def _checked(self, start: float, size: float, status: Status, policy: Policy) -> Status:
-        """Check the error of a step that was solved; after a failure its trial state is left."""
+        """Check the error of a solved step; after a failure its trial state is discarded."""
         self.system.lead = 0.0
         tolerance = self._control.tolerance
         if status is Status.OK and tolerance is not None:
@@ -278,7 +278,7 @@ class Simulation:
         self.system.lead = 0.0
 
     def _jump(self) -> Status:
-        """Accelerations and multipliers of the accepted state with the loads behind a jump."""
+        """Compute accelerations and multipliers of the accepted state after a jump of loads."""
         system = self.system
         system.lead = self.breakpoints.lead(system.time, before=False)
         system.reset()
@@ -292,7 +292,7 @@ class Simulation:
         return status
 
     def _through_breakpoints(self, whole: float, end: float) -> Status:
-        """To time ``end`` in parts between jumps and kinks, then on with the usual scheme."""
+        """Step to time ``end`` in parts between jumps and kinks; restore the usual scheme."""
         self._scheme = self._integrator.begin_parts(self.system)
         self._last_part = [part.block.accelerations.copy() for part in self.system.parts], 0.0
         status = self._through_events(whole, end)
@@ -335,7 +335,7 @@ class Simulation:
         return Status.OK
 
     def _to_event(self, start: float, size: float, end: float) -> Status:
-        """One step of ``size`` (s), or to the first event within it, which is carried out."""
+        """Take one step of ``size`` (s), or to the first event within it, and carry that out."""
         system, events = self.system, self.events
 
         def trial(tau: float) -> Status:
