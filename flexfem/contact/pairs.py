@@ -128,7 +128,7 @@ class ContactSurfaces:
         return automatic_stiffness(through, density, inertia)
 
     def stiffer(self, stiffness: float) -> float:
-        """Return the largest stiffening factor of the force: up to that through the thickness."""
+        """Return the largest stiffening factor, limited by the stiffness through the thickness."""
         if self._numbers is None or stiffness == 0.0:
             return 1.0
         return min(max(self._numbers[0] / stiffness, 1.0), STIFFER)

@@ -49,7 +49,7 @@ _SWEEPS = 25
 
 
 class AcceptedForces:
-    """Computes the forces of all rows at the accepted state; see ``System.reported_forces``."""
+    """Computation of all rows' forces at the accepted state; see ``System.reported_forces``."""
 
     def __init__(self, system: System, tangent: TangentSolver, span: float, end: float) -> None:
         """Store the arguments; masses are factorised at the first call (collective).

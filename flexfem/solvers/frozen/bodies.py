@@ -151,7 +151,7 @@ class FlexibleBodies:
         self._ends = local[self._held], group.own.columns[self._held, 1]
 
     def _divide(self) -> list[Piece]:
-        """Each large body on its own, all others together; one piece if a body is on two ranks."""
+        """Pieces: each large body alone, the others together; one if a body is on two ranks."""
         group, block = self.group, self.group.part.block
         rows = block.width * np.diff(group.own.node_start)
         large = (rows >= _ALONE) & (not self.split)

@@ -115,7 +115,7 @@ class MultiplierSystem:
         return sides, np.bincount(body, minlength=count).astype(np.int64)
 
     def _ranges(self, sides: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
-        """Columns that sides act on, in ranges of consecutive ones, and where each body's begin."""
+        """Columns on which sides act, in consecutive ranges, and the first range of each body."""
         ranges, counts = [np.empty((0, 2), dtype=np.int64)], []
         for a, b in pairwise(start):
             nodes = np.unique(sides[a:b, 2])

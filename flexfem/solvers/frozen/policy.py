@@ -53,7 +53,7 @@ class _Attempt:
         self, frozen: FrozenSolver, slow: float | None, limit: float, tolerance: float,
         refine: bool, defect: float,
     ) -> None:  # fmt: skip
-        """Take the contractions at which factors are renewed (``slow``), steps refined (``limit``).
+        """Store the contractions that renew factors (``slow``) and refine steps (``limit``).
 
         Iterations stop at ``tolerance``; ``refine`` and ``defect`` are those of the last step.
         """

@@ -284,8 +284,8 @@ class FrozenSolver:
         The steps are left in the blocks.
 
         Args:
-            values: of this rank's rows, shape (r,). beyond: True for a correction of the steps
-                already applied at the interface.
+            values: of this rank's rows, shape (r,).
+            beyond: True for a correction of the steps already applied at the interface.
 
         Returns:
             Correction of the multipliers (r,), always the same array.
@@ -303,7 +303,7 @@ class FrozenSolver:
     def _load(
         self, values: FloatArray, bodies: Sequence[RigidBodies | FlexibleBodies], *, beyond: bool
     ) -> FloatArray:
-        """Right-hand sides of all bodies: residuals and the forces of the multipliers' correction.
+        """Write the right-hand sides of bodies: residuals, forces of the multipliers' correction.
 
         Returns:
             The correction (r,).

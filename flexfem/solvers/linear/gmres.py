@@ -17,8 +17,8 @@ from flexfem._types import FloatArray
 
 __all__ = ["minimal_residual"]
 
-#: Part of its square by which a vector may be reduced in one orthogonalisation before a second
-#: (Daniel, Gragg, Kaufman, Stewart 1976).
+#: Part of its square by which one orthogonalisation may reduce a vector; beyond it a second one
+#: follows (Daniel, Gragg, Kaufman, Stewart 1976).
 _LOST = 0.99
 
 

@@ -90,7 +90,7 @@ class Fronts:
         self.complement = np.zeros((size - count, size - count))
 
     def factor(self, values: FloatArray) -> bool:
-        """Factorise the matrix of the given entries, doubles add up; False if a pivot vanishes."""
+        """Factorise the matrix of these entries, duplicates summed; False if a pivot vanishes."""
         regular: bool = _factor(
             self._tree, values, self._front, self._stack, self._values, self.complement
         )
