@@ -43,21 +43,23 @@ _BY_AXES = np.array([kind.axes for kind in RowKind])
 class Constraints(NumberedRows):
     """Rows of all joints of this rank, their values, derivatives and multipliers.
 
-    Its arrays change, and are never replaced: ``own`` holds them for compiled loops.
+    Its arrays are updated in place and never replaced, since ``own`` passes them to compiled loops.
 
     ``targets``, ``active``, ``held``, ``angles`` and ``forces`` are the state of the rows that a
     checkpoint holds.
 
     Attributes:
-        interface: nodes that joints touch.
-        own: markers, terms and rows, as compiled loops take them.
+        interface: nodes to which joints are attached.
+        own: markers, terms and rows in the format of the compiled loops.
         multipliers: (r,) trial values, scaled by ``beta h^2``.
         forces: (r,) accepted multipliers, not scaled (N or N m for rows in m or rad).
         poses: (m, 12) frames of the markers at the last evaluation, see ``marker_start``.
-        mean_forces: ``forces`` are means over the last step, not those at its end.
-        consistent: ``forces`` go with accelerations that satisfy the constraints, as at a start.
-        reported: (r,) forces that do so, once they are known, see ``System.reported_forces``.
-        held: (r,) rows that keep a target taken from the motion, whatever drives them.
+        mean_forces: True if ``forces`` are means over the last step, not those at its end.
+        consistent: True if ``forces`` belong to accelerations that satisfy the constraints, as at a
+            start.
+        reported: (r,) such forces, once they are computed, see ``System.reported_forces``.
+        held: (r,) True for locked rows: their target is a value from the motion, not that of a
+            drive.
         values, compliance: (r,) residuals and compliances of the last evaluation.
         coupling: (k,) compliances between the multipliers of ``coupled`` rows.
         slopes: (r, 2) derivatives of ``values`` by a row's sum and its rate.
@@ -119,7 +121,7 @@ class Constraints(NumberedRows):
         return State(values, {"rows": rows, "terms": {"angles": self.angles}, **lines})
 
     def restore(self, state: State) -> None:
-        """Take back what :meth:`state` returned."""
+        """Restore a result of :meth:`state`."""
         rows = state.rows["rows"]
         self.forces[:], self.targets[:] = rows["forces"], rows["targets"]
         self.active[:], self.held[:] = rows["active"] > 0.0, rows["held"] > 0.0
@@ -130,7 +132,7 @@ class Constraints(NumberedRows):
         self.consistent, self.reported = False, None
 
     def active_components(self) -> IntArray:
-        """(n_nodes,) 3 where joints only ever pull at the node's origin, else all its unknowns."""
+        """(n_nodes,) 3 where joint forces act at the node's origin only, else all its unknowns."""
         active = np.full(len(self.interface.keys), 3, dtype=np.int64)
         for side in range(2):
             marker, node = self.term_marker[:, side], self.term_nodes[:, side]
@@ -157,7 +159,7 @@ class Constraints(NumberedRows):
         return out
 
     def lock(self, name: str) -> None:
-        """Hold the switchable rows of a joint at their present values (collective).
+        """Lock the switchable rows of a joint at their present values (collective).
 
         The accepted positions stay as they are; velocities must be made consistent by the caller.
 
@@ -169,7 +171,7 @@ class Constraints(NumberedRows):
         self._switch(rows, True)
 
     def release(self, name: str) -> None:
-        """Set the switchable rows of a joint free (collective).
+        """Release the switchable rows of a joint (collective).
 
         Raises:
             ValueError: there is no such joint, or nothing to release in it; on all ranks.
@@ -177,7 +179,7 @@ class Constraints(NumberedRows):
         self._switch(self._switchable(name), False)
 
     def rows_of(self, name: str) -> IntArray:
-        """Rows of a joint that can be switched, all if none is marked so.
+        """Rows of a joint that can be switched, all if none is marked as switchable.
 
         There are none on a rank that does not evaluate it.
         """
@@ -186,13 +188,13 @@ class Constraints(NumberedRows):
         return np.flatnonzero(chosen).astype(np.int64)
 
     def set_active(self, name: str, active: bool, hold: bool = False) -> None:
-        """Make a joint's rows hold, or not; velocities must be made consistent by the caller.
+        """Activate or release a joint's rows; velocities must be made consistent by the caller.
 
         Args:
             name: of any joint; a rank that does not evaluate it does nothing.
-            active: its rows hold.
-            hold: they hold their present values, at the interface's state, not their targets, nor
-                what drives them.
+            active: True to enforce its rows, False to release them.
+            hold: True to lock the rows at their present values, of the interface's state, instead
+                of targets and drives.
         """
         rows = self.rows_of(name)
         self.held[rows] = hold
@@ -217,7 +219,7 @@ class Constraints(NumberedRows):
 
     @property
     def rigid(self) -> BoolArray:
-        """(r,) rows that hold a value; the others carry a force by a law, or none."""
+        """(r,) True for constraint equations; the other rows have a force law, or are released."""
         held: BoolArray = self.active & (self.elastic[:, 0] == LawKind.RIGID)
         return held
 
@@ -229,7 +231,7 @@ class Constraints(NumberedRows):
 
     @property
     def working(self) -> BoolArray:
-        """(r,) rows whose forces count as work on the model: drives, and functions of forces."""
+        """(r,) rows whose forces do work on the model: drives, and functions of forces."""
         driven = np.array([j.joint.driven for j in self.joints], dtype=np.bool_)
         works: BoolArray = driven[self.joint_of_row] | (self.elastic[:, 0] == LawKind.FUNCTION)
         return works
@@ -241,18 +243,18 @@ class Constraints(NumberedRows):
 
     @property
     def driven(self) -> bool:
-        """A row of this rank changes with time."""
+        """True if a row of this rank depends on time."""
         return bool(self._driven)
 
     def set_time(self, t: float) -> None:
-        """Update the rows of driven joints, and what functions of forces see, to time ``t``."""
+        """Update the rows of driven joints and the data of force functions to time ``t``."""
         self.function_data[:, 0] = t
         for i, joint in self._driven:
             if not self.held[self.start[i]]:
                 self._drive(i, joint, t)
 
     def _drive(self, i: int, joint: PlacedJoint, t: float) -> None:
-        """Rows of a driven joint; they are not finite where its function fails."""
+        """Rows of a driven joint, not finite where its function fails."""
         try:
             self._write_drive(i, joint, t)
         except FAILURES as error:
@@ -267,12 +269,12 @@ class Constraints(NumberedRows):
             self.targets[self.start[i] : self.start[i + 1]] = targets
 
     def set_drives(self, t: float) -> None:
-        """Update the rows of driven joints that hold values to time ``t``, no laws of forces."""
+        """Update the constraint equations of driven joints to time ``t``, without force laws."""
         for i, joint in self._drives():
             self._write_drive(i, joint, t)
 
     def drives_at(self, times: Sequence[float]) -> tuple[FloatArray, BoolArray]:
-        """Targets (k, r) of all rows at the times (s), and (r,) rows whose terms differ there."""
+        """Targets (k, r) of all rows at k times (s), and (r,) True where terms depend on time."""
         targets = np.tile(self.targets, (len(times), 1))
         differing: BoolArray = np.zeros(self.size, dtype=np.bool_)
         for i, joint in self._drives():
@@ -288,7 +290,7 @@ class Constraints(NumberedRows):
         return targets, differing
 
     def _drives(self) -> Iterator[tuple[int, PlacedJoint]]:
-        """Driven joints that hold values, with their numbers."""
+        """Driven joints with constraint equations, with their numbers."""
         for i, joint in self._driven:
             start = self.start[i]
             if self.elastic[start, 0] == LawKind.RIGID and not self.held[start]:
@@ -319,13 +321,13 @@ class Constraints(NumberedRows):
         return out
 
     def _hold(self, gradient: FloatArray) -> None:
-        """Set gradients (t, 2, 6) to zero along unknowns that stay as they are."""
+        """Set gradients (t, 2, 6) to zero along fixed unknowns."""
         if self._holds:
             held = np.concatenate([self.interface.held, np.zeros((1, 6), dtype=np.bool_)])
             gradient[held[self.term_nodes]] = 0.0  # the ground's interface node is -1
 
     def yielding(self, multipliers: FloatArray) -> FloatArray:
-        """(r,) what rows with laws give way under multipliers (r,), by the last evaluation."""
+        """(r,) contribution of multipliers (r,) to the residuals of rows with laws."""
         values = self.compliance * multipliers
         if len(self.coupling):
             i, j = self.coupled.T
@@ -333,12 +335,12 @@ class Constraints(NumberedRows):
         return values
 
     def use_rates(self, velocity: float, by_time: FloatArray) -> FloatArray:
-        """Put the rates of the rigid rows in the place of their values, with exact derivatives.
+        """Replace the values of the rigid rows by their rates, with exact derivatives.
 
         Args:
             velocity: dv/dn of the time integrator; rates are divided by it, which makes their
                 derivatives those of the values as the step shrinks.
-            by_time: (r,) rate of every row at held positions, from drives.
+            by_time: (r,) rate of every row at fixed positions, from drives.
 
         Returns:
             The values of the rigid rows (r,), zero for the others.
@@ -367,7 +369,7 @@ class Constraints(NumberedRows):
 
         Args:
             twists: (n_nodes, 6) of the interface nodes.
-            sides: (t, 2) sides of the terms that move, all when None.
+            sides: (t, 2) sides of the terms that move, all if None.
         """
         padded = np.concatenate([twists, np.zeros((1, 6))])  # the ground's interface node is -1
         change = np.einsum("tsi,tsi->ts", self.force_jacobian, padded[self.term_nodes])
@@ -380,7 +382,7 @@ class Constraints(NumberedRows):
         add_forces(self.own.memory, multipliers, local, residual)
 
     def accept(self) -> None:
-        """Remember the angles reached, so that they stay continuous."""
+        """Store the present angles, so that later ones are continuous."""
         self.consistent, self.reported = False, None
         update_angles(self.own.memory, self.interface.frames)
         self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
@@ -440,7 +442,7 @@ class Constraints(NumberedRows):
         return out + self.lines.sums
 
     def turning_forces(self, hessians: FloatArray, steps: FloatArray) -> FloatArray:
-        """(n_nodes, 6) change of the constraint forces on the nodes along steps of the nodes.
+        """(n_nodes, 6) change of the constraint forces along steps: geometric stiffness.
 
         Args:
             hessians: (n_pairs, 12, 12) derivatives of the forces.
@@ -462,5 +464,5 @@ class Constraints(NumberedRows):
         return self.force_jacobian * self.rigid[self.row_of_term][:, np.newaxis, np.newaxis]
 
     def rates(self) -> FloatArray:
-        """(r,) time derivative of every row at the interface's velocities, drives held."""
+        """(r,) time derivative of every row at the interface's velocities, drives fixed."""
         return self.changes(self.interface.velocities)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""From the joints of a model to what a rank evaluates: nodes at the interface, places on lines."""
+"""Joints of a model on a rank: interface nodes and points on lines of their markers."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -30,7 +30,7 @@ from flexfem.lie import se3
 
 __all__ = ["JointEnds", "all_ends", "connect", "connect_alone", "joint_ends"]
 
-#: Distance of a slider from its line, relative to the line's length, that counts as none.
+#: Distance of a slider from its line, relative to the line's length, that counts as zero.
 _GAP = 1e-6
 _STEPS, _SMALL = 50, 1e-13
 #: An element lies within this multiple of the distance of its nodes from their middle.
@@ -39,13 +39,13 @@ _BENT = 1.5
 
 @dataclass(frozen=True)
 class JointEnds:
-    """Places of the markers of a joint at the start.
+    """Carriers and poses of the markers of a joint at the start.
 
     Attributes:
         nodes: the node that carries each marker, None on the ground and on lines.
-        points: where it is on a line; None off the lines.
+        points: the point of each marker on a line; None for the others.
         frames: (n, 12) markers relative to their nodes or sections; absolute on the ground.
-        poses: their poses.
+        poses: poses of the markers.
         rows: number of the joint's rows.
     """
 
@@ -69,7 +69,7 @@ _ENDS: WeakKeyDictionary[NumberedModel, list["JointEnds"]] = WeakKeyDictionary()
 
 
 def all_ends(serial: NumberedModel) -> list[JointEnds]:
-    """Markers of all joints of a model, found once.
+    """Markers of all joints of a model, each joint evaluated once.
 
     Raises:
         ValueError: as of :func:`joint_ends`.
@@ -83,8 +83,8 @@ def joint_ends(serial: NumberedModel, joint: Joint) -> JointEnds:
     """Find the markers of a joint.
 
     Raises:
-        ValueError: a slider is not on its line at the start, or a joint has no rows, as a spring
-            between coinciding markers.
+        ValueError: a slider is not on its line at the start, or a joint has no rows, e.g. a spring
+            between coincident markers.
     """
     nodes: list[NodeKey | None] = []
     points: list[LinePoint | None] = []
@@ -115,7 +115,7 @@ def joint_ends(serial: NumberedModel, joint: Joint) -> JointEnds:
 def _on_surface(
     serial: NumberedModel, marker: Attachment, place: SurfacePlace, pose: Pose, axes: bool
 ) -> tuple[NodeKey | None, LinePoint | None, FloatArray]:
-    """Return the carrier of a marker on a shell, node or place on several, and its frame there."""
+    """Carrier of a marker on a shell, a node or a point of several, and its frame there."""
     assert isinstance(marker, Marker)
     axes = axes or bool(marker.offset.any())
     frame = se3.frame(pose.position, pose.rotation)
@@ -129,7 +129,7 @@ def _on_surface(
 
 
 def _slider(serial: NumberedModel, joint: Joint, carrier: Carrier) -> tuple[LinePoint, Pose]:
-    """Place on a line where a slider starts, and the pose of the section there."""
+    """Initial point of a slider on a line, and the pose of the section there."""
     try:
         line = serial.carrier_line(carrier)
     except ValueError as error:
@@ -192,8 +192,8 @@ def connect(
     """Interface nodes of all joints and the joints that this rank evaluates (collective).
 
     Args:
-        joints: of the model.
-        found: their ends.
+        joints: joints of the model.
+        found: their markers.
         comm: communicator.
         placement: distribution of the model.
         blocks: the blocks by kind.
@@ -219,7 +219,7 @@ def connect(
 def connect_alone(
     joints: Sequence[Joint], found: Sequence[JointEnds], table: NodeTable
 ) -> list[PlacedJoint]:
-    """The joints between nodes that this process holds alone; nothing is distributed."""
+    """The joints of a model whose nodes are all on this process, without distribution."""
     rails: dict[int, Rail] = {}
     return [
         _placed(joint, index, ends, table, rails, owned=True, shared=False)
@@ -231,7 +231,7 @@ def _placed(
     joint: Joint, index: int, ends: JointEnds, interface: Interface | NodeTable,
     rails: dict[int, Rail], *, owned: bool, shared: bool,
 ) -> PlacedJoint:  # fmt: skip
-    """A joint between nodes at the interface."""
+    """A joint between interface nodes."""
     nodes, points = _interface_nodes(ends, interface), _rail_points(ends, interface, rails)
     return PlacedJoint(
         joint, index, ends.poses, nodes, ends.frames, points, owned=owned, shared=shared
@@ -241,7 +241,7 @@ def _placed(
 def _rail_points(
     ends: JointEnds, interface: Interface | NodeTable, rails: dict[int, Rail]
 ) -> tuple[RailPoint | None, ...]:
-    """Places of the markers of a joint on lines; ``rails`` are those of lines so far.
+    """Points of the markers of a joint on lines; ``rails`` are those of the lines so far.
 
     Places on surfaces have rails of their own.
     """
@@ -259,7 +259,7 @@ def _rail_points(
 
 
 def _rail(interface: Interface | NodeTable, line: Line) -> Rail:
-    """A line with the interface nodes of its nodes, -1 for those that no joint touches."""
+    """A line with the interface nodes of its nodes, -1 for those without joints."""
     nodes = [
         [interface.node_of.get(key, -1) for key in line.keys(e)] for e in range(len(line.nodes))
     ]
@@ -267,7 +267,7 @@ def _rail(interface: Interface | NodeTable, line: Line) -> Rail:
 
 
 def _interface_nodes(ends: JointEnds, interface: Interface | NodeTable) -> tuple[int, ...]:
-    """Numbers at the interface of the markers' nodes, -1 on the ground, -2 on lines."""
+    """Numbers of the markers' interface nodes, -1 on the ground, -2 on lines."""
     return tuple(
         ON_LINE if point is not None else -1 if key is None else interface.node_of[key]
         for key, point in zip(ends.nodes, ends.points, strict=True)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Users' functions in rows: checked when a model is built, and watched while it moves."""
+"""User-defined functions in rows: checks of the model and monitoring of the motion."""
 
 from __future__ import annotations
 
@@ -28,11 +28,12 @@ def check_functions(rows: Sequence[Row], poses: Sequence[Pose]) -> None:
     """Call and compile the functions of a joint's rows and check their derivatives at the start.
 
     Args:
-        rows: of the joint.
-        poses: of its markers at the start.
+        rows: rows of the joint.
+        poses: poses of its markers at the start.
 
     Raises:
-        ValueError: a function fails, does not compile, or is not smooth there; names it.
+        ValueError: a function fails, does not compile, or is not smooth there; the message names
+            it.
     """
     if all(one is None for row in rows for one in _functions(row)):
         return
@@ -65,7 +66,7 @@ def _functions(row: Row) -> list[UserFunction | None]:
 
 
 def _value(term: Any, frames: Sequence[FloatArray]) -> float:
-    """Value of a term at the start; that of an arc length is unknown here, and taken as none."""
+    """Value of a term at the start; zero for an arc length, which is unknown here."""
     if term.kind == RowKind.ARC:
         return 0.0
     number, g, scratch = kind_number(term), np.empty(12), np.empty((5, 3))
@@ -74,7 +75,7 @@ def _value(term: Any, frames: Sequence[FloatArray]) -> float:
 
 
 def _pose_arguments(H: FloatArray) -> tuple[tuple[float, ...], tuple[tuple[float, ...], ...]]:
-    """Position and rotation of a frame (12,) as functions take them."""
+    """Position and rotation of a frame (12,) as arguments of functions."""
     x = H.tolist()
     return tuple(x[:3]), (tuple(x[3:6]), tuple(x[6:9]), tuple(x[9:12]))
 
@@ -89,14 +90,14 @@ class _Place:
 
 
 class Functions:
-    """The users' functions in the rows of a rank.
+    """The user-defined functions in the rows of a rank.
 
     Attributes:
-        places: where they are used.
+        places: the rows and terms that use them.
     """
 
     def __init__(self, table: NumberedRows) -> None:
-        """Find them."""
+        """Find the functions in the rows."""
         self.places: list[_Place] = []
         for i, placed in enumerate(table.joints):
             for r, row in enumerate(placed.rows(0.0), start=int(table.start[i])):
@@ -111,16 +112,16 @@ class Functions:
         self._terms = np.flatnonzero(inside)
 
     def watch(self, rows: Any) -> None:
-        """Note a function that has given no finite numbers at the last evaluation of ``rows``.
+        """Record a function whose values were not finite at the last evaluation of ``rows``.
 
-        The rows are left as they are: not finite, which makes the step fail on all ranks.
+        The rows are left not finite, which makes the step fail on all ranks.
         """
         values, gradients = rows.values[self._rows], rows.force_jacobian[self._terms]
         if np.isfinite(values).all() and np.isfinite(gradients).all():
             return
         velocities, sums, rates = rows.interface.velocities, rows.sums(), rows.rates()
         if not (np.isfinite(rows.poses).all() and np.isfinite(velocities).all()):
-            return  # the motion was lost before
+            return  # the motion was not finite before
         for place in self.places:
             arguments = self._arguments(place, rows, sums, rates)
             bad = ~np.isfinite(rows.values[place.row])
@@ -131,7 +132,7 @@ class Functions:
     def _arguments(
         self, place: _Place, rows: Any, sums: FloatArray, rates: FloatArray
     ) -> tuple[Any, ...]:
-        """Arguments that the function was called with; empty if they are not known."""
+        """Arguments of the call of the function; empty if they are unknown."""
         r = place.row
         if place.user.kind is FunctionKind.POSE:
             if place.term < 0:
@@ -147,7 +148,7 @@ class Functions:
 
 
 def _blame(user: UserFunction, arguments: tuple[Any, ...]) -> None:
-    """Note what is wrong with a function at these arguments, if something is."""
+    """Record the error of a function at these arguments, if there is one."""
     try:
         values = user(*arguments)
     except FAILURES as error:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Interface nodes, at which joints attach, and their exchange between ranks.
+"""Interface nodes, to which joints are attached, and their exchange between ranks.
 
-Every rank keeps a table of the nodes its joints touch. Owned nodes are copied from their block,
-the others arrive by one message per neighbouring rank: 24 numbers a node (frame, increment,
+Every rank has a table of the nodes of its joints. Owned nodes are copied from their block,
+the others are received in one message per neighbouring rank: 24 numbers a node (frame, increment,
 velocity). Joints between bodies on two ranks are evaluated on both, so that no force, gradient or
 multiplier ever has to be sent.
 """
@@ -31,7 +31,7 @@ _TAG = 1202
 
 
 class NodeDirectory:
-    """Owner, local and global number of nodes that several ranks must agree on.
+    """Owner, local and global number of nodes, the same owner and number on all ranks.
 
     Attributes:
         owner: rank that owns each node.
@@ -42,7 +42,7 @@ class NodeDirectory:
     def __init__(
         self, comm: MPI.Intracomm, keys: Sequence[NodeKey], blocks: Sequence[FrameBlock | None]
     ) -> None:
-        """Look up every key on every rank (collective; keys must agree between ranks)."""
+        """Look up every key on every rank (collective; the same keys on all ranks)."""
         count = len(keys)
         self.local: IntArray = np.full(count, -1, dtype=np.int64)
         found = np.full((2, count), -1, dtype=np.int64)
@@ -72,17 +72,18 @@ def _collect(memory: Memory, local: IntArray, interface_nodes: IntArray, out: Me
 
 
 class Interface:
-    """Table of the nodes that this rank's joints touch.
+    """Table of the nodes of this rank's joints.
 
     Attributes:
         keys: node of each interface node.
         frames, increments, velocities: current values, (n, 12), (n, 6), (n, 6).
         steps: (n, 6) Newton steps after ``update_steps``.
-        inertial: (n,) translations are integrated in inertial axes; width: (n,) unknowns.
-        interface_nodes: these arrays, as compiled loops take them.
+        inertial: (n,) True where translations are integrated in inertial axes; width: (n,)
+            unknowns.
+        interface_nodes: these arrays in the format of the compiled loops.
         kind: kind of block of each interface node; local: local node where owned, else -1.
         number: global number of the node within its block.
-        held: (n, 6) unknowns that stay as they are, on which joints have no effect.
+        held: (n, 6) True for fixed unknowns, on which joints have no effect.
     """
 
     def __init__(
@@ -97,7 +98,7 @@ class Interface:
         Args:
             comm: communicator.
             blocks: the blocks by kind.
-            keys: all nodes that carry joints, the same on every rank.
+            keys: all nodes with joints, the same on every rank.
             needed_by: ranks that need each of them.
         """
         directory = NodeDirectory(comm, keys, blocks)
@@ -169,7 +170,7 @@ class Interface:
         self._exchange((self.steps,))
 
     def _exchange(self, tables: Sequence[FloatArray]) -> None:
-        """Send owned numbers at the interface of the tables to the ranks that need them."""
+        """Send the rows of owned nodes in the tables to the ranks that need them."""
         if not (self._send or self._receive):
             return
         width = sum(table.shape[1] for table in tables)

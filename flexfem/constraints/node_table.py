@@ -15,12 +15,12 @@ __all__ = ["NodeTable"]
 
 @dataclass
 class NodeTable:
-    """The nodes as the rows of joints see them, see ``constraints.interface.Interface``.
+    """Nodes with the attributes that rows of joints need, see ``constraints.interface.Interface``.
 
     Attributes:
         keys: node of each interface node.
         frames, velocities: (n, 12) and (n, 6), local axes.
-        held: (n, 6) unknowns that stay as they are.
+        held: (n, 6) True for fixed unknowns.
         width: (n,) unknowns of each node, 6 or 3.
     """
 
@@ -47,7 +47,7 @@ class NodeTable:
 
     @classmethod
     def of_bodies(cls, frames: FloatArray) -> "NodeTable":
-        """Bodies as wholes at rest, one node each, with frames (n, 12)."""
+        """Rigid bodies at rest, one node each, with frames (n, 12)."""
         count = len(frames)
         return cls(
             keys=[(0, i) for i in range(count)],

@@ -21,10 +21,11 @@ class NumberedRows(RowTable):
     Attributes:
         comm: communicator.
         interior: number of rows that only this rank evaluates.
-        owned: (r,) 1 for rows whose multipliers this rank owns, ``owned_count`` in all.
-        numbers: (r,) global numbers of the multipliers, ``size_global`` in all.
-        shared_numbers: numbers of the shared rows among those of all ranks, ``shared_size`` in all.
-        holders: how many ranks evaluate each shared row.
+        owned: (r,) 1 for rows whose multipliers this rank owns, ``owned_count`` in total.
+        numbers: (r,) global numbers of the multipliers, ``size_global`` in total.
+        shared_numbers: numbers of the shared rows among those of all ranks, ``shared_size`` in
+            total.
+        holders: number of ranks that evaluate each shared row.
     """
 
     def __init__(self, comm: MPI.Intracomm, joints: Sequence[PlacedJoint]) -> None:
@@ -83,7 +84,7 @@ class NumberedRows(RowTable):
         return {name: self._in_order(per_joint[name], owned[name]) for name in owned}
 
     def _in_order(self, counts: IntArray, owned: BoolArray) -> Numbering:
-        """Numbering of things of which the joints here have ``counts`` each."""
+        """Numbering of rows or terms, of which each joint of this rank has ``counts``."""
         comm = self.comm
         index = np.array([j.index for j in self.joints], dtype=np.int64)
         every = np.zeros(comm.allreduce(int(index.max(initial=-1)) + 1, op=MPI.MAX), dtype=np.int64)

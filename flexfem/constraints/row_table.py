@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rows and terms of joints as arrays, as the compiled loops read them."""
+"""Rows and terms of joints as arrays for the compiled loops."""
 
 from collections.abc import Sequence
 
@@ -24,24 +24,23 @@ class RowTable:
         start: (n_joints + 1,) first row of each joint.
         joint_of_row: (r,) its joint.
         marker_start: (n_joints + 1,) first marker of each joint.
-        marker_node, marker_offset: (m,) and (m, 12) number at the interface of its node, frame
+        marker_node, marker_offset: (m,) and (m, 12) interface number of a marker's node, frame
             relative to it.
-        targets: (r,) values that the rows' sums take.
+        targets: (r,) prescribed values of the rows' sums.
         active, switchable: (r,) rows that are not released, and those that may be.
         elastic: (r, 5) law (a ``LawKind``, 0 for rigid), stiffness, damping, two parameters.
-        functions: (r,) addresses of the users' functions that laws call, 0 for none.
+        functions: (r,) addresses of the user-defined functions of laws, 0 for none.
         function_data: (r, 9) time (s) and parameters of these functions.
         term_start: (r + 1,) first term of each row.
         row_of_term: (t,) its row.
         kinds, directions, factors: (t,), (t, 3, 3) and (t,) of the terms; a kind is a ``RowKind``
-            or the address of a user's function.
+            or the address of a user-defined function.
         angles: (t,) continuous angles at the accepted state.
-        term_marker, term_nodes: (t, 2) both markers and the numbers at the interface of their
-            nodes.
+        term_marker, term_nodes: (t, 2) both markers and the interface numbers of their nodes.
         pair_of_term: (t,) pair of markers of a term, ``pair_nodes`` (p, 2), ``pair_owned`` (p,).
-        coupled: (k, 2) rows with friction, and rows whose resultant presses on them.
-        lines: what evaluates the joints with markers on lines; of their gradients, each term here
-            holds two nodes.
+        coupled: (k, 2) rows with friction, and rows whose resultant is the normal force.
+        lines: evaluation of the joints with markers on lines; each term here has two nodes of their
+            gradients.
     """
 
     def __init__(self, joints: Sequence[PlacedJoint]) -> None:
@@ -144,7 +143,7 @@ class RowTable:
                 t += 1
 
     def _normals(self, rows: Sequence[Row]) -> None:
-        """Rows whose resultant presses: the rigid translational ones of the partner."""
+        """Rows whose resultant is the normal force: the rigid translational ones of the partner."""
         number = {id(placed.joint): i for i, placed in enumerate(self.joints)}
         moving = np.array(
             [row.terms[0].kind in (RowKind.INERTIAL, RowKind.ALONG) for row in rows], dtype=np.bool_

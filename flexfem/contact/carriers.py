@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact points on this rank: positions, motion and the nodes that carry them.
+"""Contact points on this rank: positions, motion and the nodes to which they are fixed.
 
 Arrays have one row for every point of the model; only those of points here or nearby are used. A
-point belongs to the rank that owns the node that carries it, one between two others to that of the
-first. Points on the ground are shared out.
+point belongs to the rank that owns its node, one between two others to that of the first. Points on
+the ground are distributed.
 """
 
 from collections.abc import Mapping
@@ -32,7 +32,7 @@ __all__ = ["CarriedPoints", "Carriers"]
 
 @dataclass
 class CarriedPoints:
-    """Points that the nodes of one block carry on this rank.
+    """Points fixed to the nodes of one block on this rank.
 
     Attributes:
         block: the block.
@@ -70,7 +70,7 @@ class CarriedPoints:
 
     @classmethod
     def of(cls, points: ContactPoints, kind: int, block: FrameBlock) -> "CarriedPoints":
-        """Find the points of a kind."""
+        """Select the points of a kind."""
         rows = np.flatnonzero(points.kind == kind)
         rows = rows[np.isin(points.node[rows], block.node_ids)]
         local = block.local_index(points.node[rows]) if len(rows) else rows
@@ -105,7 +105,7 @@ class Carriers:
         Args:
             comm: communicator.
             points: the points of the model.
-            blocks: those that carry points, by kind.
+            blocks: blocks with points, by kind.
             element_ranks: rank of every element of the blocks, by kind.
         """
         self._comm, self.serial = comm, points
@@ -136,13 +136,13 @@ class Carriers:
         return np.flatnonzero(self.home == self._comm.rank)
 
     def ask(self, nodes: IntArray) -> None:
-        """Request the rows of some points of other ranks from now on (collective)."""
+        """Set up the exchange of some points of other ranks (collective)."""
         if self._comm.size > 1:
             wanted = np.unique(np.concatenate([nodes, self._between[0].ravel()]))
             self._exchange = HaloExchange(self._comm, self.home, wanted)
 
     def bring(self, values: FloatArray) -> None:
-        """Bring rows of ``values`` (n + d, k) from other ranks (collective)."""
+        """Receive rows of ``values`` (n + d, k) from other ranks (collective)."""
         if self._exchange is not None:
             self._exchange.bring(values)
 
@@ -189,8 +189,8 @@ class Carriers:
     def add_changes(self, kind: int, forces: FloatArray, scale: float) -> None:
         """Add changes of gathered forces (n + d, 3) to a block's residual.
 
-        Those are scaled; the change of the loads of the last evaluation with the rotation of nodes
-        is added.
+        The changes are scaled; that of the last evaluation's loads by the rotation of nodes is
+        added.
         """
         one = self.by_kind[kind]
         nodes, own = one.block.nodes.memory, one.own.memory

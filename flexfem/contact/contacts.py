@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The contacts of a system on this rank.
 
-A rank looks after the slaves that it owns. Of other ranks it gets the triangles near them: ranks
-tell each other the box of their slaves, and send the triangles that overlap it. Positions of the
-points of these come with every evaluation, and their forces go back. Arrays have one row for every
-point of the model; only those of points here or nearby are used.
+A rank evaluates the contacts of the slaves that it owns. It receives the triangles of other ranks
+near them: ranks exchange the boxes of their slaves, and send the triangles that overlap these.
+Positions of their points are received in every evaluation, and forces are sent back. Arrays have
+one row for every point of the model; only those of points here or nearby are used.
 """
 
 from collections.abc import Iterator, Mapping, Sequence
@@ -35,11 +35,11 @@ class Contacts:
     """All contacts of a system.
 
     Attributes:
-        groups: in the order of the model.
-        time: of the trial state, s.
+        groups: the contacts in the order of the model.
+        time: time of the trial state, s.
         stiffness: force per penetration and area of each, N/m^3; zero, where it is not given, until
             the first step.
-        kinds: of the blocks that contacts act on, ascending.
+        kinds: kinds of the blocks on which contacts act, ascending.
     """
 
     def __init__(
@@ -52,7 +52,7 @@ class Contacts:
             comm: communicator.
             described: serial data of the contacts.
             points: serial data of their points.
-            blocks: of the system, by kind.
+            blocks: blocks of the system, by kind.
             element_ranks: rank of every element of the blocks, by kind.
         """
         self._comm, count = comm, len(points.start)
@@ -74,7 +74,7 @@ class Contacts:
         self.update()
 
     def prepare(self, inertia: float) -> None:
-        """Choose the stiffness by the first matrix; see ``ContactSurfaces.stiffness``."""
+        """Choose the stiffness from the first matrix; see ``ContactSurfaces.stiffness``."""
         if not self.stiffness.all():
             self.set_stiffness(np.array([g.surfaces.stiffness(inertia) for g in self.groups]))
 
@@ -97,7 +97,7 @@ class Contacts:
                 number += 1
 
     def update(self) -> None:
-        """Take in the accepted positions (collective)."""
+        """Update the neighbour lists for the accepted positions (collective)."""
         self._carriers.place(self._points, ghosts=True)
         self._frames.update()
         passes = self._triangles()
@@ -220,7 +220,7 @@ class Contacts:
     def nearby(self, kind: int) -> FloatArray:
         """Stiffness (n_owned, 6) at the nodes of a block of contacts that are or may be closed.
 
-        Those are slaves within the skin of a rigid surface, or with candidates (collective). Of
+        Those are slaves within the skin of a rigid surface, or with candidates (collective). For
         rotations it is that of the arms, N m.
         """
         self._carriers.place(self._points)
@@ -230,7 +230,7 @@ class Contacts:
         )  # fmt: skip
 
     def numberings(self) -> dict[str, Numbering]:
-        """Of the rows of :meth:`state`."""
+        """Numberings of the rows of :meth:`state`."""
         here = self._carriers.here
         owned = np.ones(len(here), dtype=np.bool_)
         return {"contacts": Numbering(here, owned, len(self._points))}
@@ -271,7 +271,7 @@ class Contacts:
                 made.recall(self._points, self._frames.frames[number], memory)
 
     def _named(self) -> Iterator[tuple[str, TriangleContact | RigidContact, int]]:
-        """All contacts with names of their own, and the numbers of rigid surfaces."""
+        """All contacts with unique names, and the numbers of rigid surfaces."""
         number = 0
         for group in self.groups:
             for k, made in enumerate(group.every):
@@ -284,7 +284,7 @@ class Contacts:
 
     @property
     def longest_step(self) -> float:
-        """Largest motion of nodes (m) until :meth:`update` so that none passes through."""
+        """Largest motion of nodes (m) until :meth:`update` for which none passes through."""
         return min(group.surfaces.longest_step for group in self.groups)
 
     @property
@@ -301,7 +301,7 @@ class Contacts:
 
     @property
     def lost(self) -> float:
-        """Energy lost by friction and damping on this rank, J."""
+        """Energy dissipated by friction and damping on this rank, J."""
         return sum(made.closed.lost for g in self.groups for made in g.every)
 
     def measure(self, name: str) -> FloatArray:
@@ -317,15 +317,15 @@ class Contacts:
 class ContactShare:
     """Forces and tangents of a system's contacts on one of its blocks.
 
-    Blocks are evaluated in their order: the first one evaluates for all.
+    Blocks are evaluated in their order: the first one evaluates the contacts of all.
 
     Attributes:
-        contacts: of the system.
-        kind: of the block.
+        contacts: contacts of the system.
+        kind: kind of the block.
     """
 
     def __init__(self, contacts: Contacts, kind: int) -> None:
-        """Take part in the contacts."""
+        """Store the contacts and the kind of the block."""
         self.contacts, self.kind = contacts, kind
         self._first = kind == contacts.kinds[0]
 
@@ -355,5 +355,5 @@ class ContactShare:
         return self.contacts.nearby(self.kind)[:, 0]
 
     def nearby_turns(self) -> FloatArray:
-        """The same of rotations (n_owned,), N m (collective)."""
+        """Rotational stiffness (n_owned,) of the same contacts, N m (collective)."""
         return self.contacts.nearby(self.kind)[:, 3]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Frames of the rigid surfaces of simple shapes, which nodes may carry, known on every rank."""
+"""Frames of the rigid surfaces of simple shapes, fixed to nodes or the ground, on every rank."""
 
 from collections.abc import Iterator, Mapping, Sequence
 
@@ -56,7 +56,7 @@ class SurfaceFrames:
         self._own: IntArray = np.flatnonzero(self._local >= 0)
 
     def update(self) -> None:
-        """Bring the frames of moving surfaces (collective)."""
+        """Exchange the frames of moving surfaces (collective)."""
         if not len(self.moving):
             return
         table = np.zeros((len(self.frames), 12))

@@ -22,7 +22,7 @@ class ContactGroup:
         surfaces: its serial data.
         passes: their data for the slaves of this rank.
         triangles: contacts of the passes; rigid: those with rigid surfaces.
-        areas: of the slaves against rigid surfaces.
+        areas: areas of the slaves of rigid surfaces.
     """
 
     surfaces: ContactSurfaces
@@ -33,7 +33,7 @@ class ContactGroup:
 
     @classmethod
     def of(cls, surfaces: ContactSurfaces, own: BoolArray) -> "ContactGroup":
-        """Keep the slaves that are marked in (n,)."""
+        """Create the contact with the slaves that are marked in (n,)."""
         contact = surfaces.contact
         law = ContactLaw(contact.friction, contact.damping)
         passes = [one.restricted(own) for one in surfaces.passes]
@@ -47,7 +47,7 @@ class ContactGroup:
         return cls(surfaces, passes, triangles, rigid, surfaces.areas[kept])
 
     def set_stiffness(self, stiffness: float) -> None:
-        """Set the force per penetration and area of contacts that just close, N/m^3."""
+        """Set the force per penetration and area at zero penetration, N/m^3."""
         for every in self.every:
             every.stiffer = self.surfaces.stiffer(stiffness)
         for one, made in zip(self.passes, self.triangles, strict=True):

@@ -24,7 +24,7 @@ def check_start(points: ContactPoints, described: Sequence[ContactSurfaces]) -> 
     """Check all contacts of a model.
 
     Raises:
-        ValueError: surfaces that intersect or lie too deep in each other.
+        ValueError: surfaces that intersect or penetrate too deeply.
     """
     for one in described:
         owner = f'Contact "{one.contact.name}"'
@@ -38,7 +38,7 @@ def check_start(points: ContactPoints, described: Sequence[ContactSurfaces]) -> 
 def _check_depth(
     points: ContactPoints, owner: str, one: ContactSurfaces, each: ContactPass
 ) -> None:
-    """Raise where slaves of a pass lie too deep."""
+    """Raise if slaves of a pass penetrate too deeply."""
     made = TriangleContact(each.slaves, each.masters, one.skin, each.excluded)
     made.search(points.start, each.chosen)
     made.settle(points.start)
@@ -53,7 +53,7 @@ def _check_depth(
 
 
 def _check_crossing(points: ContactPoints, owner: str, each: ContactPass) -> None:
-    """Raise where an edge of the slaves intersects a master triangle."""
+    """Raise if an edge of the slaves intersects a master triangle."""
     slave = np.zeros(len(points.start), dtype=np.bool_)
     slave[each.slaves.nodes] = True
     edges = np.concatenate([points.edges, points.parents])
@@ -70,9 +70,9 @@ def _check_crossing(points: ContactPoints, owner: str, each: ContactPass) -> Non
 
 
 def _check_inside(points: ContactPoints, owner: str, one: ContactSurfaces) -> None:
-    """Raise where slaves are on the wrong side of a closed mesh.
+    """Raise if slaves are on the wrong side of a closed mesh.
 
-    Nothing crosses it, so that one node of each part suffices.
+    No edge crosses it, so that one node of each part suffices.
     """
     triangles = points.masters.triangles
     for surface in one.contact.surfaces:
@@ -82,7 +82,7 @@ def _check_inside(points: ContactPoints, owner: str, one: ContactSurfaces) -> No
         nodes = _one_of_each(points, one.slaves.nodes)
         turns = winding_numbers(points.start[nodes], points.start[triangles[rows]])
         wrong = (np.abs(turns) < 0.5) if surface.inside else (turns > 0.5)
-        # on the surface up to half of a thickness is no matter of sides
+        # within half of a thickness of the surface the side is not checked
         if wrong.any():
             node = int(nodes[np.argmax(wrong)])
             where = "outside" if surface.inside else "inside"
@@ -101,7 +101,7 @@ def _one_of_each(points: ContactPoints, slaves: IntArray) -> IntArray:
 
 
 def _check_rigid(points: ContactPoints, owner: str, one: ContactSurfaces) -> None:
-    """Raise where slaves lie too deep in rigid surfaces of simple shapes."""
+    """Raise if slaves penetrate rigid surfaces of simple shapes too deeply."""
     for place in one.rigid:
         if not len(one.slaves.nodes):
             continue

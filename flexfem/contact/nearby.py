@@ -23,12 +23,12 @@ def stiffness_nearby(
     Args:
         groups: all contacts.
         points: positions of the points here and nearby, m, (n, 3).
-        carriers: of these points.
-        frames: of the rigid surfaces of simple shapes.
-        kind: of the block.
+        carriers: carriers of these points.
+        frames: frames of the rigid surfaces of simple shapes.
+        kind: kind of the block.
 
     Returns:
-        Of translations, N/m, and of rotations, N m, shape (n_owned, 6).
+        Bounds for translations, N/m, and for rotations, N m, shape (n_owned, 6).
     """
     total = np.zeros((len(points), 3))
     wrenches = np.zeros((len(frames.frames), 6))
@@ -60,7 +60,7 @@ def stiffness_nearby(
 def _at_nodes(
     total: FloatArray, carriers: Carriers, frames: SurfaceFrames, wrenches: FloatArray, kind: int
 ) -> FloatArray:
-    """Sums over the points and surfaces that each node of a block carries (collective)."""
+    """Sums over the points and surfaces of each node of a block (collective)."""
     frames.wrenches[:] = wrenches
     frames.gather()
     block = frames.block(kind)

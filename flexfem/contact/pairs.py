@@ -44,8 +44,8 @@ class ContactPass:
             of the stiffness that this pass has.
         masters: all triangles; chosen: numbers of those of the masters, ascending.
         excluded: nodes whose triangles each slave does not touch.
-        sign: of the forces on its slaves in those on the slaves of the contact.
-        deep: admissible penetration at the start, relative to the distance at which they touch.
+        sign: sign of the forces on its slaves among those on the slaves of the contact.
+        deep: admissible penetration at the start, relative to the contact distance.
     """
 
     slaves: Slaves
@@ -57,7 +57,7 @@ class ContactPass:
     deep: float
 
     def restricted(self, own: BoolArray) -> "ContactPass":
-        """With those slaves only that are marked in (n,)."""
+        """The pass with the slaves that are marked in (n,) only."""
         kept, old = np.flatnonzero(own[self.slaves.nodes]), self.excluded
         slaves = self.slaves.restricted(own[self.slaves.nodes])
         lengths = np.diff(old.starts)[kept]
@@ -90,11 +90,11 @@ class ContactSurfaces:
     """All surfaces of one contact.
 
     Attributes:
-        contact: the model's.
+        contact: the contact of the model.
         passes: nodes against triangles.
         slaves, areas: nodes against rigid surfaces of simple shapes, see ``ContactPass``.
         rigid: these surfaces.
-        skin: m.
+        skin: search distance, m.
     """
 
     contact: Contact
@@ -107,9 +107,9 @@ class ContactSurfaces:
 
     @property
     def longest_step(self) -> float:
-        """Largest motion of nodes (m) with the same neighbour lists so that none passes through.
+        """Largest motion of nodes (m) with the same neighbour lists for which none passes through.
 
-        That is half of the skin, and half of the radius of a rigid surface.
+        It is the lesser of half of the skin and half of the radius of a rigid surface.
         """
         limits = [0.5 * place.shape.radius for place in self.rigid if place.shape.radius > 0.0]
         if self.passes:
@@ -128,7 +128,7 @@ class ContactSurfaces:
         return automatic_stiffness(through, density, inertia)
 
     def stiffer(self, stiffness: float) -> float:
-        """Return the largest stiffening factor of the force: up to that through the thickness."""
+        """Return the largest stiffening factor, limited by the stiffness through the thickness."""
         if self._numbers is None or stiffness == 0.0:
             return 1.0
         return min(max(self._numbers[0] / stiffness, 1.0), STIFFER)
@@ -140,7 +140,7 @@ def contact_surfaces(serial: NumberedModel, points: ContactPoints) -> list[Conta
 
 
 def _describe(serial: NumberedModel, points: ContactPoints, contact: Contact) -> ContactSurfaces:
-    """One contact."""
+    """Surfaces of one contact."""
     slaves, areas = _slaves(serial, points, contact)
     rigid = [
         _rigid_place(serial, one) for one in contact.surfaces if not isinstance(one, RigidMesh)
@@ -161,7 +161,7 @@ def _describe(serial: NumberedModel, points: ContactPoints, contact: Contact) ->
 def _passes(
     points: ContactPoints, contact: Contact, everything: tuple[Slaves, FloatArray]
 ) -> Iterator[ContactPass]:
-    """Passes of one contact: its slaves against triangles, then the other way round."""
+    """Passes of one contact: its slaves against triangles, then with exchanged roles."""
     first, second = (_triangles(points, names) for names in (contact.slaves, contact.masters))
     meshes = _triangles(points, [id(surface) for surface in contact.surfaces])
     itself = set(contact.slaves) == set(contact.masters)
@@ -184,7 +184,7 @@ def _pass(
     points: ContactPoints, slaves: tuple[Slaves, FloatArray], share: float, master: IntArray,
     sign: float, deep: float,
 ) -> ContactPass:  # fmt: skip
-    """One pass; the stiffness of its slaves is set for it alone."""
+    """One pass, with its own stiffness of the slaves."""
     one, areas = slaves
     own = _without_stiffness(one.nodes, one.offsets)
     excluded = rings(points.masters.triangles, own.nodes, RINGS, points.joined)
@@ -192,7 +192,7 @@ def _pass(
 
 
 def _without_stiffness(nodes: IntArray, offsets: FloatArray) -> Slaves:
-    """Slaves whose stiffness is yet to be set."""
+    """Slaves whose stiffness is to be set later."""
     return Slaves(nodes=nodes, offsets=offsets, stiffness=np.zeros(len(nodes)))
 
 
@@ -203,7 +203,7 @@ def _triangles(points: ContactPoints, keys: Sequence[str | int]) -> IntArray:
 
 
 def _surface_slaves(points: ContactPoints, chosen: IntArray) -> tuple[Slaves, FloatArray]:
-    """Nodes of some triangles, which touch at half of the thickness, and their areas."""
+    """Nodes of some triangles, with half of the thickness as contact distance, and their areas."""
     masters = points.masters
     triangles = masters.triangles[chosen]
     offsets = np.zeros(len(points.start))
@@ -233,7 +233,7 @@ def _slaves(
 def _beam_slaves(
     points: ContactPoints, everything: tuple[Slaves, FloatArray]
 ) -> tuple[Slaves, FloatArray]:
-    """Those of the slaves that belong to beams."""
+    """Points of beams among the slaves."""
     slaves, areas = everything
     of_beams = np.concatenate([np.zeros(0, np.int64), *points.points_of.values()])
     kept = np.isin(slaves.nodes, of_beams)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Serial data of the points and triangles of all contacts, the same on every rank.
 
-Points are carried by nodes: those of shells and beams, and the corners of rigid meshes, which
-a rigid body carries or the ground. Further points lie between two of them, along beams.
+Points are fixed to nodes: those of shells and beams, and the corners of rigid meshes, fixed to a
+    rigid body or the ground. Further points are between two of them, along beams.
 """
 
 from collections.abc import Sequence
@@ -26,9 +26,9 @@ __all__ = ["GROUND", "RINGS", "ContactPoints", "contact_points"]
 
 #: Kind of fixed points.
 GROUND = -1
-#: Points and edges up to this many edges away from a triangle neither touch nor cross it.
+#: Number of edges up to which points and edges near a triangle are excluded from its contacts.
 RINGS = 2
-#: Most parts that an element of a beam is divided into.
+#: Largest number of parts of a beam element.
 _MOST_PARTS = 10
 
 
@@ -39,13 +39,13 @@ class ContactPoints:
     Attributes:
         kind: kind of block of each carrier, GROUND for none, (n,).
         node: number of each carrier in its block, (n,).
-        arms: places in the axes of the carriers, m, (n, 3).
+        arms: positions in the axes of the carriers, m, (n, 3).
         held: fixed unknowns of the carriers, (n, 6).
         start: positions at the start of all points, those between others last, m, (n + d, 3).
         parents: nodes at both ends of the last ones, (d, 2); weights: their weights, (d, 2).
         masters: all triangles.
         edges: of the triangles, (e, 2).
-        joined: pairs of points that joints connect, near which nothing touches, (k, 2).
+        joined: pairs of points that joints connect, near which there is no contact, (k, 2).
         element: number of the element of each triangle in its family, -1 for rigid meshes, (m,).
         body: number of each triangle's body in ``names``, (m,); owner: that of each point, (n + d,)
         names: names of the bodies in messages.
@@ -73,7 +73,7 @@ class ContactPoints:
 
     @property
     def carried(self) -> int:
-        """Number of points that nodes carry, the first ones."""
+        """Number of points fixed to nodes, the first ones."""
         return len(self.kind)
 
 
@@ -136,7 +136,7 @@ def contact_points(
 
     Args:
         serial: serial data of the model.
-        contacts: the model's.
+        contacts: contacts of the model.
         joined: pairs of nodes of shells that joints connect, (k, 2).
     """
     made, triangles_of = _Collected(), dict[str | int, IntArray]()
@@ -182,7 +182,7 @@ def _finished(
     owner: IntArray, triangles_of: dict[str | int, IntArray], points_of: dict[str, IntArray],
     lengths: dict[str, FloatArray],
 ) -> ContactPoints:  # fmt: skip
-    """All of it, with neighbours and rims of the triangles."""
+    """All points and triangles, with neighbours and boundaries of the triangles."""
     triangles = np.concatenate([np.zeros((0, 3), np.int64), *made.triangles])
     body, element = (np.concatenate([np.zeros(0, np.int64), *k]) for k in (made.body, made.element))
     topology = surface_topology(triangles, match_sides(triangles, body, max(made.count, 1)))

@@ -19,10 +19,10 @@ Triplets = tuple[IntArray, IntArray, FloatArray]
 
 
 class ContactEntries:
-    """Collects tangents in inertial axes of points, and turns them into entries of blocks."""
+    """Collection of tangents in inertial axes of points, converted to entries of blocks."""
 
     def __init__(self, carriers: Carriers, frames: SurfaceFrames) -> None:
-        """Bring the axes of the carriers of points nearby (collective)."""
+        """Receive the axes of the carriers of points nearby (collective)."""
         self._carriers, self._frames = carriers, frames
         self._turns = np.zeros((len(carriers.serial.start), 9))
         for one in carriers.by_kind.values():
@@ -112,7 +112,7 @@ class ContactEntries:
         return True, weights, parents
 
     def _between_carriers(self, nodes: IntArray, blocks: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Contacts whose first points may be means of two as contacts of these."""
+        """Contacts of carriers, from contacts whose first points may be means of two carriers."""
         between, weights, parents = self._parents(nodes[:, 0])
         if not between:
             return nodes, blocks

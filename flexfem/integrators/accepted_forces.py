@@ -1,28 +1,29 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Forces of joints and drives at accepted states, from constraints on accelerations.
 
-Multipliers of index 3 go with the scheme's own accelerations w, which satisfy the constraints only
-on average: generalized-alpha with a radius of 0.9 lets them ring for tens of steps behind every
-jerk, and energy-momentum knows means over steps. What is reported solves at the accepted positions
+Multipliers of index 3 belong to the scheme's own accelerations w, which satisfy the constraints
+only on average: with generalized-alpha and a radius of 0.9 they oscillate for tens of steps after
+every jerk, and with energy-momentum they are means over steps. The reported forces solve at the
+accepted positions
 
 ``[[M, G^T], [G, 0]] (a, lambda) = -(f(q, v'), gamma(q, v'))``,
 ``v' = v - M^-1 G^T S^-1 (G v + b)``, ``S = G M^-1 G^T``,
 
 with b the rates and gamma the second rates of the rows at zero velocities and accelerations: the
 equations of a consistent start. The scheme leaves ``M w + f(q, v) + G^T
-lambda_0 = 0``, and so they are solved for what lambda_0 lacks, without the forces f:
+lambda_0 = 0``, and so they are solved for the difference to lambda_0, without the forces f:
 
 ``lambda = lambda_0 + S^-1 (G w + gamma(q, v') - G M^-1 C (v' - v))``
 
-It is an acceleration times the mass that a joint holds: of whole rigid bodies, but only of the node
-of a flexible one, and of the order of the scheme's error. Velocities change for rigid bodies alone,
-with C their gyroscopic terms: the damping of an element would make forces of what moves one of its
-nodes. Where no rigid body is held, what is reported is nearly lambda_0, and vibrations of flexible
-bodies that the steps do not resolve remain in it.
+The difference is an acceleration times the mass at a joint: that of whole rigid bodies, but only of
+    the node of a flexible one, and of the order of the scheme's error. Velocities change for rigid
+    bodies alone, with C their gyroscopic terms: the damping of an element would give forces for a
+    change at one of its nodes. Without rigid bodies at a joint, the reported force is nearly
+    lambda_0, and vibrations of flexible bodies that the steps do not resolve remain in it.
 
 Masses of rigid bodies are exact. Those of flexible ones hardly change in the nodes' own axes: the
-factors are those of the start, which every restart and number of ranks finds again, and what bent
-elements change is a part of the difference.
+factors are those of the start, which are the same after every restart and on any number of ranks,
+and the change by bent elements is a part of the difference.
 """
 
 from mpi4py import MPI
@@ -43,21 +44,21 @@ __all__ = ["AcceptedForces"]
 
 #: Rows are evaluated as they are, not as part of a time step.
 _UNSCALED = np.array([1.0, 1.0])
-#: Friction with joint forces is found in at most so many iterations.
+#: Largest number of iterations for friction that depends on joint forces.
 _SWEEPS = 25
 
 
 class AcceptedForces:
-    """Computes the forces of all rows at the accepted state; see ``System.reported_forces``."""
+    """Computation of all rows' forces at the accepted state; see ``System.reported_forces``."""
 
     def __init__(self, system: System, tangent: TangentSolver, span: float, end: float) -> None:
-        """Store what is needed; masses are factorised at the first call (collective).
+        """Store the arguments; masses are factorised at the first call (collective).
 
         Args:
-            system: of which the forces are.
+            system: system of the forces.
             tangent: exact solver, for masses that cannot be inverted body by body.
-            span: over multiples of which drives are differentiated, s.
-            end: of the motion, s: drives are not asked for what comes after.
+            span: interval for the differentiation of drives, s.
+            end: end of the motion, s, after which drives are not evaluated.
         """
         self._system, self._tangent = system, tangent
         self._span, self._end = span, end
@@ -71,7 +72,7 @@ class AcceptedForces:
     def __call__(self) -> FloatArray:
         """Forces (r,) of all rows, N or N m (collective).
 
-        The accepted state stays as it is; poses and gradients of the rows are left those of it.
+        The accepted state is not changed; poses and gradients of the rows are then those of it.
         """
         system = self._system
         rows, face = system.constraints, system.interface
@@ -101,7 +102,7 @@ class AcceptedForces:
         """Move the interface's velocities of rigid bodies onto the constraints.
 
         Args:
-            rates: (r,) that the rows miss.
+            rates: (r,) rates by which the rows are violated.
             right: forces (n_owned, width) of each block that are to be balanced; gyroscopic ones
                 are added.
         """
@@ -118,7 +119,7 @@ class AcceptedForces:
         system.interface.velocities += system.interface.steps
 
     def _out_of_balance(self) -> list[FloatArray]:
-        """(n_owned, width) of each block, zero where equilibrium is that of the step's end."""
+        """Residuals (n_owned, width) of blocks, zero if equilibrium is that of the step's end."""
         system, rows = self._system, self._system.constraints
         for part in system.parts:
             part.block.residual[:] = 0.0
@@ -161,7 +162,7 @@ class AcceptedForces:
         Args:
             right: (n_owned, width) right-hand sides of the blocks.
             values: (r,) of the rows.
-            keep: rows and bodies are those of the last call.
+            keep: True if rows and bodies are those of the last call.
         """
         system, rows = self._system, self._system.constraints
         if self._inverted:
@@ -180,7 +181,7 @@ class AcceptedForces:
         return self._tangent.multiplier_step
 
     def _kept(self) -> FrozenSolver:
-        """Solver with the factors of the masses as they were at the start."""
+        """Solver with the factors of the masses at the start."""
         if self._frozen is None:
             self._frozen = FrozenSolver(self._system)
             blocks = [part.block for part in self._system.parts]

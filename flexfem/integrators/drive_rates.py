@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Time derivatives of driven rows, from values of the drives around an instant.
 
-Drives are functions of the user's, which are differentiated numerically: centrally, to fourth
-order, where they are smooth. Stencils that cross a kink are left out as in weighted essentially
+Drives are user-defined functions, which are differentiated numerically: centrally, to fourth order,
+where they are smooth. Stencils that cross a kink are excluded as in weighted essentially
 non-oscillatory schemes (Liu, Osher, Chan, J. Comput. Phys. 115 (1994) 200-212): instead of the
-central one there are then a backward and a forward one, and each counts by how smooth it is. Where
+central one a backward and a forward one are then used, each weighted by its smoothness. Where
 accelerations jump at the instant itself it is their mean.
 """
 
@@ -26,13 +26,13 @@ _FIRST = np.array([_FIRST_BACKWARD, _FIRST_CENTRAL, -_FIRST_BACKWARD[::-1]])
 _SECOND_BACKWARD = np.array([-1.0, 4.0, -5.0, 2.0, 0.0, 0.0, 0.0])
 _SECOND_CENTRAL = np.array([0.0, -1.0, 16.0, -30.0, 16.0, -1.0, 0.0]) / 12.0
 _SECOND = np.array([_SECOND_BACKWARD, _SECOND_CENTRAL, _SECOND_BACKWARD[::-1]])
-#: Which of the instants are evaluated: all, or those of one stencil.
+#: Selections of the instants to be evaluated: all, or those of one stencil.
 _AROUND, _BEHIND, _AHEAD = slice(0, 7), slice(0, 4), slice(3, 7)
 _ONE_SIDED = np.array([[[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]]])
-#: Fourth differences as a part of the third ones from which there is a kink, where these are not
-#: below a part of the second ones; third as a part of second ones below which a side is smooth.
+#: Ratio of fourth to third differences that indicates a kink, unless the third are below a part of
+#: the second ones; ratio of third to second differences below which a side is smooth.
 _KINK, _STRAIGHT, _SMOOTH = 0.25, 2e-2, 0.2
-#: Power by which shares fall.
+#: Exponent of the decrease of shares.
 _POWER = 8
 #: Rows are evaluated as they are, not as part of a time step.
 _UNSCALED = np.array([1.0, 1.0])
@@ -40,12 +40,12 @@ _UNSCALED = np.array([1.0, 1.0])
 
 @dataclass(frozen=True)
 class DriveRates:
-    """Derivatives of rows by time at held positions.
+    """Derivatives of rows by time at fixed positions.
 
     Attributes:
         time: the instant, s.
         first, second: (r,) derivatives of the values.
-        turning: (r,) rows whose gradients change with time.
+        turning: (r,) True for rows whose gradients depend on time.
         times, weights: (k,) instants, s, and (r, k) weights for further first derivatives.
     """
 
@@ -73,7 +73,7 @@ class DriveRates:
 def drive_rates(rows: Constraints, t: float, span: float, end: float) -> DriveRates:
     """Differentiate the drives at time ``t`` (s) over multiples of ``span`` (s).
 
-    They are evaluated between 0 and ``end`` (s) only, or after ``t`` where that is too short.
+    They are evaluated between 0 and ``end`` (s) only, or after ``t`` if that is too short.
     """
     if not rows.driven:
         nothing = np.zeros(rows.size)
@@ -94,9 +94,9 @@ def drive_rates(rows: Constraints, t: float, span: float, end: float) -> DriveRa
 
 
 def _sample(rows: Constraints, t: float, times: FloatArray) -> tuple[FloatArray, BoolArray]:
-    """Values (k, r) of the rows at the given times less those at ``t``, and rows that turn.
+    """Values (k, r) of the rows at the given times less those at ``t``, and rows that rotate.
 
-    Of those that do not turn it is minus their targets, without the rounding of positions.
+    For those that do not rotate it is minus their targets, without the rounding of positions.
     """
     targets, turning = rows.drives_at(times.tolist())
     values = np.zeros_like(targets)

@@ -7,9 +7,9 @@ multibody systems", Mech. Mach. Theory 48 (2012) 121-137, with the coefficients 
 
 Rigid bodies move on SE(3), where the method is of second order in positions, velocities and
 multipliers from the first step on. Nodes of beams move on R^3 x SO(3): their translations are
-integrated in inertial axes, which keeps the linear momentum of a flexible body, whereas SE(3) turns
-it by the error of the scheme (flying spaghetti, 40 elements, step 5e-3: the ends are off by 0.008
-within 15 s instead of 0.028). Equations and Newton steps are in the nodes' own axes in both.
+integrated in inertial axes, which keeps the linear momentum of a flexible body, whereas SE(3)
+rotates it by the error of the scheme (flying spaghetti, 40 elements, step 5e-3: the ends are off by
+0.008 within 15 s instead of 0.028). Equations and Newton steps are in the nodes' own axes in both.
 """
 
 from collections.abc import Sequence
@@ -31,10 +31,10 @@ from flexfem.system.system import Shifts, System
 
 __all__ = ["TURN_LIMIT", "GeneralizedAlpha", "StepLaws", "step_laws"]
 
-#: Turn of a flexible body in a step, as a part of ``1 - rho_inf``, beyond which vibrations along it
-#: that the step does not resolve grow, see ``GeneralizedAlpha.turn_limit``.
+#: Rotation of a flexible body in a step, over ``1 - rho_inf``, beyond which unresolved axial
+#: vibrations grow, see ``GeneralizedAlpha.turn_limit``.
 TURN_LIMIT = 0.75
-#: Step sizes whose coefficients are kept.
+#: Number of step sizes whose coefficients are kept.
 _SIZES = 32
 
 
@@ -43,7 +43,7 @@ class StepLaws:
     """Coefficients of steps of one size.
 
     Attributes:
-        shifts: of the iteration matrix.
+        shifts: factors of the iteration matrix.
         predict: (7,) laws, one for each ``Prediction``.
         rates: (2,) derivatives of velocity and acceleration by the increment.
         accept: (3,) law of acceptance, see ``core.nodes.frame_kernels``.
@@ -59,8 +59,8 @@ class StepLaws:
 class GeneralizedAlpha(Integrator):
     """Coefficients of the scheme.
 
-    Derived classes have the same ones: steps take theirs from :func:`step_laws`, which is given the
-    spectral radius alone.
+    Derived classes have the same coefficients: those of steps are results of :func:`step_laws`,
+        whose argument is the spectral radius alone.
 
     Attributes:
         rho_inf: spectral radius at infinite frequency, 0 (annihilates) to 1 (no dissipation).
@@ -107,11 +107,11 @@ class GeneralizedAlpha(Integrator):
     def turn_limit(self) -> float:
         """See :attr:`Integrator.turn_limit`.
 
-        Translations are integrated in inertial axes. Where a body is stiff along one axis and soft
-        across it, accelerations that ring along the stiff axis, by ``-rho_inf`` from step to step,
-        come to lie partly across it as the axes turn, and velocities across it partly along it:
-        from the turns 0.72, 0.76, 0.80 and 0.90 times ``1 - rho_inf`` on for 0.9, 0.8, 0.7 and 0.5
-        they grow, with 0.9 and a turn of 0.12 by 1.062 in every step.
+        Translations are integrated in inertial axes. If a body is stiff along one axis and soft
+        across it, accelerations that alternate along the stiff axis, by ``-rho_inf`` from step to
+        step, get components across it as the axes rotate, and velocities across it components along
+        it. For radii of 0.9, 0.8, 0.7 and 0.5 they grow from rotations of 0.72, 0.76, 0.80 and 0.90
+        times ``1 - rho_inf`` on, with 0.9 and a rotation of 0.12 by 1.062 in every step.
         """
         return TURN_LIMIT * (1.0 - self.rho_inf)
 
@@ -136,14 +136,14 @@ class GeneralizedAlpha(Integrator):
         """See :meth:`Integrator.error`.
 
         The acceleration-like variable belongs to the time ``t + (alpha_m - alpha_f) h`` (Arnold,
-        Brüls, Cardona 2015), so that a step misses ``(1/6 - beta - (alpha_m - alpha_f)/2) h^3``
-        times the rate of the acceleration, of which its jump is ``h`` times: the estimate of
-        Zienkiewicz and Xie (1991) with the constant of this scheme.
+        Brüls, Cardona 2015), so that the error of a step is ``(1/6 - beta - (alpha_m - alpha_f)/2)
+        h^3`` times the rate of the acceleration, estimated as its change over ``h``: the estimate
+        of Zienkiewicz and Xie (1991) with the constant of this scheme.
 
-        Multiplied by the mass matrix and the inverse of the iteration matrix it stays what it is
-        for slow motions, and becomes their true size for vibrations that the step does not
-        resolve (as in Hairer and Wanner, Solving ODEs II, section IV.8). It satisfies the
-        constraints then.
+        Multiplied by the mass matrix and the inverse of the iteration matrix the estimate is
+        unchanged for slow motions, and has the right size for vibrations that the step does not
+        resolve (as in Hairer and Wanner, Solving ODEs II, section IV.8). It then satisfies the
+        constraints.
         """
         constant = 1.0 / 6.0 - self.beta - 0.5 * (self.alpha_m - self.alpha_f)
         laws = step_laws(self.rho_inf, h)
@@ -165,7 +165,7 @@ class GeneralizedAlpha(Integrator):
         """See :meth:`Integrator.begin_parts`.
 
         The acceleration-like variable is ``alpha_m - alpha_f`` of a step ahead of the acceleration,
-        which is unknown behind a kink. With the radius 1 it is the acceleration: the trapezoidal
+        which is unknown after a kink. With the radius 1 it is the acceleration: the trapezoidal
         rule, which makes no error in the impulse of loads that are linear in time.
         """
         for part in system.parts:

@@ -1,15 +1,15 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Generalized-alpha method for independent velocities, without multipliers.
 
-Of the velocities only as many are integrated as the constraints leave, by the formulas of Chung and
-Hulbert (1993) as in ``generalized_alpha``; all others follow from the constraints, which hold for
-positions, velocities and accelerations at the end of every step, and the equations of motion are
-those along the independent motions (see ``flexfem.solvers.independent_motions``). An ordinary
-differential equation is solved: the stability of the scheme does not depend on the constraints, and
-multipliers, recovered where asked for, are as accurate as accelerations.
+Only as many velocities are integrated as there are degrees of freedom, by the formulas of Chung and
+Hulbert (1993) as in ``generalized_alpha``; all others follow from the constraints, which are
+satisfied by positions, velocities and accelerations at the end of every step, and the equations of
+motion are those along the independent motions (see ``flexfem.solvers.independent_motions``). An
+ordinary differential equation is solved: the stability of the scheme does not depend on the
+constraints, and multipliers, computed on request, are as accurate as accelerations.
 
 Coordinate partitioning: R. A. Wehage, E. J. Haug, J. Mech. Des. 104 (1982) 247-255, here with
-the null space of the constraints at the start of the step in the place of chosen coordinates, as N.
+the null space of the constraints at the start of the step instead of chosen coordinates, as N.
 K. Mani, E. J. Haug, K. E. Atkinson, J. Mech., Trans., and Automation 107 (1985) 82-87.
 """
 
@@ -33,11 +33,11 @@ from flexfem.system.system import Shifts, System
 
 __all__ = ["IndependentCoordinates"]
 
-#: Unknowns of all bodies up to which matrices are dense.
+#: Largest number of unknowns of all bodies, since matrices are dense.
 LARGEST = 2500
-#: Iterations of a step; those that bring positions onto the constraints; their gap that is none.
+#: Iterations of a step; those of the projection of positions; gap that counts as zero.
 _ITERATIONS, _CLOSING, _GAP = 25, 10, 1e-14
-#: Contraction of the steps above which the matrix is renewed.
+#: Contraction of the iteration above which the matrix is renewed.
 _SLOW = 0.2
 _DIVERGENCE = 1e3
 
@@ -146,7 +146,7 @@ class IndependentCoordinates(Integrator):
     def accept(self, system: System, h: float) -> None:
         """See :meth:`Integrator.accept`.
 
-        The acceleration-like variable a goes on by ``(1 - alpha_m) a + alpha_m a0 =
+        The acceleration-like variable a is updated by ``(1 - alpha_m) a + alpha_m a0 =
         (1 - alpha_f) w + alpha_f w0`` from the accelerations w, which satisfy the constraints.
         """
         scheme, rows = self.scheme, system.constraints
@@ -199,7 +199,7 @@ class _Step:
         return Status.NOT_CONVERGED
 
     def _close(self) -> bool:
-        """Bring positions onto the constraints along the dependent motions (collective)."""
+        """Project positions onto the constraints along the dependent motions (collective)."""
         system, motions, rows = self._system, self._motions, self._system.constraints
         before = np.inf
         for _ in range(_CLOSING):
@@ -217,7 +217,7 @@ class _Step:
         return gap <= self._tolerance
 
     def _rates(self) -> bool:
-        """Let dependent velocities and accelerations follow from the constraints (collective)."""
+        """Compute dependent velocities and accelerations from the constraints (collective)."""
         system, motions, rows = self._system, self._motions, self._system.constraints
         system.interface.update()
         driven = np.array([placed.joint.driven for placed in rows.joints], dtype=np.bool_)
@@ -236,7 +236,7 @@ class _Step:
         return True
 
     def _add(self, kind: str, rates: FloatArray, more: FloatArray | float = 0.0) -> None:
-        """Correct velocities or accelerations by what makes rates of the rigid rows vanish."""
+        """Correct velocities or accelerations so that rates of the rigid rows vanish."""
         motions, rows = self._motions, self._system.constraints
         motions.to_steps(-motions.follow(motions.of_rows(rates * rows.rigid) + more))
         for part in self._system.parts:
@@ -246,7 +246,7 @@ class _Step:
     def _evaluate(self) -> FloatArray:
         """Residual (n,) with the forces of all rows; those of rigid rows balance it (collective).
 
-        What they cannot balance is along the independent motions.
+        The rest is along the independent motions.
         """
         system, motions, rows = self._system, self._motions, self._system.constraints
         rigid = rows.rigid

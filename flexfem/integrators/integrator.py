@@ -39,16 +39,16 @@ class Integrator(Protocol):
         ...
 
     def prepare(self, system: System) -> None:
-        """Get ready for a system that is about to start (collective).
+        """Prepare the scheme for a system before its start (collective).
 
         Raises:
-            InputError: the model holds something that the scheme does not know.
+            InputError: the scheme does not support a part of the model.
         """
-        return  # most schemes know everything
+        return  # most schemes support all models
 
     @property
     def turn_limit(self) -> float:
-        """Turn of flexible bodies in a step, rad, beyond which unresolved vibrations grow."""
+        """Rotation of flexible bodies in a step, rad, beyond which unresolved vibrations grow."""
         return inf
 
     @property
@@ -57,14 +57,15 @@ class Integrator(Protocol):
         return END_POINT
 
     def state(self, system: System) -> State:
-        """Return the scheme's memory from step to step, besides the accepted state of the system.
+        """Return the state of the scheme, besides the accepted state of the system.
 
-        Events may change velocities and accelerations between two steps without telling the scheme.
+        Events may change velocities and accelerations between two steps without a call to the
+        scheme.
         """
         return State()
 
     def restore(self, system: System, state: State) -> None:
-        """Take back what :meth:`state` returned, the system being restored (collective)."""
+        """Restore a result of :meth:`state`, after the system (collective)."""
         return
 
     @abstractmethod
@@ -76,8 +77,8 @@ class Integrator(Protocol):
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """Solve for the trial state ``h`` (s) later (collective).
 
-        A trial state is taken by :meth:`accept` or left by :func:`discard`. After a failure the
-        system is at the accepted state.
+        A trial state is accepted by :meth:`accept` or discarded by :func:`discard`. After a failure
+        the system is at the accepted state.
         """
         ...
 
@@ -91,20 +92,20 @@ class Integrator(Protocol):
 
     @abstractmethod
     def accept(self, system: System, h: float) -> None:
-        """Take the trial state (collective)."""
+        """Accept the trial state (collective)."""
         ...
 
     def begin_parts(self, system: System) -> Integrator:
-        """Scheme for parts of a step between jumps and kinks, whose first one needs no history."""
+        """Scheme for parts of a step between jumps and kinks; the first part needs no history."""
         return self
 
     def end_parts(self, system: System, before: Sequence[FloatArray], ratio: float) -> None:
-        """Go on with whole steps.
+        """Return to whole steps.
 
         Args:
             system: in the state accepted last.
             before: accelerations (n, 6) of each block at the start of the last part.
-            ratio: size of a whole step over that of the last part, 0 if that is too short to tell.
+            ratio: size of a whole step over that of the last part, 0 if that is too short.
         """
         return
 
@@ -126,14 +127,14 @@ def create_integrator(name: str, rho_inf: float) -> Integrator:
 def predictions(
     system: System, predict: Callable[[Prediction], None]
 ) -> Iterator[Callable[[], None]]:
-    """Predicted trial states to solve from, until one does: the best for the last step, then rest.
+    """Predicted trial states as initial guesses: the best for the last step, then zero increments.
 
     Args:
         system: in its accepted state.
         predict: makes a trial state.
 
     Yields:
-        What makes the present trial state again.
+        Function that restores the present trial state.
     """
     for prediction in dict.fromkeys((system.prediction, Prediction.REST)):
         restart = partial(predict, prediction)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Redundant constraints, found before they make a matrix singular.
+"""Detection of redundant constraints, before they make a matrix singular.
 
 With a regular mass matrix the multipliers are determined exactly if the gradients of all rigid rows
 are linearly independent.

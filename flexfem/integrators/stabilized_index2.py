@@ -3,16 +3,17 @@
 
 Arnold, Brüls, Cardona, "Error analysis of generalized-alpha Lie group time integration methods for
 constrained mechanical systems", Numer. Math. 129 (2015) 149-179, after Gear, Leimkuhler, Gupta
-(1985): constraints and their rates, ``Phi = 0`` and ``G v + dPhi/dt = 0``, both hold at the end of
-every step, since positions move by an increment ``p`` of their own besides the integrated one.
-Multipliers are of second order from the first step on in every group, where index 3 shows first
-order at first on R^3 x SO(3).
+(1985): constraints and their rates, ``Phi = 0`` and ``G v + dPhi/dt = 0``, are both satisfied at
+the end of every step, since positions have an additional increment ``p`` besides the integrated
+one. Multipliers are of second order from the first step on in every group, where index 3 shows
+first order at first on R^3 x SO(3).
 
 The increment is ``p = A^-1 G^T mu`` with the iteration matrix ``A``, which is close to the mass
 matrix for rigid bodies and gives smooth corrections of flexible ones. A Newton iteration solves
 twice with one matrix: for the dynamics with the rates of the rows, divided by ``dv/dn`` so that
-their derivatives are G as the step shrinks; then for ``p`` with what the rows are off. ``p`` is of
-third order in the step; different matrices (``frozen``, ``updated``) change it by a part of that.
+their derivatives are G as the step shrinks; then for ``p`` with the residuals of the rows. ``p`` is
+of third order in the step; different matrices (``frozen``, ``updated``) change it by a part of
+that.
 """
 
 from dataclasses import dataclass
@@ -27,7 +28,7 @@ from flexfem.system.system import Shifts, System
 
 __all__ = ["StabilizedIndex2"]
 
-#: Times at which drives are differentiated, as a part of the step, and the weights of fourth order.
+#: Instants of differences of drives, as parts of the step, and their weights, of fourth order.
 _SPAN = 1.0 / 16.0
 _WEIGHTS = ((-2, 1.0 / 12.0), (-1, -2.0 / 3.0), (1, 2.0 / 3.0), (2, -1.0 / 12.0))
 
@@ -41,10 +42,10 @@ class StabilizedIndex2(GeneralizedAlpha):
 
 
 class _PositionsAndRates:
-    """Dynamics, and the constraints on positions and on velocities."""
+    """Equations of motion, and constraints on positions and velocities."""
 
     def __init__(self, span: float) -> None:
-        """Drives are differentiated over ``span`` (s)."""
+        """Store ``span`` (s), over which drives are differentiated."""
         self._span = span
         self._gaps: FloatArray = np.zeros(0)
 
@@ -55,7 +56,7 @@ class _PositionsAndRates:
         self._gaps = system.constraints.use_rates(shifts.velocity, by_time)
 
     def _by_time(self, system: System, shifts: Shifts) -> FloatArray:
-        """Rates of all rows (r,) at held positions."""
+        """Rates of all rows (r,) at fixed positions."""
         rows, total = system.constraints, np.zeros(system.constraints.size)
         if not rows.driven:
             return total

@@ -25,22 +25,22 @@ __all__ = [
     "start_consistently",
 ]
 
-#: rates of elastic rows count as they are
+#: Factors with which rates of elastic rows are not scaled.
 _RATES = np.array([1.0, 1.0])
 #: Compliance of rigid rows that may be redundant, relative to that of the whole model's mass. A
-#: constraint is violated by this part of the distance its force moves the model within a step;
-#: rounding of positions, divided by it, disturbs the part of the multipliers that does no work.
+#: constraint is violated by this part of the displacement of the model by its force in a step;
+#: rounding of positions, divided by it, perturbs the part of the multipliers that does no work.
 _COMPLIANCE = 1e-5
 #: Span over which drives are differentiated, in time steps. A drive that begins with the third
-#: power of time must give no velocity: damping that is proportional to a stiffness would make a
-#: force of it. A much shorter span would magnify the rounding of measured drives.
+#: power of time must give zero velocity, which would cause a force by stiffness-proportional
+#: damping. A much shorter span would magnify the rounding of measured drives.
 _SPAN = 0.125
-#: Friction at the start is found in at most so many iterations.
+#: Largest number of iterations for friction at the start.
 _SWEEPS = 25
 
 
 def check_start(system: System) -> None:
-    """Check that the joints hold at the start and are independent (collective).
+    """Check that the joints are satisfied at the start and independent (collective).
 
     Raises:
         InputError: a joint is not satisfied at the start, or constraints are redundant; named.
@@ -54,10 +54,10 @@ def check_start(system: System) -> None:
 def start_consistently(
     system: System, tangent: TangentSolver, dt: float, least_norm: bool = False
 ) -> Status:
-    """Check the positions, then make everything else consistent (collective).
+    """Check the positions, then make the other variables consistent (collective).
 
     With ``least_norm`` rigid rows get a tiny compliance c, ``Phi = c L``, which makes multipliers
-    unique where rows depend on one another: among those that give the same forces the smallest.
+    of dependent rows unique: the smallest of those with the same forces.
 
     Raises:
         InputError: a joint is not satisfied at the start, or constraints are redundant; named.
@@ -76,10 +76,10 @@ def start_consistently(
 def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status:
     """Make velocities, accelerations and multipliers satisfy the constraints (collective).
 
-    Velocities move by the least kinetic energy onto the constraints (they stay as they are if they
-    satisfy them already); accelerations and multipliers follow from
-    ``[[M, G^T], [G, 0]] (w, lambda) = (f, -d(G v)/dt)``. Drives are differentiated by one-sided
-    differences over a part of ``dt`` (s), as a motion need not be defined before the start.
+    Velocities are projected onto the constraints by the least kinetic energy (unchanged if they
+    satisfy them already); accelerations and multipliers follow from ``[[M, G^T], [G, 0]] (w,
+    lambda) = (f, -d(G v)/dt)``. Drives are differentiated by one-sided differences over a part of
+    ``dt`` (s), as a motion need not be defined before the start.
     """
     rows = system.constraints
     status = project_velocities(system, tangent, dt, np.zeros(rows.size))
@@ -106,7 +106,7 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
 def project_velocities(
     system: System, tangent: TangentSolver, dt: float, restitution: FloatArray
 ) -> Status:
-    """Move the velocities by the least kinetic energy onto the constraints (collective).
+    """Project the velocities onto the constraints by the least kinetic energy (collective).
 
     Accelerations are set to zero; the matrix stays factorised.
 
@@ -153,7 +153,7 @@ def _relax(system: System, tangent: TangentSolver) -> None:
         diagonal = tangent.matrix.getNestSubMatrix(i, i).getDiagonal().getArray(readonly=True)
         mass += float(diagonal.reshape(part.block.owned, part.block.width)[:, :3].sum()) / 3.0
     rows.relaxation = _COMPLIANCE / system.comm.allreduce(mass)
-    # gaps within rounding would pull dependent rows against each other
+    # gaps within rounding would cause opposite forces of dependent rows
     driven = np.array([placed.joint.driven for placed in rows.joints], dtype=np.bool_)
     held = rows.rigid & ~driven[rows.joint_of_row]
     rows.targets[held] += rows.values[held]
@@ -161,7 +161,7 @@ def _relax(system: System, tangent: TangentSolver) -> None:
 
 
 def _compliant(system: System) -> FloatArray:
-    """Equations of the rows that carry forces by laws, linearised, at zero multipliers."""
+    """Equations of the rows with force laws, linearised, at zero multipliers."""
     rows = system.constraints
     return (rows.values + rows.yielding(rows.multipliers)) * ~rows.rigid
 
@@ -169,7 +169,7 @@ def _compliant(system: System) -> FloatArray:
 def _update_laws(system: System, tangent: TangentSolver) -> bool:
     """Linearise friction at the multipliers found; False when they have settled (collective).
 
-    Other laws give their forces at once, since they do not depend on multipliers.
+    Forces of other laws are explicit, since they do not depend on multipliers.
     """
     rows, found = system.constraints, tangent.multiplier_step
     if laws_settled(system, found):
@@ -181,9 +181,9 @@ def _update_laws(system: System, tangent: TangentSolver) -> bool:
 
 
 def laws_settled(system: System, found: FloatArray) -> bool:
-    """Multipliers found (r,) that friction depends on are those it was linearised at (collective).
+    """True if the multipliers (r,) of friction are those of its linearisation (collective).
 
-    There may be no friction at all.
+    It is also true without friction.
     """
     rows = system.constraints
     rubbing = _rubbing(rows)
@@ -193,14 +193,14 @@ def laws_settled(system: System, found: FloatArray) -> bool:
 
 
 def _rubbing(rows: Constraints) -> BoolArray:
-    """(r,) rows with friction and those that press on them."""
+    """(r,) rows with friction and rows of their normal forces."""
     chosen = rows.frictional
     chosen[rows.coupled[:, 1]] = True
     return chosen
 
 
 def check_gaps(system: System) -> None:
-    """Raise for a rigid joint that its markers violate (collective; rows are evaluated).
+    """Raise for a rigid joint that is violated by its markers (collective; rows are evaluated).
 
     Raises:
         InputError: names the first such joint.
@@ -227,7 +227,7 @@ def check_gaps(system: System) -> None:
 
 
 def drives(system: System, dt: float) -> tuple[list[FloatArray], FloatArray]:
-    """Row values at t, t + h, t + 2 h, t + 3 h at held positions, and total rates at t.
+    """Row values at t, t + h, t + 2 h, t + 3 h at fixed positions, and total rates at t.
 
     The span h is a part of ``dt``; rates are exact for motions of third degree.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cell kernels written by hand: functions that the driver calls by address like those of FFCx.
+"""Hand-written cell kernels: functions that the driver calls by address like those of FFCx.
 
 ::
 
@@ -11,9 +11,9 @@
 
     kernel = cell_kernel(spring.kernel([1]), 1, ["stiffness"], {}, {"stiffness": (0, 1)})
 
-The four arrays have one axis, and no length that would mean something: the function knows how much
-there is. It adds to ``tensor`` and reads the others; what it needs as work space are
-coefficients behind those that have data.
+The four arrays have one axis and no meaningful length: the function knows their sizes. It adds to
+    ``tensor`` and reads the others; its work space is a block of coefficients after those with
+    data.
 """
 
 from collections.abc import Callable, Sequence
@@ -42,16 +42,16 @@ _ARGUMENTS = (_ARRAY,) * 4
 
 
 class ByHand:
-    """A kernel written by hand, compiled when its address is first asked for.
+    """A hand-written kernel, compiled when its address is first requested.
 
     Attributes:
         part: the function, as a part of compiled loops.
-        lanes: number of cells that one call treats.
+        lanes: number of cells that one call evaluates.
         address: loop that returns the address of the kernel.
     """
 
     def __init__(self, function: _CellFunction, inline: Any, lanes: int) -> None:
-        """Compile nothing yet.
+        """Store the function without compiling it.
 
         Args:
             function: of tensor, coefficients, constants and coordinates.
@@ -59,8 +59,8 @@ class ByHand:
             lanes: see above.
 
         Raises:
-            TypeError: The function is made within another one: what is kept on disk would be that
-                of all functions which are made there.
+            TypeError: The function is defined inside another one: the entry on disk would be shared
+                by all functions defined there.
         """
         if "<locals>" in function.__qualname__:
             raise TypeError(f"{function.__qualname__} is not a function of a module")
@@ -69,8 +69,8 @@ class ByHand:
         def address() -> int:
             return _address_of(by_hand)  # type: ignore[call-arg]
 
-        # The loop that knows the address is kept on disk as one of the function's own file, so that
-        # it is compiled anew when this changes; closures would be told apart by process.
+        # The loop with the address is cached on disk as one of the function's own file, so that
+        # it is recompiled when this changes; closures would be distinguished by process.
         code = address.__code__.replace(
             co_filename=function.__code__.co_filename,
             co_firstlineno=function.__code__.co_firstlineno,
@@ -81,11 +81,11 @@ class ByHand:
         self.address = kernel(loop)
 
     def kernel(self, sizes: Sequence[int]) -> Kernel:
-        """The kernel, as ``compile_kernel`` returns those of forms.
+        """The kernel, in the format of ``compile_kernel`` for forms.
 
         Args:
-            sizes: of its coefficients in the order in which it expects them, zero for what this
-                kernel has no use for.
+            sizes: of its coefficients in the order in which it expects them, zero for those that
+                this kernel does not use.
         """
         ends = np.array([0, *accumulate(sizes)], dtype=np.int64)
         offsets = np.where(np.array([*sizes, 1]) > 0, ends, -1)
@@ -98,7 +98,7 @@ def by_hand(function: _CellFunction) -> ByHand:
 
 
 def batched_by_hand(function: _CellFunction) -> ByHand:
-    """The same of ``LANES`` cells side by side, for functions that use ``kernels.vectors``.
+    """The same for ``LANES`` cells at once, for functions that use ``kernels.vectors``.
 
     Products and sums are fused to one operation each.
     """
@@ -115,7 +115,7 @@ class _KernelType(types.Opaque):
 
     @property
     def key(self) -> ByHand:
-        """What tells types apart: numba's own, the name, may be that of two functions."""
+        """Key that distinguishes types: numba's own, the name, may be that of two functions."""
         return self.kernel
 
 
@@ -151,7 +151,7 @@ def _address_of(typingctx, kind):  # type: ignore
         status, _ = context.call_internal_no_propagate(
             inner, compiled.fndesc, compiled.signature, arrays
         )
-        with inner.if_then(status.is_error, likely=False):  # no one else would hear of it
+        with inner.if_then(status.is_error, likely=False):  # numba would not report it
             inner.store(ir.Constant(ir.DoubleType(), float("nan")), wrapper.args[0])
         inner.ret_void()
         return builder.ptrtoint(wrapper, ir.IntType(64))
@@ -160,7 +160,7 @@ def _address_of(typingctx, kind):  # type: ignore
 
 
 def _array(context: Any, builder: Any, pointer: Any) -> Any:
-    """An array at a pointer, as long as any."""
+    """An array at a pointer, of the largest possible length."""
     array = make_array(_ARRAY)(context, builder)
     size = context.get_constant(types.intp, 8)
     shape = [context.get_constant(types.intp, 2**40)]

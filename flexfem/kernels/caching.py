@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cache of compiled loops on disk: its place, and when entries are out of date.
+"""Cache of compiled loops on disk: its folder, and the stamps that invalidate entries.
 
-They are kept where numba keeps them, but nowhere that others can write (``flexfem._trust``).
-Numba compiles a loop anew when its own file has changed. Ours contain code of other files, whose
-functions are inlined or called: they are compiled anew when any module of the package that their
-file imports has changed, also by way of others.
+They are in the folders that numba uses, except folders that other users can write to
+(``flexfem._trust``). Numba recompiles a loop when its own file has changed. Loops of this package
+contain code of other files, whose functions are inlined or called: they are recompiled when any
+module of the package that their file imports, directly or indirectly, has changed.
 """
 
 import hashlib
@@ -44,7 +44,7 @@ def source_stamp(
 
 
 def sources(file: Path, package: Path = _PACKAGE) -> set[Path]:
-    """A module and all modules of the package that it imports, also by way of others."""
+    """A module and all modules of the package that it imports, directly or indirectly."""
     found: set[Path] = set()
     left = [file.resolve()]
     while left:
@@ -67,17 +67,17 @@ def _imported(path: Path, package: Path) -> list[Path]:
         for name in re.findall(r"\w+", imported)
     ]
     files = (name / "__init__.py" if name.is_dir() else name.with_suffix(".py") for name in names)
-    # where loops are kept changes none of them
+    # the folder of loops does not change them
     return [file for file in files if file.is_file() and file != Path(__file__)]
 
 
-#: Most files are imported by many: each is read once.
+#: Imports of each file, since most files are imported by many modules.
 _read_once = cache(Path.read_bytes)
 
 
 @cache
 def _stamp(file: str) -> str | None:
-    """Stamp of a module when this process first asked for it: all its loops have the same.
+    """Stamp of a module at the first request of this process, the same for all its loops.
 
     None for a module of another program.
     """
@@ -86,21 +86,21 @@ def _stamp(file: str) -> str | None:
 
 
 class _Kept:
-    """Locator of loops in a folder where no one else can put something."""
+    """Locator of loops in a folder to which no other user can write."""
 
     _py_file: str
-    #: What else helps if others can.
+    #: Advice if other users can write to it.
     _advice = "NUMBA_CACHE_DIR names a folder of your own"
 
     def ensure_cache_path(self) -> None:
-        """Make the folder where there is none yet.
+        """Make the folder if it does not exist.
 
         Raises:
-            OSError: it cannot be written, or others can.
+            OSError: the folder cannot be written, or other users can write to it.
         """
         self._check()
         super().ensure_cache_path()  # type: ignore[misc]
-        self._check()  # others may have been quicker to make it
+        self._check()  # another process may have made it meanwhile
 
     def _check(self) -> None:
         folder = self.get_cache_path()  # type: ignore[attr-defined]
@@ -108,7 +108,7 @@ class _Kept:
             raise PermissionError(f"others can write into {folder}")
 
     def _program(self) -> Path | None:
-        """The folder whose owner is trusted as well."""
+        """The folder of the program, whose owner is trusted as well."""
         return None
 
     def get_source_stamp(self) -> Any:
@@ -118,22 +118,22 @@ class _Kept:
 
 
 class ProvidedLocator(_Kept, UserProvidedCacheLocator):
-    """In the folder that NUMBA_CACHE_DIR names."""
+    """Locator in the folder that NUMBA_CACHE_DIR names."""
 
 
 class InTreeLocator(_Kept, InTreeCacheLocator):
-    """Beside the source: who owns a program is trusted with what is compiled from it."""
+    """Locator beside the source: the owner of a program is trusted with its compiled code."""
 
     def _program(self) -> Path | None:
         return Path(self._py_file).parent
 
 
 class UserWideLocator(_Kept, UserWideCacheLocator):
-    """In the user's folder of caches."""
+    """Locator in the user's cache folder."""
 
 
 class ProcessLocator(_Kept, InTreeCacheLocator):
-    """In a folder of this process, for want of any other: compiled anew each time."""
+    """Locator in a temporary folder of this process, if there is no other: recompiled each time."""
 
     def __init__(self, py_func: Any, py_file: str) -> None:
         """Choose the folder."""
@@ -142,9 +142,9 @@ class ProcessLocator(_Kept, InTreeCacheLocator):
 
 
 def install() -> None:
-    """Let numba keep loops by these rules, those of notebooks by its own."""
+    """Make numba cache loops by these rules, and those of notebooks by its own."""
     settings: Any = config
-    if Path(".numba_config.yaml").exists():  # whoever left it in the working folder
+    if Path(".numba_config.yaml").exists():  # the working folder may be writable for others
         settings.CACHE_DIR = os.environ.get("NUMBA_CACHE_DIR", "")
         settings.CACHE_LOCATOR_CLASSES = os.environ.get("NUMBA_CACHE_LOCATOR_CLASSES", "")
     if not settings.CACHE_LOCATOR_CLASSES:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""One process compiles a loop, and others that need the same one wait for it.
+"""Locks by which one process compiles a loop while others that need it wait.
 
-Ranks of a run come to the same loops at the same time. Each of them would compile all loops, on
-cores that they share, to throw all but one of the results away.
+Ranks of a run need the same loops at the same time. Without locks each of them would compile all
+loops, on shared cores, and all but one of the results would be discarded.
 """
 
 import fcntl
@@ -17,10 +17,10 @@ from flexfem._files import open_lock
 
 __all__ = ["busy", "compile_once"]
 
-#: Seconds between two looks at a lock.
+#: Seconds between two attempts to take a lock.
 _PAUSE = 0.01
-#: Seconds after which a loop is compiled in any case: no loop takes a tenth of that, so whoever
-#: holds the lock has been stopped.
+#: Seconds after which a loop is compiled in any case: no loop takes a tenth of that, so that the
+#: holder of the lock must have been stopped.
 _PATIENCE = 60.0
 
 
@@ -28,7 +28,7 @@ _PATIENCE = 60.0
 def _lock_file(folder: str) -> int | None:
     """Descriptor of the file of a cache folder whose bytes are the locks of its loops.
 
-    It stays open, since closing any descriptor of a file gives all its locks back.
+    It stays open, since closing any descriptor of a file releases all its locks.
     """
     return open_lock(Path(folder) / "compiling.lock")
 
@@ -75,7 +75,7 @@ def busy(loop: Any, signature: Any) -> bool:
 
 
 def compile_once(loop: Any) -> None:
-    """Let a loop be compiled by one process at a time.
+    """Restrict the compilation of a loop to one process at a time.
 
     Args:
         loop: numba's dispatcher, with a cache on disk.
@@ -93,12 +93,12 @@ def compile_once(loop: Any) -> None:
         if not _lock(file, at):
             return None
         held.append((file, at))
-        return load(signature, context)  # another process may have been quicker
+        return load(signature, context)  # another process may have compiled it meanwhile
 
     def compile_alone(signature: Any) -> Any:
         before = len(held)
         collecting = gc.isenabled()
-        gc.disable()  # a tenth of the time would go into looking through what is still in use
+        gc.disable()  # garbage collection would take a tenth of the time, for objects still in use
         try:
             return compile_loop(signature)
         finally:

@@ -19,20 +19,20 @@ install()
 
 
 class _Decorator:
-    """Compiles a loop once for all constants that other loops pass, and for no C callbacks.
+    """Decorator that compiles a loop once for all constants of its callers, without C callbacks.
 
-    Numba's own would compile a function anew for every constant argument, which gains nothing:
-    where the function is inlined, the constant reaches all of it in any case.
+    Numba's own would compile a function once for every constant argument, without benefit: if the
+    function is inlined, the constant is propagated anyway.
     """
 
     def __init__(
         self, compiler: type[LoopCompiler | SubroutineCompiler] = LoopCompiler, **options: Any
     ) -> None:
-        """Set what is chosen besides.
+        """Store compiler and options.
 
         Args:
-            compiler: the one of subroutines for what only other loops call.
-            options: of numba.
+            compiler: that of subroutines for functions that only other loops call.
+            options: options of numba.
         """
         options |= {"error_model": "numpy", "no_cfunc_wrapper": True}
         self._compiler = compiler
@@ -41,7 +41,7 @@ class _Decorator:
     def __call__[Loop: Callable[..., object]](self, function: Loop) -> "Dispatcher[Loop]":
         """The compiled function."""
         loop = self._decorate(function)
-        if isinstance(loop, Dispatcher):  # not so with NUMBA_DISABLE_JIT
+        if isinstance(loop, Dispatcher):  # not with NUMBA_DISABLE_JIT
             template = loop.get_call_template
 
             def without_constants(args: Any, kws: Any) -> Any:
@@ -58,17 +58,17 @@ class _Decorator:
 #: cached on disk; division by zero gives inf or NaN as in NumPy, and no test in the loop
 kernel = _Decorator()
 
-#: For what other loops call and Python does not: see ``flexfem.kernels.compiler``.
+#: For functions called by other loops and not by Python: see ``flexfem.kernels.compiler``.
 subroutine = _Decorator(SubroutineCompiler)
 
-#: Parts that are inlined by force, since a call with array arguments costs more than the arithmetic
+#: Parts that are always inlined, since a call with array arguments costs more than the arithmetic
 #: of most of them.
 inlined = _Decorator(SubroutineCompiler, forceinline=True)
 
 #: The same with products and sums fused to one operation each, for loops of arithmetic alone.
 fused = _Decorator(fastmath={"contract"})
 
-#: Pieces of those.
+#: Always inlined parts of those.
 inlined_fused = _Decorator(SubroutineCompiler, fastmath={"contract"}, forceinline=True)
 
 _by_address = _Decorator(AddressCompiler)
@@ -79,7 +79,7 @@ def on_demand[**Arguments](
 ) -> "Dispatcher[Callable[Arguments, None]]":
     """A subroutine without result that is compiled when it is first called.
 
-    It is for what only some models need: see ``flexfem.kernels.on_demand``.
+    It is for functions that only some models need: see ``flexfem.kernels.on_demand``.
     """
     loop = _by_address(function)
     if isinstance(loop, Dispatcher):

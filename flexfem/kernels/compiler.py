@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Numba's compiler with less to do for loops that call one another.
+"""Numba's compiler with less work for loops that call one another.
 
-Two thirds of the package's compiled functions are subroutines: other loops call them, and Python
-does not. Numba would make each of them callable from Python, and put a copy of its code into every
-function that calls it, to optimise and translate it there once more, and again in what calls that.
+Two thirds of the package's compiled functions are subroutines, called by other loops and not by
+Python. Numba would make each of them callable from Python, and copy its code into every function
+that calls it, where it is optimised and translated once more, and again in the callers of that.
 
-Here a function is small or large. What calls a small one contains its intermediate code, which is
-optimised, since loops are slower by half otherwise; of a small subroutine no machine code is made.
-A large function is translated once, and called: files of what calls it hold its machine code. It
-would not be inlined, so that calls cost what they did.
+Here a function is small or large. Callers of a small one contain its intermediate code, which is
+optimised, since loops take half as long again otherwise; a small subroutine has no machine code. A
+large function is translated once, and called: files of its callers contain its machine code. It
+would not be inlined in any case, so that calls are as fast as before.
 """
 
 import hashlib
@@ -27,7 +27,7 @@ from flexfem.kernels.on_demand import HERE_ALONE, Demand, demanded, demands_of
 
 __all__ = ["AddressCompiler", "LoopCompiler", "SubroutineCompiler"]
 
-#: Errors of files that name classes which are gone, or that end early.
+#: Errors of files that refer to removed classes, or are truncated.
 _UNREADABLE = (
     AttributeError, EOFError, ImportError, IndexError, KeyError, TypeError, ValueError,
     pickle.UnpicklingError,
@@ -37,14 +37,14 @@ _UNREADABLE = (
 _FORMAT = hashlib.blake2b(Path(__file__).read_bytes(), digest_size=4).hexdigest()
 #: Instructions of a large function: LLVM would hardly inline it.
 _LARGE = 100
-#: Code of callers whose files do not hold what they call.
+#: Code of callers whose files do not contain their subroutines.
 _MARKED = f'@"{HERE_ALONE}" = weak constant i8 0'
-#: How names of functions begin that numba adds for calls from Python.
+#: Prefixes of the functions that numba adds for calls from Python.
 _WRAPPER = "_ZN7cpython"
 
 
 class _Flags(Flags):
-    """Numba's flags, whose hash tells them apart: its own is the same for all of them.
+    """Numba's flags with a hash that distinguishes them: numba's is the same for all of them.
 
     They are part of the key of every function of NumPy that a loop calls.
     """
@@ -70,10 +70,10 @@ _DEFAULTS = [(name, option.default) for name, option in Flags.options.items()]
 
 
 class _Unit(NamedTuple):
-    """A large function in files of what calls it.
+    """A large function in the files of its callers.
 
     Attributes:
-        name: of its library.
+        name: name of its library.
         entry: name of the function in its machine code.
         machine_code: an object file.
         environments: constants of the functions in it.
@@ -93,7 +93,7 @@ class _Kept(NamedTuple):
     """Code of a function in its file.
 
     Attributes:
-        name: of its library.
+        name: name of its library.
         entry: name of the function in its code.
         machine_code: an object file, of all but small subroutines.
         bitcode: intermediate code, of small functions.
@@ -110,13 +110,13 @@ class _Kept(NamedTuple):
 
 
 class _Library(JITCodeLibrary):
-    """Code of a loop or subroutine, which what calls it contains if it is small.
+    """Code of a loop or subroutine; callers contain it if it is small.
 
     Attributes:
-        called: whether Python calls the function.
+        called: True if Python calls the function.
         entry: name of the function in it, when it is complete.
-        large: whether others call its machine code.
-        units: large functions that it calls, itself or by small ones, by their entries.
+        large: True if callers use its machine code.
+        units: large functions that it calls, directly or by small ones, by their entries.
         environments: constants of the functions in machine code.
         demands: functions that it calls on demand.
     """
@@ -125,13 +125,13 @@ class _Library(JITCodeLibrary):
     _loaded: ClassVar[dict[str, "_Library"]] = {}
 
     def __init__(self, codegen: Any, name: str, *, called: bool, large: bool | None = None) -> None:
-        """Nothing is compiled yet.
+        """Make an empty library.
 
         Args:
             codegen: numba's code generator.
             name: of the library.
             called: whether Python calls the function.
-            large: whether others call its machine code, None where its size shall decide.
+            large: True if callers use its machine code, None to decide by its size.
         """
         super().__init__(codegen, name)
         self.entry, self.large = "", bool(large)
@@ -144,7 +144,7 @@ class _Library(JITCodeLibrary):
 
     @classmethod
     def restored(cls, codegen: Any, kept: _Kept, *, called: bool) -> "_Library":
-        """The library of what :meth:`kept` has returned."""
+        """The library from a result of :meth:`kept`."""
         if kept.entry in cls._loaded:
             return cls._loaded[kept.entry]
         library = cls(codegen, kept.name, called=called)
@@ -170,7 +170,7 @@ class _Library(JITCodeLibrary):
         return library
 
     def _load(self, machine_code: bytes | None) -> None:
-        """Load machine code where there is any."""
+        """Load the machine code if there is any."""
         demanded(self.demands)
         if machine_code is None:
             self._finalized = True
@@ -199,7 +199,7 @@ class _Library(JITCodeLibrary):
         return self._machine_code or self._get_compiled_object()
 
     def set_environments(self, environments: tuple[Any, ...]) -> None:
-        """Let machine code know the constants of all functions in it."""
+        """Link the machine code to the constants of all functions in it."""
         self.environments = environments
         codegen: Any = self._codegen
         for environment in environments:
@@ -207,12 +207,12 @@ class _Library(JITCodeLibrary):
 
     @override
     def _optimize_functions(self, ll_module: Any) -> None:
-        """Leave that to the passes of the module, which begin with the same."""
+        """Do nothing: the passes of the module begin with the same optimisations."""
         ll_module.data_layout = self._codegen._data_layout
 
     @override
     def _optimize_final_module(self) -> None:
-        """Optimise once: numba does it twice, for counts of references of which loops have few."""
+        """Optimise once: numba does it twice, for reference counts, of which loops have few."""
         manager, builder = self._codegen._module_pass_manager()
         manager.run(self._final_module, builder)
 
@@ -266,7 +266,7 @@ class _Library(JITCodeLibrary):
 
 
 class _CacheImpl(CompileResultCacheImpl):
-    """Files beside those of numba, which hold something else."""
+    """Cache files beside those of numba, with other contents."""
 
     @override
     def get_filename_base(self, fullname: str, abiflags: str) -> str:
@@ -292,10 +292,10 @@ class _LoopCacheImpl(_CacheImpl):
 
 
 class _Files(IndexDataCacheFile):
-    """Files of one function; what cannot be read any more is compiled anew.
+    """Files of one function; unreadable ones are recompiled.
 
-    Types of arguments are kept by the names of their classes, which another version of the package
-    may not have.
+    Types of arguments are stored by the names of their classes, which another version of the
+    package may not have.
     """
 
     @override
@@ -314,7 +314,7 @@ class _Files(IndexDataCacheFile):
 
 
 class _Cache(FunctionCache):
-    """Functions on disk."""
+    """Cache of functions on disk."""
 
     _impl_class: Any
 
@@ -327,7 +327,7 @@ class _Cache(FunctionCache):
 
 
 class _LoopCache(_Cache):
-    """Loops on disk."""
+    """Cache of loops on disk."""
 
     _impl_class = _LoopCacheImpl
 
@@ -348,7 +348,7 @@ class _SubroutineCacheImpl(_CacheImpl):
 
 
 class _SubroutineCache(_Cache):
-    """Subroutines on disk."""
+    """Cache of subroutines on disk."""
 
     _impl_class = _SubroutineCacheImpl
 
@@ -365,7 +365,7 @@ class LoopCompiler(Compiler):
 
     @staticmethod
     def keep(loop: Any) -> None:
-        """Let a loop, given by numba's dispatcher, be kept on disk."""
+        """Enable the cache on disk of a loop, given by numba's dispatcher."""
         loop._cache = _LoopCache(loop.py_func)
 
     @override
@@ -378,11 +378,11 @@ class LoopCompiler(Compiler):
 class SubroutineCompiler(Compiler):
     """Numba's steps up to the intermediate code, and to machine code of large functions."""
 
-    #: Whether its function is large, None where its size shall decide.
+    #: True if its function is large, None to decide by its size.
     _large: bool | None = None
 
     def __init__(self, *args: Any) -> None:
-        """Replace the flags and the library, and ask for nothing that Python could call."""
+        """Replace the flags and the library, without an entry for calls from Python."""
         super().__init__(*args)
         state = self.state
         state.flags = _Flags(state.flags)
@@ -393,10 +393,10 @@ class SubroutineCompiler(Compiler):
 
     @staticmethod
     def keep(loop: Any) -> None:
-        """Let a subroutine be kept on disk, and calls from Python end with an error."""
+        """Enable the cache on disk of a subroutine, and make calls from Python an error."""
 
         def enter(result: Any) -> None:
-            loop.overloads[tuple(result.signature.args)] = result  # and not for calls from Python
+            loop.overloads[tuple(result.signature.args)] = result  # not for calls from Python
 
         loop._cache = _SubroutineCache(loop.py_func)
         loop.add_overload, loop._compile_for_args = enter, _entry(loop.py_func.__qualname__)
@@ -414,13 +414,13 @@ class SubroutineCompiler(Compiler):
 
 
 class AddressCompiler(SubroutineCompiler):
-    """The same to machine code, for what is called by its address."""
+    """The same with machine code, for functions that are called by address."""
 
     _large = True
 
 
 def _entry(name: str) -> Callable[..., NoReturn]:
-    """In place of machine code: numba finds the subroutine by this object."""
+    """Placeholder of machine code, by which numba finds the subroutine."""
 
     def refuse(*args: object) -> NoReturn:
         raise TypeError(f"{name} is a part of compiled loops: only they can call it")
@@ -430,7 +430,7 @@ def _entry(name: str) -> Callable[..., NoReturn]:
 
 def _reduced(result: Any) -> tuple[Any, ...]:
     """Code, description, constants and signature of a compiled function."""
-    result.fndesc.typemap = result.fndesc.calltypes = None  # large, and of no use later
+    result.fndesc.typemap = result.fndesc.calltypes = None  # large, and not used later
     return result.library.kept(), result.fndesc, result.environment, result.signature
 
 

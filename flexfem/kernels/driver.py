@@ -1,14 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Driver of cell kernels: the loops that gather the data of cells, call a kernel and scatter.
 
-A kernel is called by address with FFCx's signature: it adds to a tensor what it makes of the packed
-coefficients of one cell, or of ``LANES`` cells side by side. :class:`CellKernel` says where each
-nodal array, the data of the cell and the data of its section go among the coefficients, and
-:class:`Cells` holds them. :func:`add_forces` adds the results to nodes (residuals, actions of a
-tangent), :func:`add_entries` to a vector or a matrix of nodes with one number each,
-:func:`add_blocks` adds matrices to those of pairs of nodes, :func:`evaluate` keeps results by cell,
-and :func:`evaluate_tangents` combines derivatives by configuration, velocity and acceleration to
-one matrix a cell. :func:`add_products` multiplies what is kept by nodal values.
+A kernel is called by address with FFCx's signature: it adds its results to a tensor, from the
+packed coefficients of one cell, or of ``LANES`` cells at once. :class:`CellKernel` has the
+positions of each nodal array, the data of the cell and the data of its section among the
+coefficients, and :class:`Cells` these data. :func:`add_forces` adds the results to nodes
+(residuals, actions of a tangent), :func:`add_entries` to a vector or a matrix of nodes with one
+number each, :func:`add_blocks` adds matrices to those of pairs of nodes, :func:`evaluate` stores
+results by cell, and :func:`evaluate_tangents` combines derivatives by configuration, velocity and
+acceleration to one matrix a cell. :func:`add_products` multiplies stored matrices by nodal values.
 """
 
 import math
@@ -52,14 +52,14 @@ __all__ = [
 
 #: Corners of the reference interval, for forms that do not depend on the size of the cell.
 LINE = np.array([[0.0, 0.0, 0.0, 1.0, 0.0, 0.0]])
-#: Unknowns that go through all columns, node by node, see :class:`CellKernel`.
+#: Unknowns in the order of all columns, node by node, see :class:`CellKernel`.
 ALL_COLUMNS = np.empty((0, 2), dtype=np.int64)
 #: Record of the nodes for kernels without nodal data.
 NO_NODES: Memory = np.empty(0, dtype=np.int64)
 
 
 class Nodal(IntEnum):
-    """Kinds of nodal data: they say what changes with axes of the cell's own at the node."""
+    """Kinds of nodal data, by their transformation to the cell's own axes at the node."""
 
     #: Three components of a frame in inertial axes: its position.
     POSITION = 0
@@ -67,7 +67,7 @@ class Nodal(IntEnum):
     ROTATION = 1
     #: Translation and rotation of a twist, or of its change, in the axes of the node.
     TWIST = 2
-    #: One number, whatever it is.
+    #: One number, not transformed.
     NUMBER = 3
 
 
@@ -75,15 +75,15 @@ _POSITION, _ROTATION, _NUMBER = int(Nodal.POSITION), int(Nodal.ROTATION), int(No
 
 
 class CellKernel(Record):
-    """A kernel, and where data go among its coefficients.
+    """A kernel, and the positions of data among its coefficients.
 
     Attributes:
         address: of the function.
-        lanes: cells that one call treats.
+        lanes: number of cells that one call evaluates.
         coefficients: number of coefficients of a cell.
         size: number of results of a cell.
-        unknowns: (t, 2) node of the cell, and first of the three columns there, that each three
-            results belong to; none where they go through all columns, node by node.
+        unknowns: (t, 2) node of the cell, and first of the three columns there, of each three
+            results; empty if they are in the order of all columns, node by node.
         nodal: (g, 3) kind of nodal data, word of their array in the record of the nodes, and first
             coefficient.
         own: (o, 3) first column in ``Cells.own``, number of columns, first coefficient.
@@ -104,15 +104,15 @@ class Cells(Record):
     """Constant data of cells.
 
     Attributes:
-        nodes: (m, k) nodes, -1 where there is none: a kernel gets the data of the first node for
-            it, and its results there are left out.
-        turned: (m,) cells whose own axes at nodes differ from the axes of the nodes.
-        turns: (m, k, 9) rotations from the cells' axes to those of the nodes; one row where none
-            is turned.
+        nodes: (m, k) nodes, -1 for a missing node: a kernel gets the data of the first node
+            instead, and its results there are not used.
+        turned: (m,) True for cells whose own axes at nodes differ from the axes of the nodes.
+        turns: (m, k, 9) rotations from the cells' axes to those of the nodes; one row if none is
+            rotated.
         own: (m, p) data of each cell.
         section: (m,) number of its section.
         sections: (s, q) data of each section.
-        corners: coordinates that kernels are given, or what those written by hand take in their
+        corners: coordinates for the kernels, or the data that hand-written ones take in their
             place: a row for each call, or one row for all.
     """
 
@@ -134,7 +134,7 @@ def plain_cells(
 ) -> Cells:
     """Cells whose axes are those of their nodes; without nodes and sections unless given.
 
-    ``own`` may have no rows where no kernel takes data of cells.
+    ``own`` may have no rows if no kernel takes data of cells.
     """
     nodes = np.empty((len(own), 0), dtype=np.int32) if nodes is None else nodes
     count = len(nodes)
@@ -155,7 +155,7 @@ def cell_kernel(
     section: Mapping[str, tuple[int, int]] | None = None,
     unknowns: Int2D = ALL_COLUMNS,
 ) -> CellKernel:
-    """The kernel with places for its data; those that it does not use are left out.
+    """The kernel with the positions of its data, without those that it does not use.
 
     Args:
         kernel: compiled kernel.
@@ -191,7 +191,7 @@ def _put_position(data: FloatArray, at: int, lane: int, values: FloatArray) -> N
 def _put_rotation(
     data: FloatArray, at: int, lane: int, frame: FloatArray, turned: bool, Q: FloatArray
 ) -> None:
-    """Write the rotation of a frame, times ``Q`` (9,) if need be."""
+    """Write the rotation of a frame, times ``Q`` (9,) if the cell is rotated."""
     for i in range(3):
         k = 3 + 3 * i
         for j in range(3):
@@ -249,7 +249,7 @@ def _gather(
 def _put_section(
     kernel: CellKernel, cells: Cells, section: int, lane: int, data: FloatArray
 ) -> None:
-    """Write the data of a section: they stay while the section does."""
+    """Write the data of a section, only if it differs from that of the last cell."""
     for s in range(kernel.section.shape[0]):
         first, count, at = kernel.section[s, 0], kernel.section[s, 1], kernel.section[s, 2]
         for i in range(count):
@@ -258,7 +258,7 @@ def _put_section(
 
 @inlined
 def _corners(cells: Cells, call: int) -> FloatArray:
-    """Coordinates that one of the calls is given."""
+    """Coordinates for one of the calls."""
     corners: FloatArray = cells.corners[call if cells.corners.shape[0] > 1 else 0]
     return corners
 
@@ -268,10 +268,10 @@ def _evaluate_batch(
     kernel: CellKernel, cells: Cells, nodes: Memory, first: int, held: IntArray,
     data: FloatArray, constants: FloatArray, results: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the results of the cells of one call; ``held`` are the sections that ``data`` has."""
+    """Write the results of the cells of one call; ``held``: the sections with data in ``data``."""
     last = cells.nodes.shape[0] - 1
     for lane in range(kernel.lanes):
-        c = min(first + lane, last)  # the last cell fills the last batch
+        c = min(first + lane, last)  # the last cell is repeated in the last batch
         _gather(kernel, cells, nodes, c, lane, data)
         if cells.section[c] != held[lane]:
             held[lane] = cells.section[c]
@@ -325,7 +325,7 @@ def add_forces(
         kernel: a :class:`CellKernel` with 3 or 6 results a node.
         cells: :class:`Cells`.
         nodes: record of the nodes.
-        constants: of the kernel.
+        constants: constants of the kernel.
         scale: factor of the results.
         target: (n, 3) or (n, 6); columns of the latter are those of twists.
     """
@@ -350,7 +350,7 @@ def add_entries(
         kernel: a :class:`CellKernel` with one result for each of k nodes, or each pair of them.
         cells: :class:`Cells`.
         nodes: record of the nodes.
-        constants: of the kernel.
+        constants: constants of the kernel.
         target: a vector (n, 1), or a matrix (n, n) for pairs.
     """
     call, own = unpack(CellKernel, kernel), unpack(Cells, cells)
@@ -377,7 +377,7 @@ def evaluate(
         kernel: a :class:`CellKernel`.
         cells: :class:`Cells`.
         nodes: record of the nodes.
-        constants: of the kernel.
+        constants: constants of the kernel.
         values: (m, s) results.
     """
     call, own = unpack(CellKernel, kernel), unpack(Cells, cells)
@@ -402,7 +402,7 @@ def add_blocks(
         kernel: a :class:`CellKernel` of matrices.
         cells: :class:`Cells`.
         nodes: record of the nodes.
-        constants: of the kernel.
+        constants: constants of the kernel.
         index: (m, k, k) numbers of the pairs, -1 where a node is missing.
         blocks: (b, 3, 3) or (b, 6, 6) matrices of the pairs.
     """
@@ -416,7 +416,7 @@ def add_blocks(
             i, row = _unknown(call.unknowns, columns, s)
             for t in range(rows // 3):
                 j, column = _unknown(call.unknowns, columns, t)
-                for lane in range(min(width, count - first)):  # which lie side by side in memory
+                for lane in range(min(width, count - first)):  # which are contiguous in memory
                     to = index[first + lane, i, j]
                     if to >= 0:
                         for a in range(3):
@@ -439,8 +439,8 @@ def add_products(
             :func:`evaluate` where these are also the axes of the cells.
         steps: (n, 3) or (n, 6) values.
         scale: factor of the products.
-        transposed: whether the matrices are transposed.
-        target: of the shape of the values.
+        transposed: True for transposed matrices.
+        target: array of the shape of the values.
     """
     own, size = unpack(Cells, cells), int(math.sqrt(matrices.shape[1]))
     x, y = np.empty(size), np.empty((size, 1))
@@ -462,7 +462,7 @@ def add_products(
 
 @subroutine
 def _turn_matrix(cells: Cells, c: int, K: FloatArray, work: FloatArray) -> None:
-    """``K <- P K P^T`` with the block diagonal P of the turns of both halves of all nodes."""
+    """``K <- P K P^T`` with the block diagonal P of the rotations, twice for each node."""
     width = 6 * cells.nodes.shape[1]
     for block in range(width // 3):
         Q = cells.turns[c, block // 2]
@@ -496,7 +496,7 @@ def evaluate_tangents(
         inertia: one that takes two constants, the factors of C and M, whose sum it is.
         cells: :class:`Cells`.
         nodes: record of the nodes.
-        constants: of the stiffness.
+        constants: constants of the stiffness.
         rates: (n, 2, 36) changes dv and dw of each node along its local twist, row by row.
         factors: (2,) k and s.
         values: (m, (6 k)^2).

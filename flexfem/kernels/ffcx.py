@@ -28,7 +28,8 @@ from flexfem.kernels.lanes import LANES
 __all__ = ["Kernel", "cell_form", "compile_kernel", "tabulate"]
 
 #: Generated code is straight-line arithmetic: vectorised, without unsafe reordering of sums. The
-#: variable is for clusters whose nodes differ, and for those who compile more than they compute.
+#: variable is for clusters with different nodes, and for those whose runs are shorter than
+#: compilation.
 _COMPILE_ARGUMENTS = [
     *os.environ.get("FLEXFEM_CFLAGS", "-O3 -march=native -fno-math-errno").split(),
     "-g0",
@@ -43,10 +44,10 @@ class Kernel:
 
     Attributes:
         address: address of the function ``tabulate_tensor_float64``.
-        offsets: where each coefficient of the form starts in the packed coefficients of one cell,
-            -1 for a coefficient that the kernel does not use; one more entry holds the length.
+        offsets: first entry of each coefficient of the form in the packed coefficients of one cell,
+            -1 for a coefficient that the kernel does not use; then the total length.
         owner: keeps the loaded module alive.
-        lanes: number of cells that one call treats.
+        lanes: number of cells that one call evaluates.
     """
 
     address: int
@@ -74,7 +75,7 @@ def cell_form(comm: MPI.Intracomm, form: ufl.Form, *, batched: bool = False) -> 
 
 @cache
 def _batch_arguments() -> tuple[str, ...]:
-    """C compiler arguments of batched kernels; FFCx's cache sees changes of its backend by them."""
+    """C compiler arguments of batched kernels; they make FFCx's cache depend on its backend."""
     text = files("flexfem.kernels").joinpath("ffcx_backend.py").read_bytes()
     revision = hashlib.blake2b(text, digest_size=4).hexdigest()
     return "-fopenmp-simd", f"-DFLEXFEM_LANES={LANES}", f"-DFLEXFEM_BATCH=0x{revision}"
@@ -92,9 +93,10 @@ def compile_kernel(
     Args:
         comm: communicator whose first rank compiles.
         form: form with one cell integral.
-        coefficients: the order in which offsets are reported.
-        batched: one call treats ``LANES`` cells. The data of lane l of entry k of the coefficients
-            and of the tensor are at ``k LANES + l``; constants and coordinates are common to all.
+        coefficients: coefficients in the order of the offsets.
+        batched: True if one call evaluates ``LANES`` cells. The data of lane l of entry k of the
+            coefficients and of the tensor are at ``k LANES + l``; constants and coordinates are
+            common to all.
     """
     compiled = cell_form(comm, form, batched=batched)
     ufcx, ffi = compiled.ufcx_form, compiled.module.ffi

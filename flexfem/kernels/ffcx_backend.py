@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""FFCx language backend: cell kernels in C that treat several cells in one call.
+"""FFCx language backend: cell kernels in C that evaluate several cells in one call.
 
-What FFCx generates for a beam is one long run of additions and products. The same statements in a
-loop over ``LANES`` cells, whose data lie side by side, are vectorised by the C compiler: five times
+FFCx's code for a beam is one long sequence of additions and products. The same statements in a
+loop over ``LANES`` cells, whose data are interleaved, are vectorised by the C compiler: five times
 the speed with eight lanes of 512 bits, three times with four.
 
 FFCx imports this module by the name that its option ``language`` gives, and takes the generators of
@@ -35,7 +35,7 @@ for (int lane = 0; lane < {lanes}; ++lane)
 
 
 class BatchFormatter(Formatter):
-    """C code of statements with the entries of tensor and coefficients moved to one lane.
+    """Formatter of C code with the entries of tensor and coefficients moved to one lane.
 
     Raises:
         ValueError: the arrays are used in another way than by one index.
@@ -59,7 +59,7 @@ def _integral(ir: Any, domain: Any, options: dict[str, Any]) -> tuple[str, str]:
     others = ("float32", "complex64", "complex128")
     code = factory.format(
         factory_name=name,
-        # which coefficients are packed is the caller's business
+        # the caller chooses the coefficients to be packed
         enabled_coefficients="NULL",
         enabled_coefficients_init="",
         tabulate_tensor=_LOOP.format(lanes=LANES, body=body),

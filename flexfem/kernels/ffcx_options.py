@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Options and folder of the compilation of forms, which no file in the working folder changes.
+"""Options and folder of the compilation of forms, independent of files in the working folder.
 
 DOLFINx and FFCx read ``dolfinx_jit_options.json`` and ``ffcx_options.json`` of the working folder,
-which may name a folder of compiled code, libraries and tolerances. Whoever left them there would
-run his code in ours, or change our numbers; here all options have values of our own.
+which may name a folder of compiled code, libraries and tolerances. Files of another user there
+could run other code or change results; here all options have fixed values.
 """
 
 import gc
@@ -22,7 +22,7 @@ from flexfem._trust import private_folder, trusted
 
 __all__ = ["compile_options", "compiled_form", "quick_compiler"]
 
-#: Arguments of the C compiler unless others are asked for: those of DOLFINx.
+#: Default arguments of the C compiler: those of DOLFINx.
 _ARGUMENTS = ("-O2", "-g0")
 #: Seconds that a process waits for another one that compiles the same form.
 _PATIENCE = 120
@@ -32,8 +32,8 @@ def compile_options(comm: MPI.Intracomm, arguments: Sequence[str] = _ARGUMENTS) 
     """Keyword arguments of DOLFINx's functions that compile forms (collective).
 
     Args:
-        comm: communicator whose first rank compiles, and says where to.
-        arguments: of the C compiler.
+        comm: communicator whose first rank compiles and chooses the folder.
+        arguments: arguments of the C compiler.
     """
     from ffcx.options import FFCX_DEFAULT_OPTIONS
 
@@ -57,16 +57,16 @@ def compiled_form(form: ufl.Form) -> Any:
 
 @contextmanager
 def quick_compiler() -> Iterator[None]:
-    """While FFCx compiles: the same code in two thirds of the time.
+    """Context in which FFCx generates the same code in two thirds of the time.
 
-    FFCx compares each expression with all others to find its number, where a table has it at once.
-    A tenth of the time would go into looking for garbage among what is still in use.
+    FFCx compares each expression with all others to find its number; here a hash table is used.
+    Garbage collection, a tenth of the time, is disabled.
     """
     graph: Any = import_module("ffcx.ir.analysis.graph")
     usual = getattr(graph, "ValueNumberer", None)
     collecting = gc.isenabled()
     gc.disable()
-    if hasattr(usual, "get_node_symbols"):  # other versions of FFCx may have no need of it
+    if hasattr(usual, "get_node_symbols"):  # other versions of FFCx may not need it
         graph.ValueNumberer = _with_table(usual)
     try:
         yield
@@ -82,7 +82,7 @@ def _with_table(usual: Any) -> Any:
     """FFCx's class that numbers the values of a graph of expressions, with a table of them."""
 
     class Numberer(usual):
-        """Finds an expression by its hash."""
+        """Graph that finds an expression by its hash."""
 
         def __init__(self, G: Any) -> None:
             super().__init__(G)

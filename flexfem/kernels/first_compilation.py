@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Notice that a first run waits for the compilation of kernels."""
+"""Message that a first run waits for the compilation of kernels."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -9,7 +9,7 @@ from numba.core import event
 
 __all__ = ["told_of_compilation"]
 
-#: Seconds of compilation after which it is told.
+#: Seconds of compilation after which the message is printed.
 _SHORT = 1.0
 _WORDS = (
     "compiling kernels, which are kept: a first run waits for half a minute or more, later ones "
@@ -18,14 +18,14 @@ _WORDS = (
 
 
 class _Listener(event.Listener):
-    """Adds the time of compilations up, and tells once."""
+    """Listener that sums the time of compilations, and reports once."""
 
     def __init__(self, tell: Callable[[str], None]) -> None:
         self._tell, self._begun, self._depth, self._spent = tell, 0.0, 0, 0.0
         self._told = False
 
     def on_start(self, event: event.Event) -> None:
-        """A compilation begins, perhaps within another one."""
+        """Note the begin of a compilation, which may be within another one."""
         if self._depth == 0:
             self._begun = time.monotonic()
         self._depth += 1
@@ -34,7 +34,7 @@ class _Listener(event.Listener):
             self._tell(_WORDS)
 
     def on_end(self, event: event.Event) -> None:
-        """It has ended."""
+        """Note the end of a compilation, and report if the time is up."""
         self._depth -= 1
         if self._depth == 0:
             self._spent += time.monotonic() - self._begun
@@ -42,9 +42,9 @@ class _Listener(event.Listener):
 
 @contextmanager
 def told_of_compilation(tell: Callable[[str], None]) -> Iterator[None]:
-    """While numba compiles for more than a second, ``tell`` gets a line, once.
+    """Context in which ``tell`` gets a line, once, if numba compiles for more than a second.
 
-    What is loaded from the cache on disk is not compiled.
+    Loading from the cache on disk is not counted.
     """
     listener = _Listener(tell)
     event.register("numba:compile", listener)

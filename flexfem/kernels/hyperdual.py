@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Hyper-dual numbers in compiled code: exact first and second derivatives of users' functions.
+"""Hyper-dual numbers in compiled code: exact first and second derivatives of functions.
 
 A number ``x = x_0 + x_1 e_1 + x_2 e_2 + x_12 e_1 e_2`` with ``e_1^2 = e_2^2 = 0`` carries the
 derivatives along two directions and the mixed second one through every operation (Fike and Alonso
-2011, AIAA 2011-886), without differences and without round-off of its own. A plain Python function
+2011, AIAA 2011-886), without differences and their round-off. A plain Python function
 of numbers that numba compiles takes them as they are: operators, comparisons (of values), and the
 functions of ``math`` and NumPy listed in ``_UNARY``, ``atan2``, ``hypot``, ``min`` and ``max``.
 """
@@ -36,15 +36,15 @@ class HyperDual(types.Type):
     """Type of hyper-dual numbers for numba; four floats."""
 
     def __init__(self) -> None:
-        """There is one such type."""
+        """Set the name of the type, of which there is only one."""
         super().__init__(name="HyperDual")
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """Constants are numbers without derivatives, as in sums that begin with zero."""
+        """Convert constants to numbers with zero derivatives, as in sums that begin with zero."""
         return Conversion.promote if isinstance(other, types.Number | types.Boolean) else None
 
     def unify(self, typingctx: Any, other: Any) -> Any:
-        """Variables that hold constants or such numbers hold such numbers."""
+        """Type of variables with constants or such numbers: such numbers."""
         return self if isinstance(other, types.Number | types.Boolean | HyperDual) else None
 
 
@@ -95,12 +95,12 @@ def _bare[F: Callable[..., Any]](function: F) -> F:
 
 
 def _overload(function: Any) -> Callable[[Callable[..., Any]], object]:
-    """Register what numba compiles for ``function`` with arguments of certain types."""
+    """Register numba's implementation of ``function`` with arguments of certain types."""
     return lambda typed: overload(function)(_bare(typed))
 
 
 def promoted(x: Any) -> Any:
-    """The number itself, or the constant ``x`` as one."""
+    """The number, or the constant ``x`` as a hyper-dual number."""
     raise NotImplementedError
 
 
@@ -114,7 +114,7 @@ def _promoted(x: Any) -> Any:
 
 
 def component(result: Any, k: int) -> Any:
-    """The k-th number of a tuple, as a hyper-dual one; a number stands for itself."""
+    """The k-th number of a tuple, as a hyper-dual one; a number counts as a tuple of one."""
     raise NotImplementedError
 
 
@@ -136,7 +136,7 @@ def _is_number(*kinds: Any) -> bool:
 
 
 def _binary(function: Callable[..., Any], rule: Callable[..., Any]) -> None:
-    """Let a function of two numbers follow a rule for hyper-dual ones."""
+    """Overload a function of two numbers by a rule for hyper-dual ones."""
     rule = register_jitable(rule)
 
     @_overload(function)
@@ -250,7 +250,7 @@ for _function in (operator.pow, operator.ipow, builtins.pow, np.power):
 
 
 def _compare(function: Any) -> None:
-    """Let numbers be compared by their values."""
+    """Overload a comparison by that of the values."""
 
     @_overload(function)
     def typed(a: Any, b: Any) -> Any:
@@ -266,7 +266,7 @@ for _function in (
 
 
 def _unary(names: tuple[Callable[..., Any], ...], rule: Callable[..., Any]) -> None:
-    """Let functions of one number follow ``rule(value) -> (value, slope, curvature)``."""
+    """Overload functions of one number by ``rule(value) -> (value, slope, curvature)``."""
     rule = register_jitable(rule)
     for name in names:
 
@@ -321,7 +321,7 @@ def _abs(x: float) -> tuple[float, float, float]:
     return abs(x), (1.0 if x >= 0.0 else -1.0), 0.0
 
 
-#: Functions of one number and what gives value, slope and curvature.
+#: Functions of one number, and their rules for value, slope and curvature.
 _UNARY: tuple[tuple[tuple[Any, ...], Callable[[float], tuple[float, float, float]]], ...] = (
     ((operator.neg,), lambda x: (-x, -1.0, 0.0)),
     ((operator.pos, builtins.float), lambda x: (x, 1.0, 0.0)),

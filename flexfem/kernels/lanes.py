@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Cells in SIMD lanes, as batched kernels take them."""
+"""Cells in SIMD lanes, the format of batched kernels."""
 
 import math
 
@@ -19,7 +19,7 @@ def in_rows(values: FloatArray) -> FloatArray:
 
 
 def lanes(values: FloatArray) -> FloatArray:
-    """Rows (m, ...) side by side, (b, ..., LANES); the last row fills the last batch."""
+    """Rows (m, ...) in lanes (b, ..., LANES); the last row is repeated in the last batch."""
     count = len(values)
     batches = -(-count // LANES)
     rows = np.minimum(np.arange(batches * LANES), count - 1)
@@ -28,6 +28,6 @@ def lanes(values: FloatArray) -> FloatArray:
 
 
 def unlaned(values: FloatArray, count: int) -> FloatArray:
-    """The first ``count`` rows of what :func:`lanes` has put side by side."""
+    """The first ``count`` rows of a result of :func:`lanes`."""
     rows = np.moveaxis(values, -1, 1)
     return np.ascontiguousarray(rows.reshape(-1, *rows.shape[2:])[:count])

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Functions that are compiled when a loop first calls them.
 
-Loops serve all kinds of lines and rows, of which a model has a few. What belongs to one kind is a
-function of its own, which a loop calls by its address. It asks for the address when it first comes
-there, by calling back into Python, where the function is compiled or loaded. Each loop keeps the
-addresses that it has got.
+Loops serve all kinds of lines and rows, of which a model has a few. The code of one kind is a
+separate function, which a loop calls by address. The loop requests the address at the first call by
+calling back into Python, where the function is compiled or loaded. Each loop stores the addresses
+that it has received.
 """
 
 import ctypes
@@ -21,20 +21,20 @@ from numba.core.typing import make_concrete_template, signature
 
 __all__ = ["HERE_ALONE", "Demand", "call_on_demand", "demanded", "demands_of"]
 
-#: Name of a variable in code that calls what only this process has at its address: numba writes no
-#: function with such a one to disk. Files of our own say what else must be loaded.
+#: Name of a variable in code with an address that is valid in this process only: numba writes no
+#: function with such a variable to disk. The files of ``compiler`` list what else must be loaded.
 HERE_ALONE = "numba.dynamic.globals.flexfem"
 
-#: How names begin that loops call for an address.
+#: Prefix of the names that loops call for an address.
 _PREFIX = "flexfem.address."
 _POINTER = ir.IntType(8).as_pointer()
 
 
 class Demand(NamedTuple):
-    """A function that is called so.
+    """A function that is compiled on demand.
 
     Attributes:
-        module: where it is.
+        module: its module.
         function: its name.
         kinds: types of its arguments.
     """
@@ -48,12 +48,12 @@ class _OnDemand:
     """A function for arguments of certain types.
 
     Attributes:
-        demand: which one.
-        symbol: name of what returns its address, or null where it cannot be compiled.
+        demand: the function.
+        symbol: name of the function that returns its address, or null if it cannot be compiled.
     """
 
     def __init__(self, loop: Any, demand: Demand) -> None:
-        """Let numba and the linker know of it."""
+        """Register it with numba and the linker."""
         text = f"{demand.module}.{demand.function} {demand.kinds}"
         self.demand, self._loop = demand, loop
         self.symbol = _PREFIX + hashlib.blake2b(text.encode(), digest_size=16).hexdigest()
@@ -63,7 +63,7 @@ class _OnDemand:
         cpu_target.target_context.insert_func_defn([(self._call, self, demand.kinds)])
 
     def _address(self) -> int:
-        """Compile or load it; what fails here is printed, and the loop gets null."""
+        """Compile or load it; an error is printed, and the loop gets null."""
         self._loop.compile(self.demand.kinds)
         result = self._loop.overloads[self.demand.kinds]
         if result.signature.return_type != types.none:
@@ -98,7 +98,7 @@ class _OnDemand:
         return context.get_dummy_value()
 
 
-#: All of them in this process: loops that are loaded may ask for any at any time.
+#: All of them in this process: loaded loops may request any of them at any time.
 _KNOWN: dict[Demand, _OnDemand] = {}
 _BY_SYMBOL: dict[str, _OnDemand] = {}
 
@@ -114,7 +114,7 @@ def _known(loop: Any, kinds: tuple[Any, ...]) -> _OnDemand:
 
 
 def call_on_demand(loop: Any) -> None:
-    """Let other loops call one so.
+    """Make a loop callable on demand by other loops.
 
     Args:
         loop: numba's dispatcher of a subroutine that returns nothing.
@@ -134,7 +134,7 @@ def call_on_demand(loop: Any) -> None:
 
 
 def demands_of(module: Any) -> tuple[Demand, ...]:
-    """Functions for whose addresses LLVM's module asks."""
+    """Functions whose addresses an LLVM module requests."""
     return tuple(
         _BY_SYMBOL[function.name].demand
         for function in module.functions
@@ -143,6 +143,6 @@ def demands_of(module: Any) -> tuple[Demand, ...]:
 
 
 def demanded(demands: Iterable[Demand]) -> None:
-    """Prepare for code from a file that calls these functions."""
+    """Register these functions before code from a file that calls them is loaded."""
     for demand in demands:
         _known(getattr(import_module(demand.module), demand.function), demand.kinds)

@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Records: named arrays and numbers that compiled loops take as one argument.
 
-A call of a compiled loop costs some 35 ns for each array that it is given, and every function that
-hands arrays on is compiled with seven machine words for each of them. A record is passed as the
-address of a block of memory with the addresses and shapes of its arrays: one argument, however many
-arrays, from Python as well as between loops.
+A call of a compiled loop costs some 35 ns for each array argument, and every function that passes
+arrays on is compiled with seven machine words for each of them. A record is passed as the address
+of a block of memory with the addresses and shapes of its arrays: one argument for any number of
+    arrays, from Python as well as between loops.
 
-A class derived from :class:`Record` lists the fields; :func:`unpack` gives a loop its fields::
+A class derived from :class:`Record` lists the fields; in a loop :func:`unpack` returns its fields::
 
     class Bars(Record):
         nodes: Int2D  # (m, 2) nodes of each bar
@@ -20,8 +20,8 @@ A class derived from :class:`Record` lists the fields; :func:`unpack` gives a lo
     bars = Bars(nodes=..., stiffness=...)
     total(bars.memory)
 
-A record holds its arrays. Their entries may change, a field can be assigned another array, and
-loops see both.
+A record keeps references to its arrays. Loops see changes of their entries, and another array that
+is assigned to a field.
 """
 
 from types import SimpleNamespace
@@ -70,7 +70,7 @@ __all__ = [
     "unpack",
 ]
 
-#: Memory of a record, as a loop takes it.
+#: Memory of a record, the argument of a loop.
 Memory = IntArray
 
 
@@ -109,7 +109,7 @@ _NUMBERS = {float: _layout(np.float64, 0), int: _layout(np.int64, 0), bool: _lay
 
 @dataclass_transform(kw_only_default=True)
 class _RecordClass(type):
-    """Class of a kind of record: knows where each field lies in the memory."""
+    """Metaclass of records, with the position of each field in the memory."""
 
     _fields: dict[str, tuple[int, _Layout]] | None = None
 
@@ -141,7 +141,7 @@ class Record(metaclass=_RecordClass):
     """Named arrays, C-contiguous, and numbers; see the module.
 
     Attributes:
-        memory: what loops take.
+        memory: argument for loops.
     """
 
     __slots__ = ("__dict__", "memory")
@@ -149,7 +149,7 @@ class Record(metaclass=_RecordClass):
         memory: ClassVar[Memory]
 
     def __init__(self, **values: Any) -> None:
-        """Hold the fields.
+        """Store the fields.
 
         Raises:
             TypeError: a field is missing or unknown, or an array has another layout.
@@ -165,7 +165,7 @@ class Record(metaclass=_RecordClass):
             setattr(self, name, value)
 
     def __setattr__(self, name: str, value: Any) -> None:
-        """Hold another array or number.
+        """Assign another array or number to a field.
 
         Raises:
             TypeError: it has another layout than the field, or there is no such field.
@@ -186,11 +186,11 @@ class Record(metaclass=_RecordClass):
 
 
 def unpack[R: Record](kind: type[R], memory: Memory) -> R:
-    """The record with some memory, for compiled loops.
+    """The record at a memory, for compiled loops.
 
     Args:
         kind: class of the record.
-        memory: of a record of this class: nothing can check it.
+        memory: that of a record of this class, which is not checked.
     """
     plain: Any = SimpleNamespace(**memory.base.obj.fields)  # type: ignore[union-attr]
     return plain  # type: ignore[no-any-return]
@@ -249,7 +249,7 @@ def array_at(memory: Memory, word: int) -> FloatArray:
 
     Args:
         memory: of a record.
-        word: of :meth:`Record.word`, which loops that serve several kinds of records are given.
+        word: result of :meth:`Record.word`, an argument of loops for several kinds of records.
     """
     raise NotImplementedError("only compiled loops find arrays so")
 
@@ -284,7 +284,7 @@ class _Fields(AttributeTemplate):
     key = _RecordType
 
     def generic_resolve(self, record: Any, name: str) -> Any:  # type: ignore[override]
-        """Type of one field, None where there is no such field."""
+        """Type of one field, None if there is no such field."""
         found = record.kind.fields.get(name)
         return None if found is None else _field_type(found[1])
 

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Numbers of ``LANES`` cells in one register, for kernels that are written by hand.
+"""Numbers of ``LANES`` cells in one register, for hand-written kernels.
 
-Arithmetic in compiled loops takes them like floats: what is written for one cell treats
-``LANES`` cells side by side, without that a compiler must find out that it may. :func:`load` reads
+Arithmetic in compiled loops takes them like floats: code for one cell evaluates ``LANES`` cells at
+    once, without relying on the compiler's vectoriser. :func:`load` reads
 and :func:`store` writes an entry of arrays in which the values of lane l of entry k are at
-``k LANES + l``, as batched kernels have them.
+``k LANES + l``, as in batched kernels.
 """
 
 import math
@@ -35,11 +35,11 @@ class _VectorType(types.Type):
         super().__init__(f"Vector({LANES})")
 
     def unify(self, typingctx: Any, other: Any) -> Any:
-        """A variable that is a number first and a vector later is a vector."""
+        """Type of a variable that is a number first and a vector later: a vector."""
         return self if isinstance(other, types.Number) else None
 
     def can_convert_from(self, typingctx: Any, other: Any) -> Any:
-        """A number is the same in all lanes."""
+        """Convert a number to a vector with this number in all lanes."""
         return Conversion.safe if isinstance(other, types.Number) else None
 
 
@@ -87,7 +87,7 @@ class _Unary(ConcreteTemplate):
 
 
 def _lower_binary(function: Any, name: str) -> None:
-    """Let an operation be that of all lanes."""
+    """Register the code of an operation on all lanes."""
     infer_global(function)(type("_Vectors", (_Binary,), {}))
 
     def lower(context: Any, builder: Any, sig: Any, arguments: Any) -> Any:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Places inside elements of beams as arrays of this rank: their motion and ranks."""
+"""Points inside elements of beams as arrays of this rank: their motion and ranks."""
 
 from collections.abc import Sequence
 
@@ -16,17 +16,17 @@ from flexfem.lie import se3
 
 __all__ = ["ElementPlaces", "holds", "place_arrays", "places_on_rank"]
 
-#: Motion (m, rad) over which twists of places are differentiated.
+#: Increment (m, rad) of central differences of twists.
 _SPAN = 1e-5
 
 
 class ElementPlaces:
-    """Places in elements of one kind with equally many nodes, all of whose nodes are on this rank.
+    """Points in elements of one kind with equally many nodes, all of whose nodes are on this rank.
 
     Attributes:
         nodes: (n, k) local nodes.
-        xi: (n,) places in the elements.
-        places: these, as compiled loops take them.
+        xi: (n,) coordinates in the elements, 0 to 1.
+        places: the points in the format of the compiled loops.
     """
 
     def __init__(
@@ -37,7 +37,7 @@ class ElementPlaces:
         turns = np.empty((len(nodes), 0, 9)) if turns is None else turns
         self.nodes, self.xi = nodes, xi
         self.places = Places(element=element, nodes=nodes, shape=shape, xi=xi, turns=turns)
-        # the same for nodes that stand place after place
+        # the same for nodes in the order of the points
         self._apart = Places(
             element=element, nodes=np.arange(nodes.size).reshape(nodes.shape), shape=shape, xi=xi,
             turns=turns,
@@ -45,11 +45,11 @@ class ElementPlaces:
 
     @classmethod
     def of(cls, places: Sequence[ElementPlace], block: FrameBlock) -> "ElementPlaces":
-        """Some places, at least one."""
+        """Make the arrays of one or more points."""
         return cls(*place_arrays(places, block))
 
     def at(self, frames: FloatArray, velocity: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Frames (n, 12) and local twists (n, 6) of the places, given those of all nodes."""
+        """Frames (n, 12) and local twists (n, 6) of the points, given those of all nodes."""
         points, twists = np.empty((len(self.xi), 12)), np.empty((len(self.xi), 6))
         line_twists(self.places.memory, frames, velocity, points, twists)
         return points, twists
@@ -83,7 +83,7 @@ class ElementPlaces:
 def place_arrays(
     places: Sequence[ElementPlace], block: FrameBlock
 ) -> tuple[IntArray, FloatArray, FloatArray, int, FloatArray]:
-    """Local nodes, shape functions, places, kind of element and rotations of at least one place."""
+    """Local nodes, shape functions, coordinates, kind of element and rotations of points."""
     return (
         block.local_index(np.array([place.nodes for place in places])),
         np.array([place.shape for place in places]),
@@ -94,7 +94,7 @@ def place_arrays(
 
 
 def holds(block: FrameBlock, place: ElementPlace) -> bool:
-    """Return True if an element is this rank's; see ``FrameBlock.elements``."""
+    """Return True if an element is on this rank; see ``FrameBlock.elements``."""
     if block.elements is not None:
         return bool(np.isin(place.cell, block.elements))
     return bool(block.owned_index(place.nodes[-1:])[0] >= 0)
@@ -103,7 +103,7 @@ def holds(block: FrameBlock, place: ElementPlace) -> bool:
 def places_on_rank(
     serial: NumberedModel, kind: int, block: FrameBlock, markers: Sequence[Observed]
 ) -> list[tuple[ElementPlaces, IntArray]]:
-    """Markers inside elements that this rank holds, in groups, and which of them these are."""
+    """Markers inside elements on this rank, in groups, and their numbers among the given ones."""
     found: dict[tuple[int, int], list[tuple[int, ElementPlace]]] = {}
     for which, marker in enumerate(markers):
         place = serial.place(marker)

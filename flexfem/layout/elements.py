@@ -18,15 +18,15 @@ class ElementFamily(Protocol):
     """Residual, tangent and stress resultants of all elements of one formulation on this rank.
 
     They may come in groups; "all cells" are those of one group after the other. Residuals are inner
-    forces and inertia less gravity, in the axes of the nodes: of a block whose nodes keep the axes
-    of space, (n, 6) arrays hold inertial components in their first three columns.
+    forces and inertia less gravity, in the axes of the nodes: of a block whose nodes have inertial
+        axes, (n, 6) arrays hold inertial components in their first three columns.
 
     Attributes:
-        law_owner: name in messages of the first section with a law of the user, None without one.
-        chained: nodes follow one another along lines, on which elements join neighbours only.
-        thin: membranes are so much stiffer than bending that steps of motion iterate with continued
-            stresses (mixed Newton), see :meth:`continued_strains`.
-        stressed: the tangent has parts from stresses, which those of :meth:`unstressed` leave out.
+        law_owner: name in messages of the first section with a user-defined law, None without one.
+        chained: True if nodes are ordered along lines and elements connect consecutive nodes only.
+        thin: True if membranes are so much stiffer than bending that steps of motion iterate with
+            continued stresses (mixed Newton), see :meth:`continued_strains`.
+        stressed: True if the tangent has a geometric stiffness, which :meth:`unstressed` omits.
     """
 
     law_owner: str | None
@@ -46,7 +46,7 @@ class ElementFamily(Protocol):
 
     @property
     def viscous(self) -> bool:
-        """True if any material is viscous: it resists the rate of strain."""
+        """True if any material is viscous."""
         ...
 
     def add_residual(
@@ -55,7 +55,7 @@ class ElementFamily(Protocol):
     ) -> None:  # fmt: skip
         """Add ``scale`` times internal, inertia and gravity forces to the block's residual.
 
-        Of the request only its strains count.
+        Only the strains of the request have an effect.
         """
         ...
 
@@ -80,14 +80,14 @@ class ElementFamily(Protocol):
     def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains | None:
         """Strains at ``frames`` (n, 12), continued linearly along local twists ``steps`` (n, 6).
 
-        None where the family's stresses are not continued: the present ones are taken.
+        None if the family's stresses are not continued: the present ones are used.
         """
         ...
 
     def unstressed(self) -> Strains | None:
         """Strains without stresses: no geometric stiffness, laws at rest.
 
-        None where stresses have no part of their own in the tangent.
+        None if the tangent has no geometric stiffness.
         """
         ...
 
@@ -100,17 +100,17 @@ class ElementFamily(Protocol):
     ) -> tuple[FloatArray, FloatArray]:
         """Strains and stress resultants (m, 6) in section axes, of all or the ``chosen`` cells.
 
-        They are those in the middle of the cells.
+        They are those at the centres of the cells.
         """
         ...
 
     def stretches(self, frames: FloatArray) -> FloatArray:
-        """Least size (m,) of each cell relative to that at the start, where it can change its sign.
+        """Least relative size (m,) of each cell, for measures that can change sign.
 
-        Of beams the length along the sections' normal, of shells with directors the area across
-        these, of bodies distances of interfaces. Elements whose value is not positive are inverted:
-        they may solve the equations with linear laws, but no body moves there. Shells without
-        directors measure lengths, which cannot: ones.
+        It is the length along the sections' normal of beams, the area projected along the directors
+        of shells with directors, and the distances of interfaces of floating bodies. Elements whose
+        value is not positive are inverted: they may solve the equations with linear laws, but are
+        not physical. Shells without directors measure lengths, which are always positive: ones.
         """
         ...
 

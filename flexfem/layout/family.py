@@ -51,19 +51,19 @@ _NEEDED = ("frames", "velocities", "body_of_node", "node", "costs", "block")
 
 
 class Sensor(Protocol):
-    """Measures the accepted state: the share of this rank in the columns of a probe."""
+    """Measurement of the accepted state: the share of this rank in the columns of a probe."""
 
     def update(self) -> FloatArray:
-        """Take in the accepted state and return this rank's share of the columns."""
+        """Evaluate the accepted state and return this rank's share of the columns."""
 
 
 @dataclass(frozen=True)
 class ContactSurface:
-    """Triangles of the bodies of a family that touch.
+    """Contact surface: the triangles of the bodies of a family that may touch others.
 
     Attributes:
         bodies: the bodies.
-        nodes: (n,) numbers of nodes in the family; start: (n, 3) their places at the start, m.
+        nodes: (n,) numbers of nodes in the family; start: (n, 3) their positions at the start, m.
         owner: (n,) number of the body of each node in ``bodies``.
         held: (n, width) fixed unknowns of the nodes.
         triangles: (m, 3) numbers of nodes in the family.
@@ -85,18 +85,19 @@ class ContactSurface:
 class Family:
     """All bodies of one kind in a model, the same on every rank.
 
-    Numbers of nodes count the family's nodes; numbers of bodies count :attr:`bodies`.
+    Nodes are numbered within the family, and bodies as in :attr:`bodies`.
 
     Attributes:
         kind: number of the family, its row in the nest.
         serial: serial data of the model, an ``NumberedModel``.
         energy_momentum: True if the integrator ``energy_momentum`` supports the family.
-        bodies_have_places: True if every node is a place on a body; some hold amplitudes of shapes.
-        axes: True if nodes have axes, on which moments and following forces of markers act.
+        bodies_have_places: True if every node is a point of a body, False if some are amplitudes of
+            shapes.
+        axes: True if nodes have rotations, on which moments and follower forces of markers act.
         series: class of the series for ParaView, or its name as "module:class", see
             ``flexfem.io.paraview.family_series``; families may share one. None: no pictures.
-        follows: bodies without elements, which are on the rank of the bodies that they are joined
-            to.
+        follows: True for bodies without elements, which are on the rank of the bodies that they are
+            joined to.
     """
 
     energy_momentum: ClassVar[bool] = False
@@ -122,7 +123,7 @@ class Family:
 
     @property
     def bodies(self) -> Sequence[Any]:
-        """Bodies of the model by which :attr:`body_of_node` counts."""
+        """Bodies of the model whose numbers are in :attr:`body_of_node`."""
         return self.members(self.serial.model)
 
     @property
@@ -147,7 +148,7 @@ class Family:
 
     @property
     def placed(self) -> BoolArray:
-        """(n,) nodes that have a place in space; the others hold amplitudes of shapes."""
+        """(n,) True for nodes with a position in space; the others are amplitudes of shapes."""
         return np.ones(len(self.frames), dtype=np.bool_)
 
     @property
@@ -161,7 +162,7 @@ class Family:
         return self.body_of_node
 
     def supports(self) -> tuple[IntArray, FloatArray]:
-        """Nodes (k,) with supports, and the local twists (k, 6) that these prevent."""
+        """Nodes (k,) with supports, and the local twists (k, 6) that these fix."""
         nothing = np.zeros(0, dtype=np.int64)
         return nothing, np.zeros((0, 6))
 
@@ -171,13 +172,13 @@ class Family:
         return f'{type(self.own[0]).__name__} "{self.own[0].name}"'
 
     def fingerprint(self) -> Mapping[str, Any]:
-        """Further data that decide whether a checkpoint belongs to a model, by their names."""
+        """Further data, by their names, in the hash that assigns a checkpoint to a model."""
         return {}
 
     # -- Markers --------------------------------------------------------------------------------
 
     def node(self, marker: Marker, place: Place | None) -> int:
-        """Number of the node that carries a marker, which the model has found to be at a place.
+        """Number of the node that carries a marker, from the marker's place in the model.
 
         Of a body derived from ``flexfem.Body`` ``place.node`` is the value of its ``node``, a
         number in the body.
@@ -189,7 +190,7 @@ class Family:
         return None
 
     def with_axes(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
-        """The same place on three nodes whose triangle gives it axes.
+        """The same point on three nodes, whose triangle defines its axes.
 
         Raises:
             ValueError: there are no such nodes.
@@ -197,7 +198,7 @@ class Family:
         raise NotImplementedError
 
     def line(self, carrier: Carrier) -> Line:
-        """Line of a carrier, which sliders move along.
+        """Line of a carrier, along which sliders move.
 
         Raises:
             ValueError: the body has no line.
@@ -207,7 +208,7 @@ class Family:
     # -- Distribution over ranks ----------------------------------------------------------------
 
     def costs(self) -> Mapping[str, tuple[int, int]]:
-        """Number of elements of each body by name, and the cost of one in elements of a beam."""
+        """Number of elements of each body by name, and their cost relative to a beam element."""
         raise NotImplementedError
 
     def links(self) -> Mapping[tuple[str, str], int]:
@@ -217,7 +218,7 @@ class Family:
     def share(
         self, ranks: Mapping[str, IntArray]
     ) -> tuple[IntArray, Mapping[str, tuple[int, ...]]]:
-        """Ranks of all elements of the family, and those that hold nodes of each body.
+        """Ranks of all elements of the family, and ranks with nodes of each body.
 
         Args:
             ranks: rank of each element of every body of the family by name, ascending.
@@ -271,7 +272,7 @@ class Family:
         return [], []
 
     def masses(self, block: FrameBlock) -> tuple[list[int], list[FloatArray]]:
-        """Owned nodes that are bodies, and their inertia matrices (6, 6) in the nodes' axes."""
+        """Owned nodes that are bodies, with inertia matrices (6, 6) in the nodes' axes."""
         return [], []
 
     def sensor(self, probe: AnyProbe, part: Any) -> Sensor | None:
@@ -281,7 +282,7 @@ class Family:
             probe: of the model.
             part: the family's ``BlockPart``.
         """
-        old = getattr(self, "gauge", None)  # of a family written for version 0.1
+        old = getattr(self, "gauge", None)  # families written for version 0.1 lack these
         if old is None:
             return None
         warnings.warn(
@@ -295,7 +296,7 @@ def registry(model: Model) -> list[type[Family]]:
     """Families by kind: those of the package, then those of the model's other bodies.
 
     Raises:
-        ValueError: the family of a body is none, in one line.
+        ValueError: the family of a body is not a family, in one line.
     """
     others = map(_family_of, model.other_bodies)
     return list(dict.fromkeys([*map(_loaded, BUILT_IN), *others]))
@@ -305,7 +306,7 @@ def _family_of(body: Any) -> type[Family]:
     """The class of the family of a body.
 
     Raises:
-        ValueError: it is no such class, or lacks a method of every family.
+        ValueError: it is not a family, or lacks a required method.
     """
     owner = f'{type(body).__name__} "{body.name}"'
     try:
@@ -321,7 +322,7 @@ def _family_of(body: Any) -> type[Family]:
 
 
 def _loaded(family: str | type[Family]) -> type[Family]:
-    """The class of a family that is given as "module:class" or as itself."""
+    """The class of a family that is given as "module:class" or as a class."""
     if not isinstance(family, str):
         return family
     module, _, name = family.partition(":")

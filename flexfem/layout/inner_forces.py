@@ -10,7 +10,7 @@ __all__ = ["InnerForces"]
 
 
 class InnerForces(Protocol):
-    """Forces of loads inside elements with equally many nodes, all of which this rank holds.
+    """Forces of loads inside elements with equally many nodes, all of them on this rank.
 
     Attributes:
         nodes: (n, k) local nodes of the elements.
@@ -33,8 +33,8 @@ class InnerForces(Protocol):
         ...
 
     def states(self, block: FrameBlock, factors: FloatArray) -> FloatArray:
-        """Force, moment, place and angular velocity of each, inertial axes, (n, 12).
+        """Force, moment, position and angular velocity of each, inertial axes, (n, 12).
 
-        Forces may have several rows, which do the same work together.
+        A force may have several rows, whose work is that of the force.
         """
         ...

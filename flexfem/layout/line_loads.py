@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Forces at places inside elements of beams, as arrays for the compiled loops."""
+"""Forces at points inside elements of beams, as arrays for the compiled loops."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -22,7 +22,7 @@ __all__ = ["LineForce", "LineForces", "by_kind"]
 
 @dataclass(frozen=True)
 class LineForce:
-    """One wrench at a place: components inertial (dead) or in the axes of ``offset`` (follower)."""
+    """One wrench at a point: components inertial (dead) or in the axes of ``offset`` (follower)."""
 
     place: ElementPlace
     offset: FloatArray
@@ -33,7 +33,7 @@ class LineForce:
 
 
 class LineForces(ElementPlaces):
-    """Wrenches at places in elements of one kind, with the loads whose amplitudes scale them.
+    """Wrenches at points in elements of one kind, with the loads whose amplitudes scale them.
 
     Attributes:
         body: (n,) number of the beam of each.
@@ -71,7 +71,7 @@ class LineForces(ElementPlaces):
         np.add.at(block.residual[:, : block.width], self.nodes, action.reshape(steps.shape))
 
     def states(self, block: FrameBlock, factors: FloatArray) -> FloatArray:
-        """(n, 12) force, moment, place and angular velocity of each wrench, inertial axes."""
+        """(n, 12) force, moment, position and angular velocity of each wrench, inertial axes."""
         out = np.empty((len(self.xi), 12))
         points, twists = self.motion(block)
         line_force_states(points, twists, self._wrenches.memory, factors, out)

@@ -3,7 +3,7 @@
 
 A ``Line`` is that of a beam, the same on every rank, and a ``LinePoint`` a marker on it. Joints
 evaluate a ``RailPoint`` of a ``Rail``, the same with the nodes at the interface of a rank. Loads
-and probes need no line: for them an ``ElementPlace`` moves with the nodes of its element.
+and probes need no line; they use an ``ElementPlace``, which moves with the nodes of its element.
 """
 
 from dataclasses import dataclass
@@ -18,9 +18,9 @@ from flexfem.lie import se3
 
 __all__ = ["ElementPlace", "Line", "LinePoint", "Rail", "RailPoint", "se3_line"]
 
-#: Pieces of an element that are shorter are round-off.
+#: Relative length below which a piece of an element counts as round-off.
 _CUT = 1e-9
-#: Newton steps to a place of given arc length; the first guess is near.
+#: Newton steps for a point of given arc length; the initial guess is near.
 _STEPS = 8
 
 
@@ -28,7 +28,7 @@ _STEPS = 8
 class Line:
     """Elements of a beam from the start to the end, the same on every rank.
 
-    A place on a surface that several nodes carry is a line of one element, without length.
+    A point of a surface that depends on several nodes is a line of one element, without length.
 
     Attributes:
         kind: block of the nodes, see ``placement``.
@@ -36,8 +36,8 @@ class Line:
         cells: (m,) numbers of the elements among those of their kind in the model.
         shape: (m, k, k) coefficients of the shape functions as in ``core.places.line_points``; None
             for SE(3) elements.
-        turns: (m, 2, 9) rotations of the sections at both ends against their nodes; None for all
-            but SE(3) elements.
+        turns: (m, 2, 9) rotations of the sections at both ends relative to their nodes; None for
+            all but SE(3) elements.
         starts: (m,) arc length from the beam's start to each element, m.
         arc: (m, q) arc length from each element's start in powers of xi, m.
         element: interpolation of frames, see ``core.places.line_points``.
@@ -58,7 +58,7 @@ class Line:
         return float(self.starts[-1] + self.arc[-1].sum())
 
     def cuts(self, element: int, lengths: FloatArray) -> list[float]:
-        """Ends 0 and 1 of an element, and the places between at given arc lengths of the beam."""
+        """Coordinates of an element's ends, 0 and 1, and between them of given arc lengths."""
         arc, found = self.arc[element], [0.0]
         whole = float(arc.sum())
         for s in np.sort(lengths) - self.starts[element]:
@@ -83,8 +83,8 @@ class LinePoint:
         line: the line.
         element: number of the element along the line.
         xi: coordinate in the element, 0 to 1.
-        slides: it moves along the line with the other marker of its joint; ``element`` and ``xi``
-            are its start.
+        slides: True if it moves along the line with the other marker of its joint; ``element`` and
+            ``xi`` are its start.
     """
 
     line: Line
@@ -94,7 +94,7 @@ class LinePoint:
 
     @property
     def keys(self) -> list[NodeKey]:
-        """Nodes that it may depend on, those of the whole line where it slides."""
+        """Nodes that it may depend on, those of the whole line if it slides."""
         elements = range(len(self.line.nodes)) if self.slides else [self.element]
         return [key for e in elements for key in self.line.keys(e)]
 
@@ -105,8 +105,7 @@ class Rail:
 
     Attributes:
         line: its elements.
-        interface_nodes: (m, k) numbers at the interface of their nodes, -1 where no joint of this
-            model reaches.
+        interface_nodes: (m, k) interface numbers of their nodes, -1 for those without joints.
     """
 
     line: Line
@@ -125,16 +124,17 @@ class RailPoint:
 
 @dataclass(frozen=True, eq=False)
 class ElementPlace:
-    """A place inside an element, which moves with all nodes of the element.
+    """A point inside an element, which moves with all nodes of the element.
 
     Attributes:
         kind: block of the nodes, see ``placement``.
         nodes: (k,) numbers of the nodes in the input order of the block.
         cell: number of the element among those of its kind in the model.
         shape: (k, k) coefficients of the shape functions as in ``core.places.line_points``.
-        xi: place in the element, 0 to 1.
+        xi: coordinate in the element, 0 to 1.
         element: interpolation of frames, see ``core.places.line_points``.
-        turns: (2, 9) rotations of the sections against their nodes, (0, 9) but on SE(3) elements.
+        turns: (2, 9) rotations of the sections relative to their nodes, (0, 9) but on SE(3)
+            elements.
     """
 
     kind: int
@@ -147,7 +147,7 @@ class ElementPlace:
 
     @classmethod
     def on(cls, line: Line, number: int, xi: float) -> Self:
-        """Place in the element of this number along a line."""
+        """Point in the element of this number along a line."""
         k = line.nodes.shape[1]
         return cls(
             kind=line.kind,
@@ -167,7 +167,7 @@ class ElementPlace:
         return out
 
     def frame(self, frames: FloatArray) -> FloatArray:
-        """Frame (12,) of the place, given those of the nodes (k, 12)."""
+        """Frame (12,) of the point, given those of the nodes (k, 12)."""
         out = np.empty(12)
         line_pose(self.element, self.sections(frames), self.shape, self.xi, out)
         return out
@@ -179,8 +179,8 @@ def se3_line(
     """Line of an SE(3) beam.
 
     Args:
-        kind: of the block.
-        cells: (m,) numbers of the cells in the order of the line, which they all run along.
+        kind: number of the block.
+        cells: (m,) numbers of the cells in the order of the line, all of them in its direction.
         nodes: (m, 2) their nodes.
         ends: (m, 2, 12) section frames at their ends at the start.
         frames: (n, 12) frames of all nodes at the start.

@@ -3,5 +3,5 @@
 
 __all__ = ["NodeKey"]
 
-#: number of a family and of a node in it
+#: Number of a family and of a node in it.
 NodeKey = tuple[int, int]

@@ -68,7 +68,7 @@ class Wrench(Protocol):
 
     @property
     def follower(self) -> bool:
-        """Both are in the axes of the point."""
+        """True if both are in the axes of the point."""
 
     @property
     def load(self) -> int:
@@ -76,7 +76,7 @@ class Wrench(Protocol):
 
 
 def wrenches(given: Sequence[Wrench]) -> Wrenches:
-    """Some wrenches as compiled loops take them."""
+    """Record of wrenches for compiled loops."""
     return Wrenches(
         offsets=np.array([w.offset for w in given], dtype=np.float64).reshape(-1, 12),
         forces=np.array([w.force for w in given], dtype=np.float64).reshape(-1, 3),
@@ -103,7 +103,7 @@ class NodeForces:
 
     Attributes:
         nodes: (k,) local node of each.
-        wrenches: at points fixed to these, as compiled loops take them.
+        wrenches: wrenches at points fixed to the nodes, in the format of the compiled loops.
     """
 
     def __init__(self, forces: Sequence[Force]) -> None:
@@ -122,7 +122,7 @@ class NodeForces:
         return out
 
     def states(self, block: FrameBlock, factors: FloatArray) -> FloatArray:
-        """(k, 12) force, moment, place and angular velocity of each wrench, inertial axes."""
+        """(k, 12) force, moment, position and angular velocity of each wrench, inertial axes."""
         out = np.empty((len(self.nodes), 12))
         force_states(self.nodes, self.wrenches.memory, block.nodes.memory, factors, out)
         return out

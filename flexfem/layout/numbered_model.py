@@ -32,7 +32,7 @@ from flexfem.model.structure.place import Place
 
 __all__ = ["NumberedModel"]
 
-#: Way to get a node at a place inside an element, by the formulation of the beam.
+#: Advice on a node at a point inside an element, by the formulation of the beam.
 _MORE_NODES = {
     "nurbs": "insert a knot of multiplicity p there (NurbsCurve.insert)",
     "se3": "choose elements so that a node is there",
@@ -44,9 +44,9 @@ class NumberedModel:
 
     Attributes:
         model: the validated model.
-        kernels: whether elements with hand-written loops take these ("fast") or their UFL forms
-            ("ufl").
-        cells: all SE(3) cells with their frames; node numbers count the nodes used by them.
+        kernels: "fast" for the hand-written loops of elements that have them, "ufl" for their UFL
+            forms.
+        cells: all SE(3) cells with their frames; nodes are numbered among those used by them.
         points, frames, velocities: of those nodes, (n, 3), (n, 12), (n, 6); body_of_node: (n,).
         sections: the different sections of the SE(3) beams, by the numbers in ``cells``.
         curves: all NURBS beams, None without any.
@@ -54,7 +54,7 @@ class NumberedModel:
         floating: bodies in floating frames, None without any.
         rigid_frames: (n, 12) frames of the rigid bodies.
         families: families of the model's bodies by their numbers, in the order of the nest; they
-            enter ``cells``, ``curves``, ``surface`` and ``floating``.
+            set ``cells``, ``curves``, ``surface`` and ``floating``.
     """
 
     def __init__(self, model: Model, kernels: str = "fast") -> None:
@@ -106,7 +106,7 @@ class NumberedModel:
         """Elements of a beam in order, found once.
 
         Raises:
-            ValueError: the model has no such beam, or it branches or falls apart.
+            ValueError: the model has no such beam, or it branches or is disconnected.
         """
         if not isinstance(self.model.get(name), Beam):
             raise ValueError(f'{self.model!r} has no beam "{name}"')
@@ -116,7 +116,7 @@ class NumberedModel:
         """Line of a carrier, found once for each.
 
         Raises:
-            ValueError: it is that of a beam that branches or falls apart.
+            ValueError: it is that of a beam that branches or is disconnected.
         """
         return self.family_of(carrier.body).line(carrier)
 
@@ -158,7 +158,7 @@ class NumberedModel:
         return family.kind, family.node(marker, place)
 
     def place(self, marker: Observed) -> ElementPlace | None:
-        """Place of a marker that no single node carries; None for all others."""
+        """Place of a marker that is not fixed to a single node; None for all others."""
         if not isinstance(marker, Marker):
             return None
         place = self._place_of(marker)
@@ -167,7 +167,7 @@ class NumberedModel:
         return ElementPlace.on(self.line(marker.body), place.element, place.xi)
 
     def _place_of(self, marker: Observed) -> Place | None:
-        """Place of a marker in the model, found once: systems need it many times."""
+        """Place of a marker in the model, cached since systems use it many times."""
         if marker not in self._places:
             self._places[marker] = self.model.marker_place(marker)
         return self._places[marker]
@@ -179,7 +179,7 @@ class NumberedModel:
         return self.family_of(marker.body).surface_place(marker)
 
     def on_triangle(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
-        """The place of a marker on three nodes whose triangle gives it axes."""
+        """The place of a marker on three nodes, whose triangle defines its axes."""
         return self.family_of(marker.body).with_axes(marker, place)
 
     def mesh_nodes(self, nodes: Sequence[int]) -> IntArray:
@@ -213,7 +213,7 @@ class NumberedModel:
         return self.families[kind].frames
 
     def carrier_frame(self, marker: Marker) -> FloatArray:
-        """Frame (12,) at the start of the carrier of a marker: its node, or its place in a line."""
+        """Frame (12,) at the start of the carrier of a marker: its node, or its point on a line."""
         place = self.place(marker)
         if place is not None:
             return place.frame(self.node_frames(place.kind)[place.nodes])

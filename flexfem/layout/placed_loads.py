@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Loads of a model as forces at the nodes and places of this rank."""
+"""Loads of a model as forces at the nodes and points of this rank."""
 
 from collections.abc import Iterable, Iterator, Sequence
 from itertools import pairwise
@@ -28,7 +28,7 @@ __all__ = [
     "spread_load",
 ]
 
-#: Gauss points of an element for loads that vary, at least; as many as nodes if these are more.
+#: Least number of Gauss points of an element for varying loads; the number of nodes if larger.
 _GAUSS = 3
 
 
@@ -37,7 +37,7 @@ def marker_forces(
 ) -> Iterator[Force]:
     """Loads of markers on the nodes of a block that this rank owns.
 
-    ``turning`` is True if those that follow markers and moments act on nodes.
+    ``turning`` is True if follower forces and moments act on nodes.
     """
     for number, load in enumerate(serial.model.loads):
         if not turning and (load.follower or load.has_moment):
@@ -62,7 +62,7 @@ def loads_along(serial: NumberedModel, beams: Sequence[Beam]) -> Iterator[tuple[
 def spread_load(
     shares: Iterable[tuple[int, FloatArray, float]], load: Load, number: int
 ) -> Iterator[Force]:
-    """A load along a beam at nodes, each with the length that it carries."""
+    """A load along a beam at nodes, each with its tributary length."""
     force, moment = load.wrench
     for node, frame, part in shares:
         yield Force(node, frame, part * force, part * moment, load.follower, number)
@@ -71,7 +71,7 @@ def spread_load(
 def acts_at_nodes(load: Load, formulation: str) -> bool:
     """Return True if a load along a beam acts at nodes: uniform forces, on NURBS dead ones only.
 
-    Control points have no rotation that a load could follow.
+    The rotations of control points are not those of the beam, so that follower loads are excluded.
     """
     turns = load.follower and formulation == "nurbs"
     return load.uniform and not turns and not load.has_moment
@@ -80,7 +80,7 @@ def acts_at_nodes(load: Load, formulation: str) -> bool:
 def line_forces(
     serial: NumberedModel, kind: int, beams: Sequence[Beam], block: FrameBlock
 ) -> list[LineForce]:
-    """Loads inside those elements of the beams of a kind that this rank holds."""
+    """Loads inside the elements of beams of a kind on this rank."""
     forces, names = [], {beam.name for beam in beams}
     for number, load in enumerate(serial.model.loads):
         for marker in load.markers:
@@ -104,7 +104,7 @@ def line_forces(
 def _points(
     serial: NumberedModel, name: str, block: FrameBlock, load: Load, number: int
 ) -> Iterator[LineForce]:
-    """A load along a beam at the Gauss points of those of its elements that this rank holds."""
+    """A load along a beam at the Gauss points of its elements on this rank."""
     curves = serial.curves
     assert curves is not None
     (force, moment), line = load.wrench, serial.line(name)
@@ -120,7 +120,7 @@ def _points(
 def _pieces(
     serial: NumberedModel, block: FrameBlock, load: LineLoad, number: int
 ) -> Iterator[LineForce]:
-    """A load along a beam at the Gauss points of pieces of those elements that this rank holds."""
+    """A load along a beam at the Gauss points of pieces of its elements on this rank."""
     line = serial.line(load.body)
     offset = se3.frame(np.zeros(3), np.eye(3))
     for e in range(len(line.nodes)):
@@ -137,9 +137,9 @@ def load_at_points(
 
     Args:
         line: the beam's elements.
-        load: varies along the beam.
-        element: its number along the line.
-        parts: that each piece between the load's breakpoints is divided into.
+        load: load that varies along the beam.
+        element: number of the element along the line.
+        parts: number of parts of each piece between the load's breakpoints.
     """
     unit = line.length if load.coordinate == "fraction" else 1.0
     at, weights = np.polynomial.legendre.leggauss(max(line.nodes.shape[1], _GAUSS))

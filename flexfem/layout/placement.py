@@ -20,7 +20,7 @@ class Placement:
 
     Attributes:
         elements: rank of each element of each family, body after body, by the family's number.
-        body_ranks: ranks that hold a part of a body, by body name, ascending.
+        body_ranks: ranks with a part of a body, by body name, ascending.
     """
 
     elements: dict[int, IntArray]
@@ -38,7 +38,7 @@ class Placement:
 def place(
     families: Sequence[Family], joints: Sequence[tuple[Joint, int]], ranks: int, split_above: int
 ) -> Placement:
-    """Distribute a model over ranks: bodies whole unless larger than ``split_above`` elements.
+    """Distribute a model over ranks; only bodies above ``split_above`` elements are split.
 
     Args:
         families: the families of bodies of the model.
@@ -64,16 +64,16 @@ def place(
 
 
 def _sizes(families: Sequence[Family]) -> dict[str, tuple[int, int]]:
-    """Elements of every body, and the cost of one of them in elements of a beam."""
+    """Number of elements of every body, and the cost of one of them relative to a beam element."""
     costs = {name: cost for family in families for name, cost in family.costs().items()}
     model = families[0].serial.model
     return {body.name: costs[body.name] for body in model.bodies}
 
 
 def _hosts(families: Sequence[Family], joints: Sequence[Joint]) -> dict[str, str]:
-    """Bodies without elements, and the first with elements that each is joined to.
+    """Bodies without elements, and the first body with elements to which each is joined.
 
-    They stay together: of a body that costs nothing not even its joint is worth an exchange.
+    They are on the same rank: a body without computing cost is not worth an exchange of messages.
     """
     rigid = {body.name for family in families if family.follows for body in family.own}
     hosts = dict[str, str]()
@@ -89,7 +89,7 @@ def _hosts(families: Sequence[Family], joints: Sequence[Joint]) -> dict[str, str
 def _links(
     families: Sequence[Family], numbers: Mapping[str, int], joints: Sequence[tuple[Joint, int]]
 ) -> dict[tuple[int, int], int]:
-    """Rows between two bodies: those of their joints, and unknowns that they share."""
+    """Number of couplings of two bodies: rows of their joints, and unknowns that they share."""
     links = dict[tuple[int, int], int]()
     for joint, rows in joints:
         bodies = {numbers[marker.body] for marker in joint.markers if isinstance(marker, Marker)}

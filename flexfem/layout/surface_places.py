@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Places on shells and the carriers of markers there: a node, a triangle, or nodes without axes."""
+"""Points on shells and the carriers of markers there: a node, a triangle, or nodes without axes."""
 
 from __future__ import annotations
 
@@ -16,18 +16,18 @@ from flexfem.mesh.surface_mesh import SurfaceMesh
 
 __all__ = ["SurfacePlace", "carrier_frame", "turning"]
 
-#: Digits of a triangle's shape that count: ties are broken in the same way on every machine.
+#: Significant digits of a triangle's shape, so that ties are broken identically on every machine.
 _DIGITS = 9
 
 
 @dataclass(frozen=True)
 class SurfacePlace:
-    """Place on nodes without axes, such as those of shells.
+    """Point on nodes without axes, such as those of shells.
 
     Attributes:
         kind: block of the nodes, that of their family.
         nodes: (k,) one node, two of an edge or three of a triangle, numbers in the family.
-        weights: (k,) their parts in the position.
+        weights: (k,) their weights in the position.
     """
 
     kind: int
@@ -35,7 +35,7 @@ class SurfacePlace:
     weights: tuple[float, ...]
 
     def on_triangle(self, mesh: SurfaceMesh, rows: IntArray) -> SurfacePlace:
-        """The same place in a triangle, the one of the best shape if there are several.
+        """The same point in a triangle, the one of the best shape if there are several.
 
         Args:
             mesh: the surface mesh.
@@ -47,7 +47,7 @@ class SurfacePlace:
         squares = ((sides - np.roll(sides, 1, axis=1)) ** 2).sum(axis=(1, 2))
         shape = np.round(mesh.areas[found] / squares, _DIGITS)
         triangle = mesh.triangles[found[np.argmax(shape)]]
-        # the carrier of the place first: a side of the triangle along the edge
+        # the carrier of the point first: a side of the triangle along the edge
         inside = np.isin(triangle, self.nodes)
         turned = [np.roll(triangle, -k) for k in range(3)]
         first = max(range(3), key=lambda k: np.roll(inside, -k).tolist())
@@ -61,7 +61,7 @@ class SurfacePlace:
         return x
 
     def carrier(self, axes: bool) -> LinePoint:
-        """It as a point of a line; ``axes`` are those of a triangle, inertial ones if not."""
+        """The point as that of a line; with ``axes`` those of a triangle, else inertial axes."""
         k = len(self.nodes)
         shape = np.zeros((1, k, k))
         shape[0, :, 0] = self.weights
@@ -79,7 +79,7 @@ class SurfacePlace:
 
 
 def carrier_frame(point: LinePoint, points: FloatArray) -> FloatArray:
-    """Frame (12,) at the start of the carrier of a place; ``points`` (n, 3) of the mesh."""
+    """Frame (12,) at the start of the carrier of a point; ``points`` (n, 3) of the mesh."""
     line, H = point.line, np.empty(12)
     frames = np.zeros((line.nodes.shape[1], 12))
     frames[:, :3] = points[line.nodes[0]]
@@ -89,7 +89,7 @@ def carrier_frame(point: LinePoint, points: FloatArray) -> FloatArray:
 
 
 def turning(rows: Sequence[Row], marker: int) -> bool:
-    """Return True if rows need a marker's axes, not its position alone; it is given by number."""
+    """Return True if rows depend on the axes of a marker, given by its number."""
     for term in (term for row in rows for term in row.terms):
         by_a, by_b = term.kind.axes
         if (by_a and marker == term.a) or (by_b and marker == term.b):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Request to a family of elements: stresses of the tangent, and the motion that it is for."""
+"""Request to a family of elements: the stresses and the velocities of a tangent."""
 
 from __future__ import annotations
 
@@ -10,7 +10,8 @@ from flexfem._types import FloatArray
 
 __all__ = ["EXACT", "Strains", "TangentRequest"]
 
-#: Strains of all cells of a family, an array for each of its groups, in a form of its own.
+#: Strains of all cells of a family, an array for each of its groups; the shape depends on the
+#: family.
 Strains = Sequence[FloatArray]
 
 
@@ -19,11 +20,11 @@ class TangentRequest:
     """The residual or tangent that a family is to compute.
 
     Attributes:
-        strains: Strains whose stresses are taken in place of the present ones, see
+        strains: Strains whose stresses replace the present ones, see
             ``ElementFamily.continued_strains`` and ``unstressed``; None for the present stresses.
-        drop_compression: Leave principal membrane forces that compress out of the tangent, where
-            the family can. Compression is transient, and factors that are kept from where it makes
-            the matrix nearly singular soon become useless.
+        drop_compression: Omit compressive principal membrane forces from the tangent, if the family
+            supports it. Compression is transient, and factors of a matrix that it makes nearly
+            singular soon become useless.
         local: Take the derivative at fixed local velocities and accelerations.
     """
 

@@ -31,11 +31,11 @@ from flexfem.solvers.modal.tracking import follow, whirl
 
 __all__ = ["sweep_spin"]
 
-#: Share of a pure whirl above which a mode counts as one.
+#: Share of one sense of whirl above which a mode is classified as a whirl.
 _PURE = 0.9
-#: Modes computed beyond those asked for, a multiple: in turning axes the order changes with speed.
+#: Modes computed beyond those asked for, a multiple: in rotating axes the order changes with speed.
 _MORE = 2
-#: How a run that a signal has ended says so.
+#: Begin of the status of a run that a signal has ended.
 _INTERRUPTED = "interrupted after the spin"
 _VALUES = ("frequency", "fixed", "damping", "whirl")
 
@@ -47,11 +47,11 @@ def sweep_spin(
     """Follow modes over the speed of a steady rotation and write them (collective).
 
     The history has one row for each speed; its first column ``t`` is the speed (rad/s). Every mode
-    has four columns: ``<mode>_frequency`` in axes that turn with the model (Hz), ``<mode>_fixed``
+    has four columns: ``<mode>_frequency`` in axes that rotate with the model (Hz), ``<mode>_fixed``
     in fixed axes, ``<mode>_damping`` (ratio) and ``<mode>_whirl``, 1 for a circular motion with the
-    rotation, -1 against it, both as seen in turning axes, 0 for a plane motion. A whirl has the
-    frequency ``f + spin/2 pi`` or ``spin/2 pi - f`` in fixed axes, negative where it turns against
-    the rotation; other modes have several and keep f there. Modes are named ``forward_1``,
+    rotation, -1 against it, both in rotating axes, 0 for a plane motion. A whirl has the
+    frequency ``f + spin/2 pi`` or ``spin/2 pi - f`` in fixed axes, negative where it rotates
+    against the spin; other modes have several and keep f there. Modes are named ``forward_1``,
     ``backward_1``, ... by the sense of their whirl in fixed axes at the last speed, or ``mode_1``,
     ..., counted by their frequencies at the first speed, of which the lowest are kept. A mode that
     is not found at a speed is nan. The columns of the probes in the steady rotation come last:
@@ -144,7 +144,7 @@ class _Sweep:
 def _sweep(
     point: OperatingPoint, options: CampbellOptions, stopped: Callable[[], int]
 ) -> _Sweep:  # fmt: skip
-    """Modes at one speed after the other (collective)."""
+    """Modes at all speeds in order (collective)."""
     sweep = _Sweep()
     for speed in np.linspace(options.spin, options.spin_end, options.speeds).tolist():
         failure = _step(point, options, speed, sweep)
@@ -158,10 +158,10 @@ def _sweep(
 
 
 def _step(point: OperatingPoint, options: CampbellOptions, speed: float, sweep: _Sweep) -> str:
-    """Add what is found at a speed; why there is nothing to add, else empty (collective)."""
+    """Add the results at a speed; the reason of a failure, else empty (collective)."""
     status = point.settle(speed)
     state = point.columns() if status is Status.OK else {}
-    if error := agreed(current(), point.system.comm):  # a function of the user's
+    if error := agreed(current(), point.system.comm):  # a user-defined function
         return f"{error} at the spin {speed:.6g} rad/s"
     if status is not Status.OK:
         text = f"{point.failure(status)} at the spin {speed:.6g} rad/s"
@@ -195,7 +195,7 @@ def _table(sweep: _Sweep, count: int) -> tuple[list[str], FloatArray]:
             j = number[i]
             f, sense = modes.frequencies[j], sweep.senses[k][j]
             table[k, i] = f, _fixed(f, sense, speeds[k]), modes.damping[j], sense
-    # the lowest at the first speed; those that are lost on the way come last
+    # the lowest at the first speed; those that are not found at all speeds come last
     table = table[:, np.argsort(table[0, :, 0], kind="stable")[:count]]
     columns = [f"{name}_{value}" for name in _names(table[-1]) for value in _VALUES]
     states = np.array([list(state.values()) for state in sweep.states])

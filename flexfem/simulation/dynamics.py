@@ -63,10 +63,10 @@ def simulate(
     Raises:
         InputError: a mistake in the model, before anything is written (a ValueError).
         TypeError: the options are those of another analysis.
-        FunctionError: a function of the model failed after the start; a checkpoint and what was
-            computed are written (a RuntimeError).
+        FunctionError: a function of the model failed after the start; a checkpoint and the results
+            so far are written (a RuntimeError).
         OSError: the results cannot be written.
-        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; a checkpoint and what was computed are
+        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; a checkpoint and the results so far are
             written.
     """
     _checks.instance("simulate", "options", options, RunOptions)
@@ -106,7 +106,7 @@ class _TimeSteps(Steps):
 
     @property
     def completed(self) -> int:
-        """See :class:`Steps`; what is left of a step is made by a restart."""
+        """See :class:`Steps`; the rest of a step is made by a restart."""
         return self._completed
 
     @property
@@ -119,7 +119,7 @@ class _TimeSteps(Steps):
         self.recorder.record(0, measures=self._outputs())
 
     def begin(self) -> None:
-        """Watch energies and turns from here on."""
+        """Begin to monitor energies and rotations."""
         simulation, options = self._simulation, self._options
         self._watch = EnergyWatch(
             self.system,
@@ -165,7 +165,7 @@ class _TimeSteps(Steps):
         self.recorder.record_between(self._outputs())
 
     def _follow(self) -> None:
-        """Take in the work up to an accepted state that is not recorded."""
+        """Sum the work up to an accepted state that is not recorded."""
         self.recorder.follow()
         assert self._watch is not None
         self._watch.follow()
@@ -183,7 +183,7 @@ class _TimeSteps(Steps):
         cautions, serial = self.cautions, self._simulation.serial
         for watch in (self._watch, self._turns):
             cautions.say([] if watch is None else watch.texts())
-        # the history is the first rank's
+        # the first rank has the history
         cautions.say(self.system.comm.bcast(energy_drift(serial.model, history)))
         cautions.say(locked_shapes(serial, self.system))
 
@@ -203,7 +203,7 @@ class _TimeSteps(Steps):
 
 
 def _weakly(method: Callable[[], None]) -> Callable[[], None]:
-    """A method that does not keep its object: a cycle would let systems outlive their runs."""
+    """A method without a reference to its object: a cycle would keep systems after their runs."""
     reference = weakref.WeakMethod(method)
 
     def call() -> None:
@@ -214,7 +214,7 @@ def _weakly(method: Callable[[], None]) -> Callable[[], None]:
 
 
 def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
-    """The status in words, with the time, where, and what to try (collective)."""
+    """The status in words, with the time, the place and advice (collective)."""
     if status is Status.OK:
         return "ok"
     t = simulation.time
@@ -229,7 +229,7 @@ def _reason(simulation: Simulation, status: Status, options: RunOptions) -> str:
             f'Event "{name}": too many in one step at t = {t:.6g} s (set rest_speed to let '
             "rebounds come to rest)"
         )
-    # the start looks ahead to differentiate drives
+    # drives are differentiated at the start by later values
     ahead = t + options.dt * np.array([0.5**HALVINGS, 0.5, 1.0, 2.0, 3.0])
     culprit = simulation.controls.not_finite(t) or not_finite(simulation.serial, ahead)
     if culprit:

@@ -29,7 +29,7 @@ from flexfem.system.measure.strain_rates import strain_rates
 
 __all__ = ["LARGEST", "LinearModel", "linearize"]
 
-#: Unknowns of a model that keeps every freedom.
+#: Number of unknowns up to which a model may keep all degrees of freedom.
 LARGEST = 600
 _ACCURACY = 1e-10
 #: Probes whose columns are outputs of a linear model.
@@ -51,10 +51,10 @@ class LinearModel:
         A, B, C, D: (n, n), (n, m), (p, n), (p, m).
         inputs, outputs: names; a drive with several rows has one input ``<joint>_<row>`` for each.
         y0: (p,) outputs in the state about which the model is linearised.
-        status: "ok"; or why there is no such state, all arrays are empty then; or what is
-            wrong with the modes, with a warning, and the arrays have the motions of those found.
-        state_error: by how much, relative, one more step towards the equilibrium changes the modes
-            of the reduction; None without modes and about the state as it is given.
+        status: "ok"; or the reason why there is no such state, with empty arrays; or the fault of
+            the modes, with a warning and arrays of the motions of those found.
+        state_error: relative change of the modes of the reduction by one more step towards the
+            equilibrium; None without modes and about a given state.
     """
 
     A: FloatArray
@@ -84,8 +84,8 @@ def linearize(
 ) -> LinearModel:
     """Linearise a model about a state (collective); writes ``linear_model.npz``.
 
-    In a steady rotation the coordinates turn with the model, while probes are those of the instant
-    at which the model has the orientation it was given in.
+    In a steady rotation the coordinates rotate with the model, while probes are those of the
+    instant at which the model has its initial orientation.
 
     Args:
         model: the model, the same on every rank.

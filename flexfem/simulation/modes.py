@@ -30,9 +30,9 @@ from flexfem.solvers.modal.mode_shapes import Modes, find
 
 __all__ = ["ModesOutcome", "checks", "doubts", "find_modes", "modes_at", "settled_modes"]
 
-#: Accuracies below this are close to rounding; above the other no mode is known.
+#: Accuracy below which errors are close to rounding, and above which no mode is determined.
 _FINE, _COARSE = 1e-12, 1e-2
-#: Times that modes are found about equilibria, each of which is better than the last.
+#: Number of times that modes are computed about an improved equilibrium.
 _SETTLINGS = 3
 _COLUMNS = ("frequency", "damping_ratio", "real", "imag", "mass_x", "mass_y", "mass_z")
 
@@ -42,7 +42,7 @@ class ModesOutcome(Outcome):
     """Outcome of an eigenanalysis.
 
     Attributes:
-        modes: the modes on this rank, None if there is no state to look at.
+        modes: the modes on this rank, None if there is no state.
         state: columns of the probes in the state the modes belong to.
     """
 
@@ -113,12 +113,12 @@ def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Mode
     """Modes about the present state of an operating point (collective).
 
     An equilibrium is made more accurate by one step of Newton's method, about which the modes must
-    have small residuals, too; where they have not they are found anew.
+    have small residuals, too; otherwise they are computed again.
 
     Args:
-        point: settled in a state, at the end in a better one if it is an equilibrium.
+        point: settled in a state, which is improved if it is an equilibrium.
         options: number of modes and accuracy.
-        more: modes beyond those asked for.
+        more: modes beyond those requested.
 
     """
     count = options.modes + more
@@ -126,7 +126,7 @@ def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Mode
 
 
 def settled_modes(point: OperatingPoint, count: int, target: float, accuracy: float) -> Modes:
-    """So many modes nearest to a target in rad/s, about an improved equilibrium (collective)."""
+    """Modes nearest to a target in rad/s, about an improved equilibrium (collective)."""
     for _ in range(_SETTLINGS):
         found = find(point.linearization, count, target, accuracy, point.improve)
         if not found.unsettled:
@@ -139,7 +139,7 @@ def doubts(found: Modes, asked: int, accuracy: float | None = None) -> str:
 
     Args:
         found: the modes.
-        asked: how many should be there.
+        asked: number of modes requested.
         accuracy: of the options; None if there are no options of the search.
     """
     near = "" if accuracy is None else ", or give a target near them"
@@ -179,7 +179,7 @@ def _reason(
 
 
 def checks(found: Sequence[Modes]) -> dict[str, Any]:
-    """Return the summary's part on how modes were checked, the worst of one or more states."""
+    """Return the summary's entries on checks of modes, the worst of one or more states."""
     counted = all(modes.missing is not None for modes in found)
     errors = [modes.state_error for modes in found if modes.state_error is not None]
     return {

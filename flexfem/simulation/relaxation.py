@@ -65,10 +65,10 @@ def relax(
     Raises:
         InputError: a mistake in the model, before anything is written (a ValueError).
         TypeError: the options are those of another analysis.
-        FunctionError: a function of the model failed after the start; a checkpoint and what was
-            computed are written (a RuntimeError).
+        FunctionError: a function of the model failed after the start; a checkpoint and the results
+            so far are written (a RuntimeError).
         OSError: the results cannot be written.
-        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; a checkpoint and what was computed are
+        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; a checkpoint and the results so far are
             written.
     """
     _checks.instance("relax", "options", options, RelaxationOptions)
@@ -77,7 +77,7 @@ def relax(
 
 
 class _Iterations(Steps):
-    """Iterations of the relaxation, as many at a time as lie between two records."""
+    """Iterations of the relaxation, in groups between two records."""
 
     recorder: Recorder
 

@@ -53,15 +53,15 @@ from flexfem.system.measure.probes import ProbeRecorder
 
 __all__ = ["StaticSteps", "solve_static"]
 
-#: What stands for no column.
+#: Name of no column.
 _NONE = "none"
-#: A step is halved this often before the run gives up.
+#: Number of times that a step is halved before the run fails.
 _HALVINGS = 12
 #: Iterations of an easy step, after which steps grow again.
 _EASY = 5
 #: Accuracy of the end of a run, relative to its value.
 _EXACT = 1e-10
-#: Part of a linear solution above which what it neglects is warned of.
+#: Neglected part of a linear solution above which a warning is given.
 _NEGLECTED = 0.01
 #: Largest rotation (rad) or relative displacement in the picture of a mode.
 _SHOWN = 0.1
@@ -92,7 +92,7 @@ def solve_static(
         InputError: a mistake in the model, before anything is written (a ValueError).
         TypeError: the options are those of another analysis.
         FunctionError: a function of the model failed after the start (a RuntimeError); the path so
-            far is written, and of load steps a checkpoint.
+            far is written, and a checkpoint in load steps.
         OSError: the results cannot be written.
         KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; the same is written.
     """
@@ -112,7 +112,7 @@ def _columns(probes: ProbeRecorder, equilibrium: Equilibrium) -> dict[str, float
 
 
 def _too_large(part: float, size: float) -> str:
-    """Words on a linear solution that neglects a part of itself."""
+    """Warning of a linear solution with a large linearisation error."""
     share = f"{100.0 * part:.3g} %" if part < 1.0 else "more than 100 %"
     return (
         f"linear: the next iteration would change {share} of the solution, whose "
@@ -128,16 +128,16 @@ class StaticSteps(Steps):
     def __init__(
         self, model: Model, options: StaticOptions, comm: MPI.Intracomm, restart: Restart | None
     ) -> None:
-        """Set the system up and settle it at its start (collective).
+        """Set the system up in equilibrium at its start (collective).
 
         Args:
             model: the model, the same on every rank.
             options: of the analysis.
             comm: communicator of all ranks.
-            restart: checkpoint to go on from, None to start at t = 0.
+            restart: checkpoint to resume from, None to start at t = 0.
 
         Raises:
-            InputError: a mistake in the model, or options that it has no use for.
+            InputError: a mistake in the model, or options that do not apply to it.
         """
         self._options = options
         check = None if restart is None else restart.check
@@ -203,11 +203,11 @@ class StaticSteps(Steps):
 
     @property
     def completed(self) -> int | None:
-        """See :class:`Steps`; a path by arc length cannot be gone on with."""
+        """See :class:`Steps`; a path by arc length cannot be resumed."""
         return self.followed.steps if self.path.arc is None else None
 
     def _go_on(self, restart: Restart) -> None:
-        """Put everything where the checkpoint left it (collective)."""
+        """Restore the state from the checkpoint (collective)."""
         restart.restore(self.followed, self.system)
         t, end = self.equilibrium.loading.t, self._options.t_end
         if t >= end * (1.0 - _EXACT):
@@ -266,7 +266,7 @@ class StaticSteps(Steps):
         iterations = self.equilibrium.iterations
         if self.path.arc is None:
             h *= min(2.0, self.equilibrium.room) if iterations <= _EASY else 1.0
-            # back to where equal steps would be
+            # back to the grid of equal steps
             t = self.path.point.t
             left = (np.floor(t / width + 1e-9) + 1.0) * width - t
             return float(min(h, width, left if left > 1e-9 * width else width))
@@ -297,7 +297,7 @@ class StaticSteps(Steps):
         return status, h, end and critical is None
 
     def _tried(self, h: float, before: float) -> tuple[Status, bool, CriticalPoint | None]:
-        """Try one step, to the end of the run or the first critical point if these come first."""
+        """Try one step, shortened to the end of the run or the first critical point in it."""
         status, end, critical = self.path.attempt(h), False, None
         self._reached = []
         if status is Status.OK:
@@ -313,7 +313,7 @@ class StaticSteps(Steps):
     def _wanted(self, t: float) -> dict[str, float]:
         """Columns whose values the path is to meet, at the trial state (collective).
 
-        Load steps end at load factors anyhow.
+        Load steps end at load factors in any case.
         """
         names = [name for name in self._targets.values if name != LOAD]
         columns = self._columns() if names else {}
@@ -359,7 +359,7 @@ class StaticSteps(Steps):
         self.recorder.record(self.followed.steps, last=last or noted)
 
     def _branch_off(self, critical: CriticalPoint) -> Status:
-        """Leave the path at the first bifurcation, if that is asked for."""
+        """Leave the path at the first bifurcation, if requested."""
         if self._branched or critical.kind != "bifurcation":
             return Status.OK
         self._branched = True
@@ -431,7 +431,7 @@ class StaticSteps(Steps):
         return with_hint(f"{text} at t = {t:.6g}{where}", hints.get(status))
 
     def _unreached(self) -> str:
-        """The run came to ``t_end`` before the column had its value (collective)."""
+        """True if the run came to ``t_end`` before the column had its value (collective)."""
         options = self._options
         wanted, last = options.stop_value, options.stop_value + self._beyond()
         return with_hint(
@@ -459,7 +459,7 @@ class StaticSteps(Steps):
 
 
 class _LinearSolutions(StaticSteps):
-    """A linear solution from the start for each load factor that is asked for, and for the end."""
+    """Linear solutions from the start for each requested load factor, and for the end."""
 
     def __init__(
         self, model: Model, options: StaticOptions, comm: MPI.Intracomm, restart: Restart | None
@@ -469,7 +469,7 @@ class _LinearSolutions(StaticSteps):
         super().__init__(model, options, comm, restart)
 
     def begin(self) -> None:
-        """Note the load factors, and the state that all solutions start from."""
+        """Store the load factors, and the state from which all solutions start."""
         self._left = sorted({*self._targets.values.get(LOAD, ()), self._options.t_end})
         self._from = self.equilibrium.keep()
 
@@ -478,7 +478,7 @@ class _LinearSolutions(StaticSteps):
         """See :class:`Steps`."""
 
     def take(self, stopping: Callable[[], bool]) -> Status:
-        """One solution and its part that a further iteration would change."""
+        """Compute one solution and its estimated linearisation error."""
         equilibrium, t = self.equilibrium, self._left.pop(0)
         solution = solve_linear(equilibrium, self._from, t)
         if solution is None:
@@ -495,22 +495,22 @@ class _LinearSolutions(StaticSteps):
         return Status.OK
 
     def record_failure(self) -> None:
-        """A solution that does not exist leaves nothing to record."""
+        """Record nothing: there is no solution."""
 
     def finish(self) -> None:
-        """Linear solutions have no buckling loads."""
+        """Compute nothing: linear solutions have no buckling loads."""
 
     def summary(self) -> dict[str, Any]:
         """See :class:`Steps`."""
         return super().summary() | {"linear": self._neglected or None}
 
     def _settled(self, model: Model) -> Status:
-        """Stay at the start, which needs no equilibrium, once the model is one for it."""
+        """Keep the start, which need not be an equilibrium, after checking the model."""
         self._check_linear(model)
         return Status.OK
 
     def _check_linear(self, model: Model) -> None:
-        """Raise for what has no meaning to first order: energies, and contacts that open or close.
+        """Raise for probes and contacts without first-order meaning: energies, opening or closing.
 
         Raises:
             InputError: names it.

@@ -1,18 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Null space of the constraints, for systems small enough for dense matrices.
 
-Local twists u of all nodes are split as ``u = N y + Y z``: N spans the motions that the rigid rows
-leave at the accepted state, Y the rest, both orthonormal and kept over a step. At another state of
-the step with gradient G, the independent y determine all others,
+Local twists u of all nodes are split as ``u = N y + Y z``: N spans the motions that satisfy the
+rigid rows at the accepted state, Y the rest, both orthonormal and constant over a step. At another
+state of the step with gradient G, the independent y determine all others,
 
 ``G u = b:   u = Theta y + Y (G Y)^-1 b,   Theta = N - Y (G Y)^-1 G N``.
 
-Fixed unknowns are in neither: mixed into N they would carry the stiffness that holds them, beside
-which that of slender bodies is lost to rounding.
+Fixed unknowns are in neither: in N they would have the large stiffness of Dirichlet conditions,
+    compared with which that of slender bodies is lost in rounding.
 
 The equations of motion along Theta hold no multipliers, which are found afterwards (Maggi's
 equations; P. E. Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), section 13.2;
-T. R. Kane, D. A. Levinson, Dynamics (1985)). Every rank holds the same arrays.
+T. R. Kane, D. A. Levinson, Dynamics (1985)). All arrays are the same on every rank.
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ from flexfem.system.system import Shifts, System
 
 __all__ = ["IndependentMotions"]
 
-#: Diagonal entries of a triangular factor below this part of the largest mean dependent rows.
+#: Diagonal entries of a triangular factor below this part of the largest indicate dependent rows.
 _DEPENDENT = 1e-9
 
 
@@ -58,7 +58,7 @@ class IndependentMotions:
         """Split at the present state, at which rows are evaluated (collective).
 
         Returns:
-            Whether there are motions left or none, but no singular split.
+            False if the split is singular.
         """
         rows = self._system.constraints
         self.rigid = self.of_rows(rows.rigid.astype(np.float64)) > 0.0
@@ -77,10 +77,10 @@ class IndependentMotions:
         return self.look()
 
     def look(self) -> bool:
-        """Take the gradient of the rows as evaluated last (collective).
+        """Update the gradient of the rows from their last evaluation (collective).
 
         Returns:
-            Whether the other motions follow from the independent ones.
+            True if the other motions are determined by the independent ones.
         """
         self._G = self.gradient()
         G = self._G if self._combine is None else self._combine @ self._G
@@ -142,8 +142,8 @@ class IndependentMotions:
         """Step (n,) of the unknowns and (all rows,) of the multipliers of rows with laws.
 
         Args:
-            residual: (m,) along the independent motions.
-            values: (all rows,) of which those with laws count.
+            residual: (m,) residual along the independent motions.
+            values: (all rows,) of which those with laws are used.
         """
         right = np.concatenate([residual, values[~self.rigid]])
         found = self._reduced @ right
@@ -165,7 +165,7 @@ class IndependentMotions:
         part = system.part_of_node[node]
         first = self._first[part] + widths[part] * system.interface.number[node]
         column = first[:, np.newaxis] + np.arange(6)
-        # nodes of three unknowns: the rest is written to a column that is dropped
+        # nodes of three unknowns: the rest is written to a column that is not used
         column[np.arange(6) >= widths[part][:, np.newaxis]] = self.unknowns
         row = rows.numbers[rows.row_of_term[term]]
         np.add.at(full, (row[:, np.newaxis], column), rows.force_jacobian[term, side])
@@ -189,7 +189,7 @@ class IndependentMotions:
     def of_nodes(self, kind: str) -> FloatArray:
         """(n,) residuals, velocities or accelerations of all nodes (collective).
 
-        Forces along fixed unknowns are left out.
+        Forces along fixed unknowns are omitted.
         """
         values = []
         for part in self._system.parts:
@@ -208,7 +208,7 @@ class IndependentMotions:
         return full
 
     def to_steps(self, motion: FloatArray) -> None:
-        """Put a motion (n,) into the blocks' steps, ghosts included (collective)."""
+        """Write a motion (n,) to the blocks' steps, ghosts included (collective)."""
         for part, first in zip(self._system.parts, self._first, strict=False):
             block = part.block
             at = first + block.width * block.offset
@@ -217,5 +217,5 @@ class IndependentMotions:
 
 
 def _movable(block: FrameBlock) -> FloatArray:
-    """(n_owned, width) ones, zeros for fixed unknowns."""
+    """Flags (n_owned, width): ones, and zeros for fixed unknowns."""
     return block.hold(np.ones((block.owned, block.width)))

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Agreement of all ranks on the model, before anything is built on them together."""
+"""Check that all ranks have the same model, before a collective build."""
 
 import hashlib
 from collections.abc import Callable
@@ -25,10 +25,10 @@ def agreed(comm: MPI.Intracomm, make: Callable[[], NumberedModel]) -> NumberedMo
 
     Args:
         comm: communicator.
-        make: makes the serial data on this rank.
+        make: creates the serial data on this rank.
 
     Raises:
-        ValueError: a mistake in the model, or what differs first and on which ranks; on all ranks.
+        ValueError: a mistake in the model, or the first difference and its ranks; on all ranks.
     """
     if comm.size == 1:
         return make()
@@ -72,6 +72,6 @@ def _difference(comm: MPI.Intracomm, own: list[tuple[str, str]]) -> str:
 
 
 def _ranks(numbers: list[int]) -> str:
-    """Some ranks in words."""
+    """Some ranks as text."""
     *some, last = map(str, numbers)
     return f"ranks {', '.join(some)} and {last}" if some else f"rank {last}"

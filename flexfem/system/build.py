@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""From a model to a system (collective)."""
+"""Build of the system of a model (collective)."""
 
 from itertools import combinations
 
@@ -41,7 +41,7 @@ def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> Syste
         split_above: beams with more cells than this may be split over ranks.
 
     Raises:
-        ValueError: a mistake in the model; raised alike on every rank before any communication.
+        ValueError: a mistake in the model; raised on every rank before any communication.
     """
     model = serial.model
     gravity = np.zeros(3) if model.gravity is None else np.array(model.gravity.acceleration)
@@ -76,7 +76,7 @@ def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> Syste
 
 
 def _touching(serial: NumberedModel) -> tuple[ContactPoints, list[ContactSurfaces]] | None:
-    """Serial data of the contacts, None without any; surfaces that intersect raise."""
+    """Serial data of the contacts, None without any; raises for surfaces that intersect."""
     if not serial.model.contacts:
         return None
     points = contact_points(serial, serial.model.contacts, _joined(serial))
@@ -102,7 +102,7 @@ def _part(
     serial: NumberedModel, family: Family, block: FrameBlock, interface: Interface,
     elements: ElementFamily | None,
 ) -> BlockPart:  # fmt: skip
-    """A block with what acts on its nodes of this rank."""
+    """A block with its elements, masses and forces on this rank."""
     node_body = family.body_of_node[block.node_ids]
     at_nodes, inside = family.forces(block, elements, node_body)
     of_markers = marker_forces(serial, family.kind, block, turning=family.axes)
@@ -120,7 +120,7 @@ def _part(
 
 
 def _joined(serial: NumberedModel) -> IntArray:
-    """Pairs (k, 2) of nodes of shells that joints of lines hold together."""
+    """Pairs (k, 2) of nodes of shells that joints of lines connect."""
     pairs = [
         (a, b)
         for joint in serial.joints
@@ -133,7 +133,7 @@ def _joined(serial: NumberedModel) -> IntArray:
 
 
 def _check_laws(serial: NumberedModel) -> None:
-    """Raise for laws of sections whose functions fail, and for damping of what has no stiffness."""
+    """Raise for laws of sections whose functions fail, and for damping without a stiffness."""
     bodies: list[Beam | Shell] = [*serial.model.beams, *serial.model.shells]
     for body in bodies:
         law, owner = body.section.law, f'{type(body).__name__} "{body.name}"'
@@ -151,7 +151,7 @@ def _check_laws(serial: NumberedModel) -> None:
 
 
 def _check_node(serial: NumberedModel, mass: PointMass) -> None:
-    """Raise for a mass inside an element: the inertia of elements knows nothing of it."""
+    """Raise for a point mass inside an element, which is not supported."""
     try:
         serial.key(mass.marker)
     except ValueError as error:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Background compilation: processes that compile loops during a first run, before it needs them.
 
-A run compiles its loops one after the other, most of them at its start, and so would a core alone
-be at work. ``loops.txt`` lists loops, those first that nearly all models call: they are compiled
-while the run loads DOLFINx and builds its model. Of the others those follow that are in modules of
-what its model has. ``python -m tests.list_loops`` writes the list. A loop that is not in it is
-compiled when the run needs it.
+A run compiles its loops one after the other, most of them at its start, on one core. ``loops.txt``
+lists loops, first those that nearly all models call: they are compiled while the run loads DOLFINx
+and builds its model. Those of the others follow that are in the modules of its kinds of bodies.
+``python -m tests.list_loops`` writes the list. A loop that is not in it is compiled when the run
+needs it.
 """
 
 import gc
@@ -30,28 +30,28 @@ from flexfem.core.marker import Carrier
 from flexfem.kernels.caching import sources
 from flexfem.kernels.compile_once import busy
 
-if TYPE_CHECKING:  # the processes have no need of it
+if TYPE_CHECKING:  # the processes do not need it
     from flexfem.layout.numbered_model import NumberedModel
 
 __all__ = ["compile_beside", "kind_of", "modules_of", "text_of"]
 
 _PACKAGE = Path(__file__).resolve().parents[1]
-#: Loops whose absence from the cache shows a first run, and how many of these must be absent.
+#: Loops whose absence from the cache indicates a first run, and the number that must be absent.
 _LOOKED_AT, _ABSENT = 8, 4
 _ARRAY = re.compile(r"(readonly )?array\((\w+), (\d)d, ([ACF])\)")
 _NUMBERS = {str(kind): kind for kind in (*types.number_domain, types.boolean)}
-#: How Linux is asked for a signal when the parent of this process ends.
+#: Option of Linux's prctl for a signal when the parent of this process ends.
 _SIGNAL_OF_PARENT = 1
 
 
 def compile_beside(model: "NumberedModel", ranks: int) -> None:
-    """Start the processes, where most of the loops that a model needs were never compiled.
+    """Start the processes if most of the loops that a model needs were never compiled.
 
-    Where the command has started them already, they learn in which modules these are.
+    If the command has started them already, they are sent the modules of these loops.
 
     Args:
-        model: of the run.
-        ranks: of the run, which wait for one another while one of them compiles.
+        model: the model of the run.
+        ranks: number of ranks, which wait for one another while one of them compiles.
     """
     modules = modules_of(model)
     if not _beside.started():
@@ -67,7 +67,7 @@ def compile_beside(model: "NumberedModel", ranks: int) -> None:
 def modules_of(model: "NumberedModel") -> set[str]:
     """Modules of the package without those for families, contact and lines that a model lacks.
 
-    Markers between nodes may need lines as well: these are left to the run.
+    Markers between nodes may need lines as well: these loops are compiled by the run.
     """
     of_families = {
         path
@@ -92,9 +92,9 @@ class _Entry(NamedTuple):
     """A line of the list.
 
     Attributes:
-        module: where the loop is.
-        function: its name there, with that of a kernel written by hand whose address it returns.
-        usual: whether nearly all models call it.
+        module: module of the loop.
+        function: its name, with that of a kernel written by hand whose address it returns.
+        usual: True if nearly all models call it.
         kinds: types of its arguments, as :func:`text_of` writes them.
     """
 
@@ -104,7 +104,7 @@ class _Entry(NamedTuple):
     kinds: list[Any]
 
     def resolved(self) -> tuple[Any, tuple[Any, ...]] | None:
-        """The loop and the types of its arguments; None where there is no such loop."""
+        """The loop and the types of its arguments; None if there is no such loop."""
         try:
             loop = attrgetter(self.function)(import_module(self.module))
             kinds = tuple(kind_of(kind) for kind in self.kinds)
@@ -120,10 +120,10 @@ def _listed() -> Iterator[_Entry]:
 
 
 def text_of(kind: Any) -> Any:
-    """What the list has of a type of arguments: texts, and mappings for tuples.
+    """Entry of the list for a type of arguments: texts, and mappings for tuples.
 
     Raises:
-        ValueError: no such types can be listed.
+        ValueError: the type cannot be listed.
     """
     if isinstance(kind, types.BaseTuple):
         parts: Any = kind
@@ -138,7 +138,7 @@ def text_of(kind: Any) -> Any:
 
 
 def kind_of(text: Any) -> Any:
-    """The type of which :func:`text_of` has made a text.
+    """The type for a result of :func:`text_of`.
 
     Raises:
         ValueError: there is none.
@@ -176,7 +176,7 @@ def _named_tuple(name: str) -> Any:
 
 
 def _kept(loop: Any, signature: Any) -> bool:
-    """Whether a loop is compiled already: it need not be loaded here."""
+    """True if a loop is in the cache already, which needs no loading here."""
     cache = loop._cache
     return cache._index_key(signature, cpu_target.target_context.codegen()) in (
         cache._cache_file._load_index()
@@ -184,7 +184,7 @@ def _kept(loop: Any, signature: Any) -> bool:
 
 
 def _compile(entries: list[_Entry], run: int) -> None:
-    """Compile what no other process is compiling or has compiled, while the run goes on."""
+    """Compile loops that no other process is compiling or has compiled, until the run ends."""
     for entry in entries:
         if os.getppid() != run:
             sys.exit()
@@ -195,24 +195,24 @@ def _compile(entries: list[_Entry], run: int) -> None:
 
 
 def _end_with(run: int) -> None:
-    """Let the system end this process with the run, however that ends."""
+    """Make the operating system end this process with the run in any case."""
     import ctypes
     import signal
 
-    with suppress(OSError, AttributeError):  # no Linux: it is noticed after the next loop
+    with suppress(OSError, AttributeError):  # not Linux: the end is noticed after the next loop
         ctypes.CDLL(None).prctl(_SIGNAL_OF_PARENT, signal.SIGTERM)
     if os.getppid() != run:
         sys.exit()
 
 
 def _main() -> None:
-    """Loops that nearly all models need, then others in the modules of the run."""
+    """Compile loops that nearly all models need, then others in the modules of the run."""
     run = int(sys.argv[1])
     _end_with(run)
     import mpi4py
 
     mpi4py.rc.initialize = False
-    gc.disable()  # nothing of what is made here is let go
+    gc.disable()  # no object of this process is released
     listed = list(_listed())
     _compile([entry for entry in listed if entry.usual], run)
     modules = set(sys.stdin.read().split())

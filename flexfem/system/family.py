@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Old place of ``flexfem.layout.family``: it warns, for one version."""
+"""Old name of ``flexfem.layout.family``, deprecated with a warning for one version."""
 
 import warnings
 from importlib import import_module
@@ -7,7 +7,7 @@ from typing import Any
 
 
 def __getattr__(name: str) -> Any:
-    """Take a name from where it is now."""
+    """Return a name of the new module, with a warning."""
     value = getattr(import_module("flexfem.layout.family"), name)
     warnings.warn(
         "flexfem.system.family is flexfem.layout.family now", DeprecationWarning, stacklevel=2

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Fingerprints of a model: whether a checkpoint belongs to it, and whether all ranks have the same.
+"""Fingerprints (hashes) of a model, to compare it with a checkpoint and between ranks.
 
-Names, types and numbers of all that is in the model count, numbers to nine digits, so that another
-machine's last digits do no harm. What a function computes cannot be told. For a checkpoint two
-models that differ only in plain functions (a drive, an amplitude that is no ``Table`` or
-``SmoothStep``) are taken for one; between ranks of one run functions count by their code, by what
-they enclose, and by the numbers that they find in their module or their object.
+They depend on names, types and numbers of the whole model, with numbers to nine digits, so that the
+last digits of another machine do not matter. The values of a function are not known. For a
+checkpoint two models that differ only in plain functions (a drive, an amplitude that is not a
+``Table`` or ``SmoothStep``) count as equal; between ranks of one run functions are compared by
+their code, by enclosed values, and by the numbers of their module or object that they use.
 """
 
 import hashlib
@@ -26,14 +26,15 @@ from flexfem.model.probes.base import AnyProbe
 
 __all__ = ["fingerprint", "fingerprints"]
 
-#: Numbers count in steps of this part of a power of two above the largest of their array.
+#: Resolution of numbers, as a part of a power of two above the largest of their array.
 _STEP = 2.0**-30
-#: Largest numbers change their power of two here and not at 1, where last digits would matter.
+#: Mantissa at which the power of two of the largest number changes, not 1, where last digits would
+#: matter.
 _BORDER = 1.37
 
 
 def fingerprint(serial: NumberedModel) -> dict[str, str]:
-    """Checksum of every kind of thing in a model; equal on all ranks."""
+    """Checksum of every kind of object in a model, equal on all ranks."""
     model = serial.model
     parts: dict[str, Any] = {
         "beams": model.beams,
@@ -58,7 +59,7 @@ def fingerprint(serial: NumberedModel) -> dict[str, str]:
 
 
 def fingerprints(serial: NumberedModel) -> list[tuple[str, str]]:
-    """Every thing in a model with its checksum, functions included, in the order of the model."""
+    """All objects of a model with their checksums, functions included, in the model's order."""
     things = (*_named(serial), ("the mesh of its beams", _layout(serial, "mesh")),
               ("the mesh of its shells", _layout(serial, "surface")))  # fmt: skip
     known: _Known = {}
@@ -66,7 +67,7 @@ def fingerprints(serial: NumberedModel) -> list[tuple[str, str]]:
 
 
 def _named(serial: NumberedModel) -> Iterator[tuple[str, Any]]:
-    """The things in a model by class and name."""
+    """The objects in a model by class and name."""
     model = serial.model
     yield "Gravity", model.gravity
     lists: Iterable[Iterable[Any]] = (
@@ -108,20 +109,20 @@ def _layout(serial: NumberedModel, what: str) -> tuple[Any, ...]:
     return tuple(part for parts in found for part in parts)
 
 
-#: Checksums of data by their identity: many beams have one section. Functions are there, too, each
-#: counts where it comes first.
+#: Checksums of data by their identity: many beams have one section. Functions are included; each is
+#: evaluated where it occurs first.
 _Known = dict[int, tuple[Any, str]]
 
 
 class _Digest:
-    """Checksum of nested data; functions count where there is room for checksums that are known."""
+    """Checksum of nested data; functions are included if known checksums are stored."""
 
     def __init__(self, serial: NumberedModel, known: _Known | None = None) -> None:
         self._serial, self._hash = serial, hashlib.blake2b(digest_size=8)
         self._known = known
 
     def of(self, value: Any) -> str:
-        """Checksum of a value and all it holds."""
+        """Checksum of a value with all its contents."""
         self._add(value)
         return self._hash.hexdigest()
 
@@ -153,16 +154,16 @@ class _Digest:
             self._add(self._serial.place(value) or self._serial.key(value))
 
     def _checksum(self, value: Any, known: _Known) -> str:
-        """Checksum of data, computed once; they are kept so that no others take their identity."""
+        """Checksum of data, computed once; the data are kept to keep their identity unique."""
         if id(value) not in known:
-            known[id(value)] = value, ""  # a function in it may enclose it
+            known[id(value)] = value, ""  # an enclosed function may refer to it
             other = _Digest(self._serial, known)
             other._data(value)
             known[id(value)] = value, other._hash.hexdigest()
         return known[id(value)][1]
 
     def _code(self, value: Any) -> None:
-        """Add the code and data that a function, or a callable object, computes with."""
+        """Add the code and data of a function or a callable object."""
         self._text(type(value).__name__)
         assert self._known is not None
         if id(value) in self._known:
@@ -186,7 +187,7 @@ class _Digest:
             self._around(getattr(value, "__dict__", {}))
 
     def _around(self, names: Mapping[str, Any]) -> None:
-        """Add values that functions find by names; others than these may belong to one rank."""
+        """Add global values that functions use by name; other objects may differ between ranks."""
         for name, value in sorted(names.items()):
             if _counts(value):
                 self._text(name)
@@ -197,7 +198,7 @@ class _Digest:
 
     def _array(self, values: np.ndarray[Any, Any]) -> None:
         self._text(f"array {values.shape}")
-        if values.dtype.kind == "f" and not np.isfinite(values).all():  # limits that are none
+        if values.dtype.kind == "f" and not np.isfinite(values).all():  # infinite limits
             self._text(repr(values[~np.isfinite(values)].tolist()))
             values = np.where(np.isfinite(values), values, 0.0)
         if values.dtype.kind == "f" and values.size:
@@ -208,9 +209,9 @@ class _Digest:
 
 
 def _counts(value: Any) -> bool:
-    """Return True if a value found by a function counts: float, data or function.
+    """Return True if a value used by a function is included: float, data or function.
 
-    Lists do not: functions that are called on some ranks only keep notes in them.
+    Lists are not: functions that are called on some ranks only may store records in them.
     """
     if isinstance(value, np.ndarray):
         return bool(value.dtype.kind == "f")
@@ -227,7 +228,7 @@ def _enclosed(function: FunctionType) -> dict[str, Any]:
         found[f"default {place}"] = value
     names = function.__code__.co_freevars
     for name, cell in zip(names, function.__closure__ or (), strict=True):
-        with suppress(ValueError):  # it has no value yet
+        with suppress(ValueError):  # the variable has no value yet
             found[name] = cell.cell_contents
     return found
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The equations that a time integrator asks a system for, and their derivatives.
+"""The equations of a system for a time integrator, and their derivatives.
 
-Most schemes state equilibrium at the end of a step: :class:`EndPoint`. A scheme with equations of
-its own derives a class from :class:`Mechanics`; solvers and policies are told which ones to solve.
+Most schemes state equilibrium at the end of a step: :class:`EndPoint`. A scheme with other
+    equations derives a class from :class:`Mechanics`, which is an argument of solvers and policies.
 """
 
 from abc import ABC, abstractmethod
@@ -31,7 +31,7 @@ class Mechanics(ABC):
         Args:
             system: at the trial state.
             shifts: factors of the scheme.
-            strains: of each part, whose stresses count; None for the present ones.
+            strains: strains of each part whose stresses are used; None for the present ones.
         """
 
     def correct(
@@ -51,8 +51,8 @@ class Mechanics(ABC):
         Args:
             system: at the trial state.
             shifts: factors of the scheme.
-            hessians: those of :meth:`hessians` for the multipliers.
-            strains: of each part, whose stresses count; None for the present ones.
+            hessians: result of :meth:`hessians` for the multipliers.
+            strains: strains of each part whose stresses are used; None for the present ones.
         """
         self._add_action(system, shifts, -1.0, strains)
         system.interface.update_steps()
@@ -62,7 +62,7 @@ class Mechanics(ABC):
                 subtract_forces(turning, part.interface_nodes, part.block.residual)
 
     def multiply_mass(self, system: System, factor: float) -> None:
-        """Residuals become ``factor`` times mass matrix times the blocks' steps (collective)."""
+        """Set the residuals to ``factor`` times mass matrix times steps (collective)."""
         for part in system.parts:
             part.block.residual[:] = 0.0
         self._add_action(system, MASS, factor)
@@ -118,16 +118,16 @@ class Mechanics(ABC):
 
     @abstractmethod
     def origin(self, system: System, part: BlockPart) -> tuple[dict[str, FloatArray], FloatArray]:
-        """Return a snapshot that a part's matrices are computed from: nodal arrays, and numbers.
+        """Return a snapshot of the state of a part's matrices: nodal arrays, and numbers.
 
-        The arrays are those that are worked with, the numbers are the same on all ranks.
+        The arrays are not copied; the numbers are the same on all ranks.
         """
 
     @abstractmethod
     def recall(
         self, system: System, part: BlockPart, nodes: Mapping[str, FloatArray], numbers: FloatArray
     ) -> None:
-        """Put a part where :meth:`origin` found it; the accepted state may be lost."""
+        """Restore a part from a result of :meth:`origin`; the accepted state may be overwritten."""
 
 
 class EndPoint(Mechanics):
@@ -201,5 +201,5 @@ class EndPoint(Mechanics):
         system.factors[:] = numbers
 
 
-#: Equilibrium at the end of a step: what all analyses but those of other schemes solve.
+#: Equilibrium at the end of a step: the equations of all analyses save other schemes.
 END_POINT = EndPoint()

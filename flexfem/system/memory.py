@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Memory that a computation with a model takes, estimated from its sizes before it begins."""
+"""Estimate of the memory of a computation, from the sizes of a model before it begins."""
 
 from mpi4py import MPI
 
@@ -15,10 +15,10 @@ _DENSE = 10
 
 
 def memory_of_run(model: Model) -> float:
-    """Bytes that steps with one factorisation take on one rank, about; contact left out.
+    """Approximate bytes of steps with one factorisation on one rank, without contact.
 
     Args:
-        model: only counts of its nodes are asked for.
+        model: the model, of which only the numbers of nodes are used.
     """
     nodes = len(model.rigid_bodies) + (0 if model.mesh is None else len(model.mesh.points))
     nodes += sum(len(b.curve.points) for b in model.beams_of("nurbs") if b.curve is not None)
@@ -32,7 +32,7 @@ def memory_of_run(model: Model) -> float:
 
 
 def check_memory(model: Model, comm: MPI.Intracomm) -> None:
-    """Refuse a model that will not fit, before anything is made of it (collective).
+    """Refuse a model that does not fit into memory, before it is built (collective).
 
     Raises:
         InputError: on all ranks.
@@ -43,7 +43,7 @@ def check_memory(model: Model, comm: MPI.Intracomm) -> None:
     here = comm.Split_type(MPI.COMM_TYPE_SHARED)
     taken = together(needed, here.size, comm.size)
     here.Free()
-    # the smallest room and the largest need of all computers: all ranks find the same
+    # the least memory and the largest need of all computers: the same result on all ranks
     taken = comm.allreduce(taken, op=MPI.MAX)
     room = comm.allreduce(available(), op=MPI.MIN)
     check_room(f'Model "{model.name}": a step', taken / DOUBT, room)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The assembled system on this rank: blocks, what acts on them, and the constraints between them.
+"""The assembled system on this rank: blocks, their elements and forces, and constraints.
 
 The equations at the trial state, scaled by ``s = beta h^2`` so that nothing grows as the step
 shrinks (Bottasso, Dopico, Trainelli 2008): ``s (f_inertia + f_internal - f_external) + G^T L = 0``
@@ -30,11 +30,11 @@ from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 __all__ = ["GYROSCOPIC", "MASS", "BlockPart", "Counters", "PartStrains", "Shifts", "System"]
 
-#: Strains of each part whose stresses tangents take; None for the present ones.
+#: Strains of each part whose stresses are used in tangents; None for the present ones.
 PartStrains = Sequence[Strains | None]
 
-#: A prediction is better if it is off by less than this part of the other. Of a motion that begins
-#: at rest all are alike, and rounding, which the number of ranks changes, must not choose.
+#: Ratio of errors below which a prediction is better than another. For a motion that begins at rest
+#: all are equal, and the choice must not depend on rounding, and so on the number of ranks.
 _BETTER = 0.99
 
 
@@ -58,8 +58,8 @@ class Shifts:
         acceleration: da/dn, 1/s^2.
         scale: ``beta h^2``, s^2, with which residual and multipliers are scaled.
         stiffness: factor of the stiffness, 1 but for the mass matrix alone.
-        local: derivatives at fixed local velocities and accelerations, as if translations were not
-            integrated in inertial axes.
+        local: True for derivatives at fixed local velocities and accelerations, as if translations
+            were not integrated in inertial axes.
     """
 
     velocity: float
@@ -70,12 +70,12 @@ class Shifts:
 
     @cached_property
     def array(self) -> FloatArray:
-        """As the compiled loops expect it: (velocity, acceleration, stiffness)."""
+        """Array for the compiled loops: (velocity, acceleration, stiffness)."""
         return np.array([self.velocity, self.acceleration, self.stiffness])
 
     @cached_property
     def dynamics(self) -> FloatArray:
-        """As the constraint rows expect it: (velocity, scale)."""
+        """Array for the constraint rows: (velocity, scale)."""
         return np.array([self.velocity, self.scale])
 
     def request(
@@ -98,7 +98,7 @@ GYROSCOPIC = Shifts(velocity=1.0, acceleration=0.0, scale=1.0, stiffness=0.0)
 
 @dataclass
 class BlockPart:
-    """A block with what acts on its nodes.
+    """A block with its elements, masses, forces and contacts.
 
     Attributes:
         family: the family of the bodies.
@@ -109,7 +109,7 @@ class BlockPart:
         node_cluster: (n,) number of its cluster: bodies that share nodes are one matrix.
         interface_nodes: (n_nodes,) local node of each interface node that this rank owns in it,
             else -1.
-        contacts: what these do to its nodes, None where nothing touches.
+        contacts: forces of contacts on its nodes, None without contacts.
     """
 
     family: Family
@@ -163,7 +163,7 @@ class BlockPart:
     ) -> None:  # fmt: skip
         """Compute the scaled residual without constraint forces; ghosts are summed to owners.
 
-        ``strains`` are those whose stresses count, None for the present ones.
+        ``strains`` are those whose stresses are used, None for the present ones.
         """
         self.block.residual[:] = 0.0
         if self.elements is not None:
@@ -190,12 +190,13 @@ class System:
         interface, constraints: nodes with joints and the rows between them.
         part_of_node, body_of_node, cluster_of_node: part, body and cluster of every interface node.
         gravity: (3,) acceleration in inertial axes, m/s^2.
-        counters: what the run has counted so far.
+        counters: counters of the run.
         time: time of the trial state, s.
-        lead: loads and drives are those so much later, s: not zero just before or after a jump.
-        prediction: the best one for the last step.
-        row_forces: computes forces of all rows (r,) for :meth:`reported_forces`; None where those
-            of the rows are to be reported (collective).
+        lead: time by which loads and drives are evaluated later, s: not zero just before or after a
+            jump.
+        prediction: the best kind of prediction for the last step.
+        row_forces: computes forces of all rows (r,) for :meth:`reported_forces` (collective); None
+            if those of the rows are reported.
     """
 
     def __init__(
@@ -209,7 +210,7 @@ class System:
         loads: Sequence[Load],
         gravity: FloatArray,
     ) -> None:
-        """Put the parts together."""
+        """Store the parts, the interface nodes and the rows."""
         self.comm, self.parts = comm, list(parts)
         self.present: PartStrains = len(self.parts) * (None,)
         self._thin = any(p.elements is not None and p.elements.thin for p in self.parts)
@@ -233,10 +234,10 @@ class System:
     def reported_forces(self) -> FloatArray:
         """Forces (r,) of all rows at the accepted state, N or N m (collective).
 
-        These are what probes, fields and sampled controllers are to read. Multipliers of a time
-        integrator, ``constraints.forces``, go with its own accelerations and velocities: they may
-        ring or be means over a step; the next step begins with them, and energies take their work.
-        Computed when asked for, once a state.
+        These are the forces for probes, fields and sampled controllers. Multipliers of a time
+        integrator, ``constraints.forces``, belong to its own accelerations and velocities: they may
+        oscillate or be means over a step; the next step begins with them, and energies use their
+        work. The forces are computed on request, once a state.
         """
         rows = self.constraints
         if self.row_forces is None or rows.consistent:
@@ -252,7 +253,7 @@ class System:
 
     @property
     def unknowns(self) -> int:
-        """Number of unknowns of all blocks on all ranks, multipliers left out."""
+        """Number of unknowns of all blocks on all ranks, without multipliers."""
         return sum(p.block.sizes[1] for p in self.parts)
 
     @property
@@ -290,7 +291,7 @@ class System:
 
         Args:
             factor: the multiple.
-            thin: of thin elements only; the others have None.
+            thin: True for thin elements only; the others have None.
         """
         if thin and not self._thin:
             return self.present
@@ -306,7 +307,7 @@ class System:
     def accepted_strains(self, *, thin: bool = True) -> PartStrains:
         """Strains of the accepted state; of ``thin`` elements only.
 
-        A prediction that turns elements stretches them as well: its stresses mean nothing.
+        A prediction that rotates elements stretches them as well: its stresses are not used.
         """
         if thin and not self._thin:
             return self.present
@@ -318,11 +319,11 @@ class System:
         ]
 
     def unstressed(self) -> PartStrains:
-        """Strains without stresses."""
+        """Strains of each part for which the stresses are zero."""
         return [None if p.elements is None else p.elements.unstressed() for p in self.parts]
 
     def begin_evaluation(self, acceleration: float) -> None:
-        """Count an evaluation of the residuals, and find what touches at the trial state.
+        """Count an evaluation of the residuals, and find the contacts at the trial state.
 
         Args:
             acceleration: da/dn of the scheme, 1/s^2.
@@ -348,18 +349,18 @@ class System:
         return self.comm.allreduce(largest, op=MPI.MAX) if self.comm.size > 1 else largest
 
     def accept(self, law: FloatArray, h: float) -> None:
-        """End a step: trial state becomes the state, and the best prediction is chosen."""
+        """End a step: accept the trial state, and choose the best prediction."""
         self.choose_prediction([part.block.accept(law, h) for part in self.parts])
         self._remember()
 
     def take(self) -> None:
-        """Accept the trial state as it stands, with its velocities and accelerations."""
+        """Accept the trial state with its velocities and accelerations."""
         for part in self.parts:
             part.block.take()
         self._remember()
 
     def _remember(self) -> None:
-        """Let elements, contacts and rows take note of the accepted state."""
+        """Update elements, contacts and rows for the accepted state."""
         for part in self.parts:
             if part.elements is not None:
                 part.elements.accept(part.block)
@@ -369,9 +370,9 @@ class System:
         self.constraints.accept()
 
     def choose_prediction(self, misses: Sequence[Misses]) -> None:
-        """Set ``prediction`` by how far all of them were off in each block (collective).
+        """Set ``prediction`` by the errors of all kinds in each block (collective).
 
-        Where they are alike velocities are used: what begins to move goes on.
+        If the errors are equal, velocities are used: a motion that begins continues.
         """
         largest = [max(each) for each in zip(*misses, strict=True)]
         if self.comm.size > 1:
@@ -388,7 +389,7 @@ class System:
             part.block.reset()
 
     def numberings(self) -> dict[str, Numbering]:
-        """Of the nodes of every block and of the rows, by the names in :meth:`state`."""
+        """Numberings of the nodes of every block and of the rows, by the names in :meth:`state`."""
         blocks = {part.block.name: part.block.numbering() for part in self.parts}
         own: dict[str, Numbering] = {}
         for contacts in self.contacts:
@@ -401,7 +402,7 @@ class System:
             "time": np.array([self.time]),
             "prediction": np.array([float(self.prediction)]),
             "counters": np.array(astuple(self.counters), dtype=np.float64),
-            # of the step's end: functions of feedback give others at the accepted state
+            # those of the step's end: feedback functions differ at the accepted state
             "factors": self._factors.copy(),
         }
         blocks = {part.block.name: part.block.state() for part in self.parts}
@@ -422,7 +423,7 @@ class System:
         return next(filter(None, found), "")
 
     def restore(self, state: State) -> None:
-        """Take back what :meth:`state` returned (collective)."""
+        """Restore a result of :meth:`state` (collective)."""
         self.set_time(float(state.values["time"][0]))
         self._factors[:] = state.values["factors"]
         (prediction,) = counts("prediction", state.values["prediction"])

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Joints with markers on lines as the one record that their compiled loops take."""
+"""Record of joints with markers on lines for their compiled loops."""
 
 from flexfem.kernels.records import Bool1D, Float1D, Float2D, Float3D, Float4D, Int1D, Int2D, Record
 
 __all__ = ["ON_LINE", "JointsOnLines"]
 
-#: Number at the interface of a marker that no single node carries.
+#: Interface number of a marker that is not fixed to a single node.
 ON_LINE = -2
 
 
@@ -16,10 +16,10 @@ class JointsOnLines(Record):
     twists of a joint's nodes and the coordinate of its slider.
 
     Attributes:
-        element: (lines,) how frames are interpolated.
+        element: (lines,) kind of interpolation of frames.
         count: (lines,) nodes of an element.
         size: (lines, 2) rows and columns of coefficients of an element.
-        turned: (lines,) a section is turned against its node.
+        turned: (lines,) True if a section is rotated relative to its node.
         first_element: (lines + 1,) first element of each line; elements follow one another.
         nodes: (elements, k) numbers at the interface of the nodes.
         shape: (elements, p q) coefficients row by row, see ``lines.Line``.
@@ -28,26 +28,26 @@ class JointsOnLines(Record):
         arc: (elements, q) polynomial of the arc length (m).
         first_marker: (joints + 1,) first marker of each joint.
         marker: (markers,) its number among all markers.
-        interface_node: (markers,) number at the interface of the node that carries it, -1 on the
-            ground, -2 on a line.
-        offset: (markers, 12) relative to its node or section.
+        interface_node: (markers,) interface number of the node that carries it, -1 on the ground,
+            -2 on a line.
+        offset: (markers, 12) frame relative to its node or section.
         line: (markers,) number of its line.
-        slides: (markers,) it slides.
-        column: (markers,) where its nodes begin among those of the joint.
+        slides: (markers,) True if it slides.
+        column: (markers,) first of its nodes among those of the joint.
         accepted: (markers, 2) element and coordinate at the accepted state, from which sliders are
-            followed.
+            tracked.
         places: (markers, 2) the same at the trial state.
         width: (joints,) nodes of each joint, a node of two markers counted twice.
-        first_pair: (joints,) first pair of nodes of each joint, which has one for any two.
+        first_pair: (joints,) first pair of nodes of each joint; any two of its nodes are a pair.
         first_row: (joints + 1,) first row of each joint here.
         row: (rows,) number among all rows.
-        entry: (rows,) first term among all terms, which holds the gradient, two nodes a term.
+        entry: (rows,) first term among all terms for the gradient, two nodes a term.
         first_term: (rows + 1,) first term here.
-        kinds: (terms,) of a ``RowKind``, or addresses of functions.
+        kinds: (terms,) values of ``RowKind``, or addresses of functions.
         directions: (terms, 3, 3) see ``Term.data``.
         factors: (terms,) coefficients.
         angles: (terms,) continuous angles (rad) at the accepted state.
-        ends: (terms, 2) markers within the joint.
+        ends: (terms, 2) numbers of its markers within the joint.
         sums: (all rows,) sums of the terms of these rows, zero for others.
         sections: (k, 12) work space: frames of the sections at an element's nodes.
         section: (6 (6 k + 1),) derivatives of a section's frame.
@@ -61,7 +61,7 @@ class JointsOnLines(Record):
         second: (6 n + 1, 6 n + 1) second derivatives by z.
         space: (36 n^2,) second derivatives by the nodes' twists.
         term: (12,) gradient of a term, term_second: (12, 12) its second derivative.
-        scratch: (5, 3) of a term.
+        scratch: (5, 3) work space of a term.
     """
 
     element: Int1D

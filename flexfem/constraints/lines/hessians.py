@@ -40,7 +40,7 @@ def _second(
 ) -> None:  # fmt: skip
     """Second derivative ``out`` (6 n, 6 n) of a weighted sum of a joint's rows.
 
-    It is that of the gradient; column j is along twist j of its nodes.
+    It is the derivative of the gradient; column j is along twist j of its nodes.
     """
     places, second, slide = own.places, own.second, own.slide[c]
     first, xi = own.first_marker[c], 6 * own.width[c]
@@ -79,17 +79,17 @@ def add_line_hessians(
 ) -> None:  # fmt: skip
     """Add second derivatives of weighted sums of rows to the blocks of the pairs of nodes.
 
-    The matrix (6 n, 6 n) of the last joint stays in ``JointsOnLines.space``.
+    The matrix (6 n, 6 n) of the last joint is left in ``JointsOnLines.space``.
 
     Args:
         memory: all joints on lines.
-        first: the first joint that is asked for; their markers are placed.
-        last: the one after the last.
+        first: first of the joints; their markers are placed.
+        last: the joint after the last.
         weights: (r,) weights of all rows.
         frames: (n, 12) of all interface nodes.
         poses: (m, 12) of all markers.
-        out: (p, 12, 12) blocks; that of a single node is added at its pair with the next one.
-            Nothing is added to no blocks.
+        out: (p, 12, 12) blocks; that of a single node is added at its pair with the next one. With
+            zero blocks nothing is added.
     """
     own = unpack(JointsOnLines, memory)
     for c in range(first, last):
@@ -123,7 +123,7 @@ def _add_blocks(H: FloatArray, count: int, pair: int, out: FloatArray) -> None:
 
 @subroutine
 def _carry_second(own: JointsOnLines, c: int, frames: FloatArray) -> None:
-    """``own.second`` by z from forces and second derivatives on the markers' twists."""
+    """Write ``own.second`` by z from forces and second derivatives on the markers' twists."""
     first, count = own.first_marker[c], own.first_marker[c + 1] - own.first_marker[c]
     size, point, second = 6 * own.width[c] + 1, own.point[c], own.second
     left = np.zeros((6 * count, size))
@@ -146,7 +146,7 @@ def _carry_second(own: JointsOnLines, c: int, frames: FloatArray) -> None:
 
 @subroutine
 def _add_point_second(own: JointsOnLines, m: int, number: int, xi: int, frames: FloatArray) -> None:
-    """Add that the force on a marker acts on nodes in directions that change with them."""
+    """Add the change of a marker's force on the nodes by the change of its directions with them."""
     line, e, g = own.line[m], int(own.places[m, 0]), np.empty(6)
     k, second = own.count[line], own.second
     to_node(own.offset[m], own.forces, 6 * number, g)

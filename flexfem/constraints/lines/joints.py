@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Joints with markers that lie on lines between nodes, or slide on them.
 
-They are evaluated by loops of their own (``kernels``), which write their gradients into the
-terms of the table of rows, two nodes a term. Which nodes these are changes while a slider passes
-from element to element.
+They are evaluated by the loops of ``kernels``, which write their gradients into the terms of the
+table of rows, two nodes a term. These nodes change when a slider passes from element to element.
 """
 
 from collections.abc import Sequence
@@ -36,9 +35,9 @@ class LineJoints:
     """The joints of this rank with markers on lines.
 
     Attributes:
-        joints: (n,) their numbers in the table.
-        own: lines, markers and rows, as compiled loops take them.
-        version: counts how often a slider has passed from one element to another.
+        joints: (n,) numbers of the joints in the table.
+        own: lines, markers and rows in the format of the compiled loops.
+        version: number of times that a slider has passed from one element to another.
     """
 
     def __init__(self, table: RowLayout, rows: Sequence[Sequence[Row]]) -> None:
@@ -62,10 +61,10 @@ class LineJoints:
         self._connect()
 
     def _points(self, numbers: dict[int, int], first_element: IntArray) -> dict[str, Any]:
-        """Markers of the joints and how many nodes each depends on.
+        """Markers of the joints and the number of nodes that each depends on.
 
         Args:
-            numbers: of the lines.
+            numbers: numbers of the lines.
             first_element: of each line.
         """
         table = self._table
@@ -144,7 +143,7 @@ class LineJoints:
     def write(self, joint: int, rows: Sequence[Row]) -> None:
         """Set the terms of a joint's rows; ``joint`` is its number in the table.
 
-        What is locked at the start is locked where its slider is.
+        Rows locked at the start are locked at the initial place of their slider.
         """
         c = self.joints.index(joint)
         own = self.own
@@ -173,13 +172,13 @@ class LineJoints:
         return self.own.accepted - self._offsets()
 
     def doubts(self, places: FloatArray) -> str:
-        """Says that places are not on their lines; empty if they are."""
+        """Message that places are not on their lines; empty if they are."""
         counts = np.diff(self.own.first_element)[self.own.line]
         inside = (places[:, 0] >= 0.0) & (places[:, 0] < counts) & (places[:, 0] % 1.0 == 0.0)
         return "" if inside.all() else '"places/places" has one that is not on its line'
 
     def restore_places(self, places: FloatArray) -> None:
-        """Accept what :meth:`accepted_places` returned."""
+        """Restore a result of :meth:`accepted_places`."""
         self.own.accepted[:] = places + self._offsets()
 
     def _offsets(self) -> FloatArray:
@@ -215,13 +214,13 @@ class LineJoints:
 
     @property
     def nodes(self) -> IntArray:
-        """Numbers at the interface of all nodes of the lines."""
+        """Interface numbers of all nodes of the lines."""
         nodes = np.unique(self.own.nodes)
         return nodes[nodes >= 0]
 
     @property
     def sliding(self) -> bool:
-        """A marker slides."""
+        """True if a marker slides."""
         return bool(self.own.slides.any())
 
     def arc(self, joint: int) -> float:
@@ -234,7 +233,7 @@ class LineJoints:
     def motions(
         self, joints: Sequence[int], frames: FloatArray, velocities: FloatArray
     ) -> FloatArray:
-        """Sections at which the sliders of joints are, (n, 20).
+        """Sections at the sliders of joints, (n, 20).
 
         Args:
             joints: their numbers in the table.
@@ -257,7 +256,7 @@ class LineJoints:
         """Sums, gradients and poses of markers at the given frames of all interface nodes.
 
         Args:
-            frames: (n, 12); the other methods refer to them, too.
+            frames: (n, 12); also those of later calls of the other methods.
             poses: (m, 12) of all markers; those of these joints are set.
             gradients: (t, 2, 6) of all terms; those of these joints are set.
         """
@@ -283,7 +282,7 @@ class LineJoints:
             put_interface_nodes(self.own.memory, table.term_nodes, table.pair_nodes)
 
     def accept(self) -> None:
-        """The last evaluation becomes the accepted state."""
+        """Accept the state of the last evaluation."""
         if self.joints:
             self.own.accepted[:] = self.own.places
             update_line_angles(self.own.memory, self._poses)
@@ -305,7 +304,7 @@ class LineJoints:
             )
 
     def _interface_nodes(self, c: int) -> IntArray:
-        """(n,) interface nodes of the c-th of the joints, as its rows' terms hold them."""
+        """(n,) interface nodes of the c-th of the joints, in the order of its rows' terms."""
         first = self.own.entry[self.own.first_row[c]]
         count = int(self.own.width[c])
         return self._table.term_nodes[first : first + (count + 1) // 2].reshape(-1)[:count]
@@ -321,14 +320,14 @@ class LineJoints:
         self, slopes: FloatArray, velocities: FloatArray, by_step: FloatArray,
         force_jacobian: FloatArray, step_jacobian: FloatArray,
     ) -> None:  # fmt: skip
-        """Add that rates of rows depend on position, see ``constraints.rows.hessians.add_dampers``.
+        """Add the dependence of rates on positions, see ``constraints.rows.hessians.add_dampers``.
 
         Args:
             slopes: (r,) derivatives of the rows' values by their rates.
             velocities: (n, 6) of the interface nodes.
             by_step: (n, 6, 6) derivatives of these velocities by the interface nodes' steps.
             force_jacobian: (t, 2, 6) gradients.
-            step_jacobian: (t, 2, 6) what is added to.
+            step_jacobian: (t, 2, 6) array to which is added.
         """
         for c, i in enumerate(self.joints):
             nodes, count = self._interface_nodes(c), int(self.own.width[c])
@@ -385,7 +384,7 @@ def _lines(rails: Sequence[Rail]) -> dict[str, Any]:
 
 
 def _turned(line: Line) -> bool:
-    """True if a section of a line is turned against its node."""
+    """True if a section of a line is rotated relative to its node."""
     if line.turns is None:
         return False
     return bool(np.abs(line.turns - np.eye(3).ravel()).max() > 1e-12)

@@ -2,14 +2,14 @@
 """Compiled evaluation of joints with markers that lie on lines between nodes, or slide on them.
 
 Such a marker's frame H(q, xi) depends on the frames q of all nodes of an element. Where it slides,
-the coordinate xi is the one at which the section's plane holds the other marker b,
+the coordinate xi is the one at which the section's plane contains the other marker b,
 
 ``G(q, xi) = R e1 . (x_b - x) = 0``,
 
-so that it is a function of the nodes. For what rows measure, F(q, xi) in total, this gives the
-gradient ``F_q + F_xi xi_q`` with ``xi_q = -G_q / G_xi`` and, with ``mu = -F_xi / G_xi``, the second
-derivative ``P^T (F + mu G)_zz P`` with ``z = (q, xi)`` and ``P = (1; xi_q)``. A constraint along
-the other two axes of the section thus pulls at right angles to the line, whatever its shear.
+so that it is a function of the nodes. For the sum F(q, xi) of a row, this gives the gradient ``F_q
++ F_xi xi_q`` with ``xi_q = -G_q / G_xi`` and, with ``mu = -F_xi / G_xi``, the second derivative
+``P^T (F + mu G)_zz P`` with ``z = (q, xi)`` and ``P = (1; xi_q)``. A constraint along the other two
+axes of the section thus exerts a force at right angles to the section's normal, for any shear.
 """
 
 import numpy as np
@@ -47,7 +47,7 @@ __all__ = [
 
 ARC, ALONG, ANGLE = int(RowKind.ARC), int(RowKind.ALONG), int(RowKind.ANGLE)
 
-#: Newton steps for the place of a slider, and their size at which it is found.
+#: Newton steps for the place of a slider, and the step size at convergence.
 _STEPS, _SMALL = 50, 1e-13
 
 
@@ -56,17 +56,17 @@ def place_lines(
     memory: Memory, first: int, last: int, frames: FloatArray, poses: FloatArray,
     places: FloatArray,
 ) -> None:  # fmt: skip
-    """Place the markers of joints and find what their motion is along twists of the nodes.
+    """Place the markers of joints and find their motion along twists of the nodes.
 
     The derivatives by z are left in ``JointsOnLines.point`` and ``slide``, for all other loops.
 
     Args:
         memory: all joints on lines.
-        first: the first joint that is asked for.
-        last: the one after the last.
+        first: first of the joints.
+        last: the joint after the last.
         frames: (n, 12) of all interface nodes.
         poses: (m, 12) of all markers; those of the joints are set.
-        places: (m, 2) element and xi of the markers here; those that slide are set.
+        places: (m, 2) element and xi of these markers; those that slide are set.
     """
     own = unpack(JointsOnLines, memory)
     for c in range(first, last):
@@ -86,7 +86,7 @@ def element_frames(own: JointsOnLines, line: int, e: int, frames: FloatArray) ->
 
 @subroutine
 def coefficients(own: JointsOnLines, line: int, e: int) -> FloatArray:
-    """Those of the shape functions of an element."""
+    """Coefficients of the shape functions of an element."""
     rows, columns = own.size[line]
     shape: FloatArray = own.shape[e][: rows * columns].reshape(rows, columns)
     return shape
@@ -96,8 +96,8 @@ def coefficients(own: JointsOnLines, line: int, e: int) -> FloatArray:
 def section_jacobian(own: JointsOnLines, line: int) -> FloatArray:
     """``own.section`` as the matrix (6, 6 k + 1) of an element of a line.
 
-    Contiguous, as all matrices for ``core.places.line_points``: another layout would be compiled
-    once more.
+    Contiguous, like all matrices for ``core.places.line_points``: for another layout numba would
+    compile these once more.
     """
     columns = 6 * own.count[line] + 1
     J: FloatArray = own.section[: 6 * columns].reshape(6, columns)
@@ -121,11 +121,11 @@ def _section(
 def _slide_to(
     own: JointsOnLines, line: int, x: FloatArray, frames: FloatArray, place: FloatArray
 ) -> None:
-    """Move ``place`` (element, xi) along the line until the section's plane holds the point x.
+    """Move ``place`` (element, xi) along the line until the section's plane contains the point x.
 
-    Beyond the ends the last elements are continued. Elements are left in the direction of the
-    first crossing only: where the sections of two of them differ at their common node, either may
-    send the point to the other.
+    Beyond the ends the last elements are continued. Elements are left in the direction of the first
+    crossing only: where the sections of two of them differ at their common node, the search would
+    alternate between them.
     """
     H, p, gap = np.empty(12), np.empty(3), np.empty(3)
     first, last = own.first_element[line], own.first_element[line + 1] - 1
@@ -160,7 +160,7 @@ def _speed(own: JointsOnLines, e: int, xi: float) -> float:
 def _put_marker(offset: FloatArray, section: FloatArray, at: int, xi: int, J: FloatArray) -> None:
     """Derivatives J of a marker from those of the section that carries it.
 
-    The nodes' columns begin at ``at``, that of the coordinate is ``xi``, -1 where it is held.
+    The nodes' columns begin at ``at``, that of the coordinate is ``xi``, -1 if it is fixed.
     """
     offset_jacobian(offset, section)
     last = section.shape[1] - 1
@@ -181,7 +181,7 @@ def _place_markers(
     )  # fmt: skip
     point = own.point[c]
     point[:] = 0.0
-    for m in range(last - 1, first - 1, -1):  # what slides follows a later marker
+    for m in range(last - 1, first - 1, -1):  # a sliding marker depends on a later one
         pose, J, at = poses[own.marker[m]], point[m - first], 6 * own.column[m]
         offset = own.offset[m]
         if own.interface_node[m] == -1:
@@ -260,7 +260,7 @@ def _row_value(own: JointsOnLines, c: int, r: int, poses: FloatArray) -> float:
 
 @kernel
 def evaluate_lines(memory: Memory, poses: FloatArray, gradients: FloatArray) -> None:
-    """Sums and gradients of all rows of ``JointsOnLines``, whose markers are placed.
+    """Sums and gradients of all rows of ``JointsOnLines`` after its markers are placed.
 
     Args:
         memory: the joints.
@@ -282,7 +282,7 @@ def evaluate_lines(memory: Memory, poses: FloatArray, gradients: FloatArray) -> 
 
 @kernel
 def put_interface_nodes(memory: Memory, term_nodes: IntArray, pair_nodes: IntArray) -> None:
-    """Write the nodes of the joints' nodes to the terms (t, 2) and pairs (p, 2) that hold them."""
+    """Write the interface nodes of the joints to their terms (t, 2) and pairs (p, 2) of nodes."""
     own = unpack(JointsOnLines, memory)
     most = 0
     for c in range(own.width.size):
@@ -326,7 +326,7 @@ def add_line_wrenches(
 ) -> None:
     """Add to ``out`` (m, 6) the wrenches of the joints on the bodies, in inertial axes.
 
-    What keeps or drives a slider along its line acts on both bodies, too. ``forces`` (r,) are
+    Forces that fix or drive a slider along its line act on both bodies as well. ``forces`` (r,) are
     those of all rows; markers are placed, with ``poses`` (m, 12).
     """
     own, turned = unpack(JointsOnLines, memory), np.empty(3)
@@ -377,10 +377,10 @@ def slider_motions(
 
     Args:
         memory: all joints on lines.
-        joints: (n,) numbers of those that are asked for, which are placed.
+        joints: (n,) numbers of the joints, whose markers are placed.
         velocities: (n, 6) local twists of all interface nodes.
         poses: (m, 12) of all markers.
-        places: (m, 2) of the markers here.
+        places: (m, 2) element and xi of these markers.
         out: (n, 20).
     """
     own = unpack(JointsOnLines, memory)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Rows of joints, and the nodes that these touch, as the records that compiled loops take."""
+"""Records of rows of joints and of their nodes for compiled loops."""
 
 from flexfem.kernels.records import Bool1D, Float1D, Float2D, Float3D, Int1D, Int2D, Record
 
@@ -10,12 +10,12 @@ class RowArrays(Record):
     """Markers, terms and rows of ``Constraints``, whose arrays these are.
 
     Attributes:
-        marker_node: (m,) number at the interface of the node that carries a marker, -1 for ground,
-            -2 for a line.
+        marker_node: (m,) interface number of the node that carries a marker, -1 for ground, -2 for
+            a line.
         marker_offset: (m, 12) frame of each marker relative to its node, absolute for ground.
         poses: (m, 12) frames of the markers at the last evaluation.
         term_marker: (t, 2) markers a and b of each term.
-        term_nodes: (t, 2) numbers at the interface of their nodes.
+        term_nodes: (t, 2) interface numbers of their nodes.
         row_of_term: (t,) its row.
         pair_of_term: (t,) its pair of markers for second derivatives.
         kinds: (t,) values of ``RowKind``, or addresses of functions, see ``dispatch.term``.
@@ -25,19 +25,19 @@ class RowArrays(Record):
         force_jacobian: (t, 2, 6) gradients with respect to the nodes' local twists.
         step_jacobian: (t, 2, 6) derivatives of ``values`` along them.
         term_start: (r + 1,) first term of each row.
-        targets: (r,) values that the sums take.
+        targets: (r,) prescribed values of the sums.
         active: (r,) rows that are not released.
         elastic: (r, 5) law, stiffness, damping and two parameters, see ``Law``.
-        functions: (r,) addresses of functions of the user's that laws call, 0 for none.
+        functions: (r,) addresses of the user-defined functions of laws, 0 for none.
         function_data: (r, 9) time (s) and parameters of these functions.
         multipliers: (r,) trial values, scaled by ``beta h^2``.
         values: (r,) residual of each row.
-        compliance: (r,) what couples its own multiplier.
+        compliance: (r,) derivative of the residual by the row's own multiplier.
         slopes: (r, 2) derivatives of ``values`` by the row's sum and its rate.
         line_sums: (r,) sums of the rows on lines, whose gradients are known.
         relaxation: compliance of rigid rows, 1/kg.
-        coupled: (k, 2) rows with friction, and rows whose resultant presses on them.
-        coupling: (k,) what couples the multipliers of these.
+        coupled: (k, 2) rows with friction, and rows whose resultant is the normal force.
+        coupling: (k,) derivatives of the residuals of the former by the multipliers of the latter.
     """
 
     marker_node: Int1D
@@ -75,7 +75,7 @@ class InterfaceNodes(Record):
     Attributes:
         frames: (n, 12) current values.
         increments, velocities: (n, 6) current values, local.
-        inertial: (n,) translations are integrated in inertial axes.
+        inertial: (n,) True where translations are integrated in inertial axes.
     """
 
     frames: Float2D

@@ -22,7 +22,7 @@ __all__ = [
 
 @subroutine
 def marker_map(offset: FloatArray, J: FloatArray) -> None:
-    """``J`` (6, 6): marker twist from node twist, ``Ad(H_o^-1)``."""
+    """Map ``J`` (6, 6) from node twist to marker twist, ``Ad(H_o^-1)``."""
     J[:] = 0.0
     for i in range(3):
         for j in range(3):
@@ -111,13 +111,13 @@ def add_dampers(
     memory: Memory, interface_nodes: Memory, by_increment: float, held: bool, slopes: FloatArray,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to ``out`` (t, 2, 6) that rates of rows depend on position and increment.
+    """Add to ``out`` (t, 2, 6) the dependence of the rates of rows on position and increment.
 
     Args:
         memory: ``RowArrays``.
         interface_nodes: ``InterfaceNodes``.
         by_increment: dv/dn of the time integrator, 1/s.
-        held: the nodes' velocities do not depend on steps.
+        held: True if the nodes' velocities do not depend on steps.
         slopes: (r, 2) derivatives of the rows' values by their sums and rates.
         out: derivatives of the rows' values along steps.
     """

@@ -32,7 +32,7 @@ __all__ = [
 ]
 
 ANGLE = int(RowKind.ANGLE)
-#: Kind of a term that holds two nodes of the gradient of a row on lines, see
+#: Kind of a term with two nodes of the gradient of a row on lines, see
 #: ``constraints.lines.kernels``.
 ON_LINES = -1
 
@@ -137,8 +137,9 @@ def _apply_law(
 ) -> None:  # fmt: skip
     """Equation ``scale (F - L/s) = 0`` of row ``r`` with its derivatives.
 
-    The scale lies below ``s`` and below one over the slopes of the force: the equation has the
-    size of a rigid row's, whether the law is stiff or its force vanishes. The row's couplings
+    The scale is less than ``s`` and than one over the slopes of the force: the equation has the
+        magnitude of a rigid row's, both for stiff laws and for vanishing forces. The row's
+        couplings
     begin at ``at``; ``out`` (4,) is work space.
     """
     squares, end, coupled, coupling = 0.0, at, own.coupled, own.coupling
@@ -161,7 +162,7 @@ def _apply_law(
 
 @inlined
 def _to_nodes(own: RowArrays, t: int, g: FloatArray, velocities: FloatArray) -> float:
-    """Gradient of a term with respect to its nodes from that to its markers; its rate."""
+    """Gradient of a term by its nodes from that by its markers; its rate."""
     rate, factor = 0.0, own.factors[t]
     for side in range(2):
         m = own.term_marker[t, side]
@@ -203,11 +204,11 @@ def _line_rate(own: RowArrays, t: int, velocities: FloatArray) -> float:
 def evaluate_rows(memory: Memory, interface_nodes: Memory, dynamics: FloatArray) -> None:
     """Evaluate every row at the trial configuration.
 
-    Without what rates of dampers depend on, see ``hessians.add_dampers``.
+    The dependence of rates of dampers on positions is not included, see ``hessians.add_dampers``.
 
     Args:
         memory: ``RowArrays``.
-        interface_nodes: ``InterfaceNodes`` with the nodes that carry markers.
+        interface_nodes: ``InterfaceNodes`` of the markers.
         dynamics: (2,) ``gamma/(beta h)`` and ``beta h^2``.
     """
     own, nodes = unpack(RowArrays, memory), unpack(InterfaceNodes, interface_nodes)

@@ -55,10 +55,10 @@ def _friction(
 ) -> None:
     """Tangent of ``F = limit tanh(rate / velocity) + viscous rate`` near an iterate.
 
-    At a sliding velocity the law is flat, so that Newton's method would overshoot a body that comes
-    to rest, again and again. The tangent is therefore taken at that point of the curve on which
-    force and rate together project, the rate scaled to the force: the iteration tries sticking
-    where both disagree, as an active-set method does. On the curve it is the law itself.
+    At a sliding velocity the law is flat, so that Newton's method would repeatedly overshoot when a
+    body comes to rest. The tangent is therefore taken at that point of the curve on which force and
+    rate together project, the rate scaled to the force: the iteration tries sticking where both
+    disagree, as an active-set method does. On the curve it is the law itself.
     """
     if limit <= 0.0:
         out[0], out[1], out[2], out[3] = viscous * rate, 0.0, viscous, 0.0
@@ -84,12 +84,12 @@ def force_law(
 
     Args:
         law: (5,) kind, stiffness, damping and two more.
-        function: address of a function of the user's, 0 for none.
+        function: address of a user-defined function, 0 for none.
         data: (9,) time and parameters of that function.
-        value: of the row, less its target.
+        value: value of the row, less its target.
         rate: its time derivative.
         force: present iterate of the force.
-        normal: resultant that presses, for ``NORMAL_FRICTION``.
+        normal: normal force, for ``NORMAL_FRICTION``.
         out: (4,).
     """
     if law[0] == SPRING:
@@ -123,7 +123,7 @@ def force_law(
 def static_forces(
     laws: FloatArray, functions: IntArray, data: FloatArray, values: FloatArray, out: FloatArray
 ) -> None:
-    """Forces at rest and their slopes in ``out`` (r, 2); none of rigid rows and of friction."""
+    """Forces at rest and their slopes in ``out`` (r, 2); zero for rigid rows and for friction."""
     force = np.empty(4)
     out[:] = 0.0
     for r in range(values.size):
@@ -137,9 +137,9 @@ def static_forces(
 def elastic_part(
     laws: FloatArray, active: BoolArray, values: FloatArray, energies: FloatArray, pulls: FloatArray
 ) -> None:
-    """Stored energy and elastic force of every row; zero for rigid and open ones.
+    """Stored energy and elastic force of every row; zero for rigid and released ones.
 
-    Functions of the user's count as work, friction as loss.
+    User-defined functions count as work, friction as dissipation.
     """
     for r in range(active.size):
         kind, stretch = int(laws[r, 0]), 0.0

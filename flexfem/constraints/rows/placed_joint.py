@@ -21,12 +21,13 @@ class PlacedJoint:
         joint: its declaration.
         index: number of the joint in the model.
         poses: poses of its markers at the start.
-        interface_nodes: interface numbers at the interface of the nodes that carry its markers, -1
-            for ground, -2 on lines.
-        offsets: (n, 12) markers relative to their nodes or sections (absolute for ground).
-        points: where its markers are on lines, None for the others.
-        owned: this rank owns its multipliers.
-        shared: another rank evaluates it too.
+        interface_nodes: interface numbers of the nodes that carry its markers, -1 for ground, -2 on
+            lines.
+        offsets: (n, 12) frames of markers relative to their nodes or sections (absolute for
+            ground).
+        points: points of its markers on lines, None for the others.
+        owned: True if this rank owns its multipliers.
+        shared: True if another rank evaluates it as well.
     """
 
     joint: Joint
@@ -40,7 +41,7 @@ class PlacedJoint:
 
     @property
     def on_lines(self) -> bool:
-        """A marker lies on a line."""
+        """True if a marker is on a line."""
         return any(point is not None for point in self.points)
 
     @property
@@ -53,7 +54,7 @@ class PlacedJoint:
 
     @property
     def pairs(self) -> int:
-        """Number of pairs of nodes for second derivatives, where it has markers on lines."""
+        """Number of pairs of nodes for second derivatives, if it has markers on lines."""
         count = sum(self.widths)
         return count * (count - 1) // 2
 
@@ -74,11 +75,11 @@ class RowLayout:
         joints: the joints.
         start: (n_joints + 1,) first row of each joint.
         marker_start: (n_joints + 1,) first marker of each joint.
-        marker_node, marker_offset: (m,) and (m, 12) number at the interface of its node, frame
+        marker_node, marker_offset: (m,) and (m, 12) interface number of a marker's node, frame
             relative to it.
-        targets: (r,) values that the rows' sums take.
+        targets: (r,) prescribed values of the rows' sums.
         term_start: (r + 1,) first term of each row.
-        term_nodes: (t, 2) numbers at the interface of the nodes of both markers of a term.
+        term_nodes: (t, 2) interface numbers of the nodes of both markers of a term.
         pair_nodes: (p, 2) interface nodes of pairs of nodes for second derivatives.
     """
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Angle about ``R_a u`` from ``R_a p`` to ``R_b v``, continuous over any number of turns."""
+"""Angle about ``R_a u`` from ``R_a p`` to ``R_b v``, continuous over any number of revolutions."""
 
 from math import atan2
 
@@ -132,7 +132,7 @@ def step_gradient(s0: FloatArray, s1: FloatArray, change: float, out: FloatArray
 def step_change(
     s0: FloatArray, s1: FloatArray, change: float, ta: Triple, tb: Triple, out: FloatArray
 ) -> None:
-    """Derivative of the discrete gradient as both markers turn at the end."""
+    """Derivative of the discrete gradient by rotations of both markers at the end."""
     c1, d1, c, d, factor, slope, z, q = _angle_parts(s0, s1, change)
     p1, q1, w1 = triple(s1[2], 0), triple(s1[3], 0), triple(s1[4], 0)
     p, w = mean(triple(s0[2], 0), p1), mean(triple(s0[4], 0), w1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Functions of the user's compiled with their derivatives, called by address from kernels.
+"""User-defined functions compiled with their derivatives, called by address from kernels.
 
 Every kind of function becomes a C function ``f(x, data, out)`` of arrays, with derivatives by
 hyper-dual numbers (``kernels.hyperdual``):
@@ -10,7 +10,7 @@ hyper-dual numbers (``kernels.hyperdual``):
   ``out`` = the value, derivatives (6) along local twists (V, Omega) of the second marker and, of
   order 2, ``out[7 + 6 i + j]``, those of derivative i along twist j.
 
-What fails leaves NaN.
+A function that fails leaves NaN.
 """
 
 from collections.abc import Callable
@@ -38,16 +38,16 @@ _POINTER = types.CPointer(types.float64)
 _SIGNATURE = types.void(_POINTER, _POINTER, _POINTER)
 #: Value and first derivatives in ``out``.
 _SIZES = {FunctionKind.SPEED: 2, FunctionKind.FORCE: 3, FunctionKind.POSE: 7}
-#: Step of differences, and by how much derivatives may differ from these (curvature, round-off).
+#: Step of differences, and tolerance of derivatives relative to these (curvature, round-off).
 _STEP, _GAP = 1e-6, 1e-4
-#: Where they differ by more, the steps at which they must come closer, by a factor of two each.
+#: Where they differ by more, steps at which the difference must decrease by a factor of two each.
 _STEPS = (100.0 * _STEP, _STEP, 0.01 * _STEP)
 
 #: Compiled functions by the Python function, kind and number of parameters: addresses stay valid.
 _KEPT: WeakKeyDictionary[Callable[..., Any], dict[tuple[FunctionKind, int], Any]] = (
     WeakKeyDictionary()
 )
-#: They live as long as the process, as whatever holds their addresses may.
+#: They are kept for the life of the process, since holders of their addresses may live as long.
 _ALIVE: list[object] = []
 
 
@@ -79,7 +79,7 @@ def address(user: UserFunction) -> int:
     """Address of the compiled function; it is compiled once a process.
 
     Raises:
-        ValueError: it does not compile; names the function and the line.
+        ValueError: it does not compile; the message names the function and the line.
     """
     kept = _KEPT.setdefault(user.function, {})
     key = user.kind, len(user.parameters)
@@ -102,7 +102,7 @@ def check(user: UserFunction, place: FloatArray, data: FloatArray) -> None:
 
     Args:
         user: the function.
-        place: what it is a function of: (1,) speed, (2,) x and v, (13,) relative pose and 1.
+        place: its arguments: (1,) speed, (2,) x and v, (13,) relative pose and 1.
         data: (9,) time or component, and parameters.
 
     Raises:
@@ -152,7 +152,7 @@ def _call(entry: int, x: FloatArray, data: FloatArray, out: FloatArray) -> None:
 
 
 def _moved(kind: FunctionKind, place: FloatArray, k: int, step: float) -> FloatArray:
-    """A place moved along its k-th direction."""
+    """Arguments moved along their k-th direction."""
     out: FloatArray = place.copy()
     if kind is not FunctionKind.POSE:
         out[k] = abs(place[k] + step) if kind is FunctionKind.SPEED else place[k] + step
@@ -179,7 +179,7 @@ def _compiled(user: UserFunction) -> Any:
 
 
 def _reason(user: UserFunction, error: Exception) -> str:
-    """In one line what of a function does not compile, and where."""
+    """Reason in one line why a function does not compile, with its place in the file."""
     code = user.function.__code__
     lines = [line.strip() for line in str(error).splitlines()]
     file = code.co_filename.rsplit("/", 1)[-1]

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""All elementary functions by their kind: a new one is a file beside, and its lines here.
+"""All elementary functions by their kind: a new one is a module here, and its lines below.
 
-``kind`` is a ``RowKind`` or the address of a compiled function of the user's; ``d`` (3, 3) holds u,
+``kind`` is a ``RowKind`` or the address of a compiled user-defined function; ``d`` (3, 3) holds u,
 v and p, or the data of that function, see ``Term``. Gradients (12) are along the local twists of
 both markers, discrete ones (9) the force on b (on a: opposite) and the moments on a and b.
 
 A discrete gradient gives a term's change over a step exactly, ``g . (increments of its nodes)``:
-terms are made of products of positions and directions fixed to the markers, for which averages of
-both ends give this identity where nodes turn by the Cayley map (see ``core.nodes.step_kernels``).
+terms are products of positions and directions fixed to the markers, for which averages of both ends
+give this identity if nodes rotate by the Cayley map (see ``core.nodes.step_kernels``).
 """
 
 from math import atan2, sqrt
@@ -40,7 +40,7 @@ def term(
 ) -> float:  # fmt: skip
     """Value of a function; its gradient in ``g`` (12), scratch ``s`` (5, 3).
 
-    ``memory`` is an angle before, to which the value is continuous.
+    ``memory`` is the last angle, with which the value is continuous.
     """
     if kind >= _FUNCTION:
         own: float = evaluate_function(kind, Ha, Hb, d, g)
@@ -87,7 +87,7 @@ def term_hessian(kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: Fl
 def step_vectors(
     kind: int, a: FloatArray, b: FloatArray, d: FloatArray, memory: float, out: FloatArray
 ) -> float:
-    """Value of a function at one end of a step; the vectors it is made of in ``out`` (5, 3).
+    """Value of a function at one end of a step; the vectors of its products in ``out`` (5, 3).
 
     ``out`` holds the arm between the markers, R_a u, R_a p, R_a (u x p) and R_b v.
     """
@@ -133,7 +133,7 @@ def step_change(
     kind: int, s0: FloatArray, s1: FloatArray, value0: float, value1: float, shift: Triple,
     turns: tuple[Triple, Triple], out: FloatArray,
 ) -> None:  # fmt: skip
-    """Derivative of :func:`step_gradient` as the arm shifts and markers a and b turn at the end."""
+    """Derivative of :func:`step_gradient` by the arm and by rotations of a and b at the end."""
     ta, tb = turns
     out[:] = 0.0
     if kind == _AXES:

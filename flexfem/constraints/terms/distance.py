@@ -41,7 +41,7 @@ def value(Ha: FloatArray, Hb: FloatArray, g: FloatArray, s: FloatArray) -> float
 def hessian(
     Ha: FloatArray, Hb: FloatArray, Ra: FloatArray, Rb: FloatArray, h: FloatArray, s: FloatArray
 ) -> None:  # fmt: skip
-    """Derivative of the gradient: the direction changes, and so do the axes."""
+    """Derivative of the gradient: both the direction and the axes change."""
     direction, length = s[0], 0.0
     for i in range(3):
         direction[i] = Hb[i] - Ha[i]

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled functions of the user's of a relative pose, as terms: gradients and Hessians.
+"""Compiled user-defined functions of a relative pose, as terms: gradients and Hessians.
 
-A function of ``p = R_a^T (x_b - x_a)`` and ``R = R_a^T R_b`` is known by its value and derivatives
+A function of ``p = R_a^T (x_b - x_a)`` and ``R = R_a^T R_b`` is given by its value and derivatives
 ``g_b`` (6) and ``h_bb`` (6, 6) along local twists of b (``constraints.terms.compiled_functions``).
 Twists of a act like those ``T_a delta_a`` of b, ``T_a = -Ad(H_ab^-1)``, whence ``g_a = T_a^T g_b``;
 T_a itself changes by ``-ad(T delta) T_a`` along both twists, with ``T = (T_a, 1)``.
@@ -32,7 +32,7 @@ def _relative(Ha: FloatArray, Hb: FloatArray, order: int, x: FloatArray) -> None
 
 @subroutine
 def _twists_of_a(x: FloatArray, T: FloatArray) -> None:
-    """``T`` (12, 6): twists of b that a unit twist of a, or of b, stands for, row by row."""
+    """Matrix ``T`` (12, 6): equivalent twists of b for unit twists of a and of b, row by row."""
     T[:] = 0.0
     for k in range(3):
         i, j = (k + 1) % 3, (k + 2) % 3

@@ -29,5 +29,5 @@ def hessian(Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: FloatArray, s: Flo
 
 @subroutine
 def step_gradient(s0: FloatArray, s1: FloatArray, out: FloatArray) -> None:
-    """Discrete gradient: u itself, which never changes."""
+    """Discrete gradient: the constant u."""
     put(mean(triple(s0[1], 0), triple(s1[1], 0)), out, 0)

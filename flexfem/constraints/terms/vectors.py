@@ -114,7 +114,7 @@ def put(v: Triple, out: FloatArray, at: int) -> None:
 
 @subroutine
 def force_gradient(Ha: FloatArray, Hb: FloatArray, direction: FloatArray, g: FloatArray) -> None:
-    """Gradient of what changes by ``direction . (dx_b - dx_a)``: its two parts of positions."""
+    """Gradient, by both positions, of a function with the change ``direction . (dx_b - dx_a)``."""
     rotate_back_into(Ha, direction, g, 0)
     for i in range(3):
         g[i] = -g[i]
@@ -125,7 +125,7 @@ def force_gradient(Ha: FloatArray, Hb: FloatArray, direction: FloatArray, g: Flo
 def force_hessian(
     Ha: FloatArray, Hb: FloatArray, direction: FloatArray, h: FloatArray, s: FloatArray
 ) -> None:
-    """Part of a Hessian that comes from local axes turning under a fixed ``direction``."""
+    """Part of a Hessian from the rotation of local axes at a fixed ``direction``."""
     rotate_back_into(Ha, direction, s[1], 0)
     rotate_back_into(Hb, direction, s[2], 0)
     skew_into(s[1], -1.0, h, 0, 3)

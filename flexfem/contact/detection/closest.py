@@ -26,10 +26,11 @@ __all__ = [
     "signed_distance",
 ]
 
-#: Columns of ``Candidates.near``: place among all candidates, region of the closest point, mark of
+#: Columns of ``Candidates.near``: number among all candidates, region of the closest point, mark of
 #: those whose distance is a minimum.
 AT, REGION, LEAST = 0, 1, 2
-#: The same: three nodes of the triangle; two of the edge of the region, or its node twice; label.
+#: Further columns: three nodes of the triangle; two of the edge of the region, or its node twice;
+#: label.
 CORNERS, _SHARED, LABEL = 3, 6, 8
 #: Number of these columns.
 NEAR = 9
@@ -46,7 +47,7 @@ def closest_candidates(
 ) -> int:
     """Write the candidates of slave ``i`` that may touch its node; returns how many there are.
 
-    Left out are those whose planes are farther away, on the node's side, than contact reaches.
+    Candidates are omitted whose planes, on the node's side, are beyond the contact distance.
     """
     p, triangles, thickness = points[node], masters.triangles, masters.thickness
     near, measures = candidates.near, candidates.measures
@@ -90,9 +91,9 @@ def _has(near: IntArray, one: int, a: int, b: int) -> bool:
 def leave_minima(candidates: Candidates, count: int) -> int:
     """Mark the candidates whose distance is a minimum; returns how many there are.
 
-    It is one in a face, and at an edge or node where no triangle there is closer, or as close
-    before this one. Comparison without a tolerance: of those that rounding makes equal exactly one
-    remains, or they have the same normal.
+    It is a minimum in a face, and at an edge or node if no other triangle there is closer, or as
+    close and earlier in the list. Comparison without a tolerance: of those that rounding makes
+    equal exactly one remains, or they have the same normal.
     """
     near, measures = candidates.near, candidates.measures
     minima, closest = 0, 0
@@ -147,7 +148,7 @@ def mean_normal(
     """Write the normal of the edge or node closest to the point.
 
     It is the sum over the triangles there, weighted with their angles at a node (Baerentzen, Aanaes
-    2005): which side a point is on follows from it for sure.
+    2005): it determines the side of a point reliably.
     """
     near, triangles, normals = candidates.near, masters.triangles, candidates.normals
     region, here = near[one, REGION], triangles[candidates.triangles[near[one, AT]]]
@@ -170,7 +171,7 @@ def mean_normal(
 
 @inlined
 def on_rim(rim: int, region: int) -> bool:
-    """Return True if a triangle's region is on the rim (bits 0 to 2 edges, 3 to 5 nodes)."""
+    """Return True if a triangle's region is on the boundary (bits 0 to 2 edges, 3 to 5 nodes)."""
     return region != FACE and (rim >> (region - 1)) & 1 == 1
 
 

@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Narrow phase of contact: nodes against the triangles that they touch.
+"""Narrow phase of contact: node-to-surface closest points.
 
 A node touches a surface where its distance has a local minimum: inside a triangle, on an edge when
-the same holds for all triangles there, or at a node. The surface seen from outside is thus round at
-edges and corners, with a force that is continuous while the node slides from one region into
-another. Of minima whose normals differ by less than 60 degrees only the nearest counts, so that a
-node in a shallow valley is not pushed twice; in a steep one it touches both walls.
+the same holds for all triangles there, or at a node. The surface is thus rounded at edges and
+corners, with a force that is continuous while the node slides from one region into another. Of
+minima whose normals differ by less than 60 degrees only the nearest is a contact, so that the force
+is not doubled in a shallow valley; in a steep one a node touches both walls.
 
-The distance has a sign: that of the side of the surface on which the node was when it came near. Of
-connected triangles only the nearest can have been passed through, so that other layers of a folded
-sheet do not pull. Beyond the rim of an open surface there is no side, and the rim is round.
+The distance has a sign: that of the side of the surface on which the node was when it approached.
+    Of connected triangles only the nearest can have been passed through, so that other layers of a
+    folded sheet exert no force. Beyond the boundary of an open surface there is no side, and the
+    boundary is rounded.
 """
 
 import numpy as np
@@ -51,7 +52,7 @@ __all__ = ["MOST", "find_contacts", "normals_into"]
 
 #: Contacts of one node with one surface, at most.
 MOST = MOST_CLOSED
-#: Cosine of the angle of normals beyond which contacts of one node are two.
+#: Cosine of the angle of normals beyond which one node has two contacts.
 _APART = 0.5
 
 
@@ -67,7 +68,7 @@ def normals_into(points: FloatArray, masters: Memory, candidates: Memory) -> Non
 
 @inlined
 def _basis(contact: FloatArray) -> None:
-    """Write any two directions across the normal."""
+    """Write two orthonormal directions in the tangent plane."""
     n, e = contact[NORMAL : NORMAL + 3], contact[FIRST : FIRST + 3]
     k = 0 if abs(n[0]) < 0.6 else 1
     nk = n[k]
@@ -78,7 +79,7 @@ def _basis(contact: FloatArray) -> None:
 
 @inlined
 def _way(points: FloatArray, a: int, b: int) -> tuple[float, float, float]:
-    """From one node to another."""
+    """Write the vector from one node to another."""
     return points[b, 0] - points[a, 0], points[b, 1] - points[a, 1], points[b, 2] - points[a, 2]
 
 
@@ -122,7 +123,7 @@ def _keeps_apart(contacts: FloatArray, first: int, count: int, n: FloatArray) ->
 
 @inlined
 def _following(candidates: Candidates, count: int, one: int, last: float) -> int:
-    """The next minimum by distance, then by number; -1 at the end."""
+    """The next minimum in the order of distances, then of numbers; -1 at the end."""
     near, measures = candidates.near, candidates.measures
     following, least = -1, np.inf
     for o in range(count):
@@ -137,7 +138,7 @@ def _minima(
     points: FloatArray, masters: Masters, candidates: Candidates, count: int, found: Found,
     first: int,
 ) -> int:  # fmt: skip
-    """Write one slave's minima that count, from row ``first`` on.
+    """Write the minima of one slave that are contacts, from row ``first`` on.
 
     Returns:
         The row after the last one, negative where one has a negative distance.
@@ -185,7 +186,7 @@ def find_contacts(
         count = closest_candidates(points, node, touched, own, i, offsets[i])
         kept = _minima(points, touched, own, count, made, closed)
         if kept < 0:
-            # the node may have passed through: all candidates are needed to decide
+            # the node may have passed through, which depends on all candidates
             count = closest_candidates(points, node, touched, own, i, np.inf)
             kept = _minima(points, touched, own, count, made, closed)
         for c in range(closed, abs(kept)):

@@ -19,7 +19,7 @@ class Rows(Record):
     """Lists of whole numbers, one after the other.
 
     Attributes:
-        starts: Where each begins, shape (n + 1,).
+        starts: First entry of each list, shape (n + 1,).
         values: Ascending within a list, shape (k,).
     """
 
@@ -36,7 +36,7 @@ def find_candidates(
     points: FloatArray, slaves: Slaves, triangles: IntArray, thickness: FloatArray, skin: float,
     excluded: Rows,
 ) -> tuple[IntArray, IntArray]:  # fmt: skip
-    """Find the triangles that each slave may touch when both have moved by half of the skin.
+    """Find the triangles that each slave may touch after both have moved by half of the skin.
 
     Args:
         points: Positions, shape (n, 3), metres.
@@ -63,7 +63,7 @@ def _choose(
     points: FloatArray, slaves: Memory, triangles: IntArray, thickness: FloatArray, skin: float,
     excluded: Memory, starts: IntArray, values: IntArray,
 ) -> None:  # fmt: skip
-    """Keep those of the ``values`` within reach, moved together, and where rows start then."""
+    """Compact the ``values`` to those within reach, and return the new starts of the rows."""
     own, never_near = unpack(Slaves, slaves), unpack(Rows, excluded)
     nodes, offsets, begins = own.nodes, own.offsets, never_near.starts
     w, kept, first = np.empty(3), 0, 0
@@ -92,7 +92,7 @@ def _choose(
 
 @kernel
 def largest_move(points: FloatArray, before: FloatArray, nodes: IntArray) -> float:
-    """Farthest that one of some nodes has moved, m."""
+    """Largest displacement of some nodes, m."""
     largest = 0.0
     for n in nodes:
         square = 0.0

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Sides of nearby triangles to which nodes belong.
 
-A node keeps the side on which it came near, even where it has passed through the surface: it is
-pushed back. It loses it where it passes the rim of an open surface. Triangles of one connected part
-that share nodes have the same side.
+A node keeps the side from which it approached, also after it has passed through the surface, so
+that the force returns it. The side is reset beyond the boundary of an open surface. Triangles of
+one connected part that share nodes have the same side.
 """
 
 import numpy as np
@@ -31,7 +31,7 @@ _CLEAR = 0.5
 
 @kernel
 def carry_sides(candidates: Memory, starts: IntArray, triangles: IntArray, sides: IntArray) -> None:
-    """Write the sides of new lists of candidates: those that they had before, or 0."""
+    """Write the sides of new lists of candidates: those of the old lists, or 0."""
     old = unpack(Candidates, candidates)
     old_starts, old_triangles, old_sides = old.starts, old.triangles, old.sides
     for i in range(len(starts) - 1):
@@ -45,7 +45,7 @@ def carry_sides(candidates: Memory, starts: IntArray, triangles: IntArray, sides
 
 @inlined
 def _settled(masters: Masters, candidates: Candidates, i: int) -> bool:
-    """Return True if all sides of a slave are known, away from rims."""
+    """Return True if all sides of a slave are known, away from boundaries."""
     first, last = candidates.starts[i], candidates.starts[i + 1]
     row, side = candidates.triangles[first:last], candidates.sides[first:last]
     rims, settled = masters.rims, True
@@ -56,10 +56,10 @@ def _settled(masters: Masters, candidates: Candidates, i: int) -> bool:
 
 @kernel
 def label_candidates(masters: Memory, candidates: Memory) -> None:
-    """Give one number to those candidates of each slave that are connected by nodes.
+    """Assign one number to those candidates of each slave that are connected by nodes.
 
-    Only triangles of one connected part share a number, and all of a part of which only one side
-    acts: the triangles on its other side are no other layer.
+    Only triangles of one connected part share a number, and all triangles of a one-sided part do:
+    those on its other side are not another layer.
     """
     touched, own = unpack(Masters, masters), unpack(Candidates, candidates)
     triangles, parts, starts, labels = touched.triangles, touched.parts, own.starts, own.labels
@@ -116,7 +116,7 @@ def _side(
 
 @kernel
 def settle_sides(points: FloatArray, slaves: Memory, masters: Memory, candidates: Memory) -> None:
-    """Find sides that are not known, and forget those of nodes at a rim.
+    """Find unknown sides, and reset those of nodes at a boundary.
 
     ``points`` (n, 3) are positions, m; normals are up to date.
     """

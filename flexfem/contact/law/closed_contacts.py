@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The contacts that friction and damping act on during a step."""
+"""Lagged contacts, on which friction and damping act during a step."""
 
 from dataclasses import dataclass, field
 from typing import Self
@@ -60,7 +60,7 @@ class ClosedContacts:
         pulls: Tangential forces on the residual of the slave, shape (c, 3), newtons.
         stiffness: Normal stiffness, shape (c,), N/m.
         forces, tangents: At the trial state, shapes (c, 3) and (c, 3, 3).
-        lost: Energy lost in all accepted steps, J.
+        lost: Energy dissipated in all accepted steps, J.
     """
 
     law: ContactLaw
@@ -75,7 +75,7 @@ class ClosedContacts:
     _slips: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
-        """Make room for forces and tangents."""
+        """Allocate forces and tangents."""
         count = len(self.slaves)
         self.forces, self.tangents = np.zeros((count, 3)), np.zeros((count, 3, 3))
         self._slips = np.zeros((count, 3))
@@ -108,8 +108,8 @@ class ClosedContacts:
     ) -> "ClosedContacts":
         """The contacts of the next step, from those that are closed at its start.
 
-        Tangential forces are rotated into the new planes; those of contacts that have opened are
-        lost, with their stored energy.
+        Tangential forces are rotated into the new planes; those of open contacts vanish, and their
+        stored energy is dissipated.
         """
         sticking = self._sticking()
         lost = self.lost + friction_losses(
@@ -168,7 +168,7 @@ def _carry(
     old_slaves: IntArray, old_normals: FloatArray, old_pulls: FloatArray, slaves: IntArray,
     normals: FloatArray, pulls: FloatArray,
 ) -> None:  # fmt: skip
-    """Give each contact the tangential force that its slave had in the most similar contact."""
+    """Assign to each contact the tangential force of its slave in the most similar contact."""
     for c in range(len(slaves)):
         first, last = np.searchsorted(old_slaves, slaves[c]), old_slaves.size
         best, one = 0.5, -1

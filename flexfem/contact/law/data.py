@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Slaves, triangles, candidates and contacts as the records that compiled loops take.
+"""Records of slaves, triangles, candidates and contacts for compiled loops.
 
 A contact is a row of numbers. Those with triangles and those with rigid surfaces have the same
 first columns.
@@ -34,12 +34,12 @@ __all__ = [
     "Slaves",
 ]
 
-#: Gap, m, negative where something touches.
+#: Gap, m, negative in contact.
 GAP = 0
-#: Force (negative as the gap is), its slope by the gap and potential (positive), all over the
+#: Force (negative like the gap), its slope by the gap and potential (positive), all over the
 #: stiffness; see ``stiffening``.
 FORCE, SLOPE, POTENTIAL = 1, 2, 3
-#: Unit normal from the surface to the slave, and two directions across it, 3 numbers each.
+#: Unit normal from the surface to the slave, and two tangential directions, 3 numbers each.
 NORMAL, FIRST, SECOND = 4, 7, 10
 #: Curvatures of the distance in both directions, 1/m.
 BEND = 13
@@ -56,7 +56,7 @@ TURN = 20
 #: Numbers of a contact with a triangle.
 FIELDS = 26
 
-#: With rigid surfaces: place of the slave in the axes of the surface, m.
+#: With rigid surfaces: position of the slave in the axes of the surface, m.
 PLACE = 16
 #: Numbers of a contact with a rigid surface.
 RIGID_FIELDS = 19
@@ -67,7 +67,7 @@ class Slaves(Record):
 
     Attributes:
         nodes: Rows of the positions, shape (s,).
-        offsets: Distance at which each touches a surface of no thickness, shape (s,), metres.
+        offsets: Contact distance from a surface of zero thickness, shape (s,), metres.
         stiffness: Force per penetration, shape (s,), N/m.
     """
 
@@ -88,8 +88,8 @@ class Masters(Record):
     Attributes:
         triangles: Rows of the positions, shape (m, 3).
         thickness: Half of the thickness, shape (m,), metres.
-        rims: Which edges (bits 0 to 2, opposite to the nodes) and nodes (bits 3 to 5) are on the
-            rim of the surface, shape (m,).
+        rims: Flags of edges (bits 0 to 2, opposite to the nodes) and nodes (bits 3 to 5) on the
+            boundary of the surface, shape (m,).
         parts: Number of the connected part, in which all normals point to one side, shape (m,).
         sides: The only side that acts, 1 or -1, of closed surfaces; 0 where both do, shape (m,).
     """
@@ -105,14 +105,14 @@ class Candidates(Record):
     """Triangles that each slave may touch, and work space of those of one slave.
 
     Attributes:
-        starts: Where those of each slave begin, shape (s + 1,).
+        starts: First candidate of each slave, shape (s + 1,).
         triangles: Their numbers, ascending for each slave, shape (k,).
         sides: Side of each to which the slave belongs: 1, -1, or 0 for none, shape (k,).
         labels: Numbers of the connected groups of a slave's candidates, shape (k,).
         chosen: Numbers of the triangles that were searched, ascending.
         normals: Unit normals of all triangles, those of the chosen ones up to date, shape (m, 3).
-        near, measures: Of those that may touch at present, see ``closest``, at least as many rows
-            as a slave has candidates, with ``NEAR`` and ``MEASURES`` columns.
+        near, measures: Data of the candidates in reach, see ``closest``, at least as many rows as a
+            slave has candidates, with ``NEAR`` and ``MEASURES`` columns.
     """
 
     starts: Int1D
@@ -136,7 +136,7 @@ class Found(Record):
     Attributes:
         closed: Number of closed contacts, shape (1,); they are the first rows of the arrays below.
         ends: Slave, and the triangle if there is one, shape (c, 2) or (c, 1).
-        numbers: Of each, shape (c, FIELDS) or (c, RIGID_FIELDS).
+        numbers: Data of each contact, shape (c, FIELDS) or (c, RIGID_FIELDS).
     """
 
     closed: Int1D

@@ -7,8 +7,8 @@ Trans. Graph. 39, 2020). The relative displacement d since the start of the step
 
     tau = tau_0 + k_t (d - n n.d),   cut down to |tau| <= mu N,
 
-Coulomb's law with an elastic stick, and a viscous normal force ``c n.d / h``, which does not pull
-harder than N. The error of a step is of first order in its size.
+Coulomb's law with an elastic stick, and a viscous normal force ``c n.d / h``, whose tension does
+not exceed N. The error of a step is of first order in its size.
 """
 
 import numpy as np
@@ -28,9 +28,9 @@ def friction_forces(
 
     Args:
         slips: Displacements of the nodes relative to the surface since the start of the step, m.
-        normals: Of the surface, shape (c, 3).
+        normals: Normals of the surface, shape (c, 3).
         pushes: Normal forces at the start of the step, shape (c,), newtons.
-        pulls: Tangential forces then, shape (c, 3), newtons.
+        pulls: Tangential forces at the start of the step, shape (c, 3), newtons.
         stiffness: Normal stiffness, shape (c,), N/m.
         law: Coefficient of friction, and over the normal stiffness the tangential one and the
             damping divided by the step, shape (3,).
@@ -65,7 +65,7 @@ def friction_losses(
     slips: FloatArray, normals: FloatArray, pulls: FloatArray, sticking: FloatArray,
     forces: FloatArray,
 ) -> float:  # fmt: skip
-    """Energy lost in a step, J: work of the ``forces`` in sliding and approach."""
+    """Energy dissipated in a step, J: work of the ``forces`` in sliding and approach."""
     lost = 0.0
     for c in range(len(slips)):
         n, along, way = normals[c], 0.0, 0.0

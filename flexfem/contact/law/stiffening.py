@@ -1,12 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Elastic normal force of all contacts, and how it grows faster than the penetration.
+"""Elastic normal force of all contacts, whose stiffness grows with the penetration.
 
-Impacts that last a step or two need a soft contact, which a few heavily loaded nodes penetrate by
-more than the thickness. So the slope of the force grows from k at contact to ``m k``,
+Impacts that last a step or two need a soft contact, in which a few heavily loaded nodes would
+penetrate by more than the thickness. The slope of the force therefore grows from k at contact to
+``m k``,
 
     F'(d) = k (1 + (m - 1) x^2 / (1 + x^2)),   x = d / (c r),
 
-d the penetration, r the distance at which the surfaces touch, c = 0.1: it is half way up at a tenth
+with the penetration d, the contact distance r and c = 0.1: half of the growth is reached at a tenth
 of that distance. The force has a potential and a slope without jumps.
 """
 
@@ -20,7 +21,7 @@ __all__ = ["STIFFER", "stiffen"]
 
 #: Largest slope over that at contact.
 STIFFER = 10.0
-#: Penetration over the distance of touching at which the slope is half way up.
+#: Penetration over the contact distance at which half of the growth is reached.
 _DEPTH = 0.1
 
 
@@ -28,7 +29,7 @@ _DEPTH = 0.1
 def stiffen(found: Memory, most: float) -> None:
     """Write force, slope and potential of contacts over k from their gaps, which are negative.
 
-    ``most`` is m, at least 1; with 1 the force is the gap, and nothing stiffens.
+    ``most`` is m, at least 1; with 1 the force is the gap, without stiffening.
     """
     own = unpack(Found, found)
     contacts = own.numbers

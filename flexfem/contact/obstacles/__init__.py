@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Surfaces that points touch: triangles of bodies, and rigid surfaces of simple shapes."""
+"""Surfaces of contact: triangles of bodies, and rigid surfaces of simple shapes."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Points that nodes carry, and points between them.
+"""Points fixed to nodes, and points between them.
 
 A point at the arm a in the axes of a node with the frame (x, R) is at ``x + R a``. With local steps
 (u, theta) of the node it moves by ``R (u + theta x a)``; a force f on it acts on the node with
@@ -26,11 +26,11 @@ __all__ = [
 
 
 class Carried(Record):
-    """Points that nodes of one block carry.
+    """Points fixed to nodes of one block.
 
     Attributes:
-        turns: The nodes have rotations.
-        rows: Of the points among all points, shape (k,).
+        turns: True if the nodes have rotations.
+        rows: Numbers of the points among all points, shape (k,).
         local: Their nodes, shape (k,).
         arms: Shape (k, 3), metres.
         loads: Forces at the last evaluation in the axes of the nodes, shape (k, 3), newtons.
@@ -52,7 +52,7 @@ def _cross(a: FloatArray, b: FloatArray, k: int) -> float:
 
 @kernel
 def carried_into(nodes: Memory, carried: Memory, points: FloatArray) -> None:
-    """Write the positions of points (k,) that nodes carry into their rows of (n, 3)."""
+    """Write the positions of points (k,) fixed to nodes into their rows of (n, 3)."""
     frames, own = unpack(Nodes, nodes).frames, unpack(Carried, carried)
     local, arms, rows = own.local, own.arms, own.rows
     for k in range(local.size):
@@ -124,7 +124,7 @@ def weigh_means(parents: IntArray, weights: FloatArray, rows: IntArray, values: 
 def spread_means(
     parents: IntArray, weights: FloatArray, rows: IntArray, values: FloatArray
 ) -> None:
-    """Move forces in ``rows`` of (n, 3) to the ``parents`` (k, p)."""
+    """Distribute forces in ``rows`` of (n, 3) to the ``parents`` (k, p)."""
     for k in range(len(rows)):
         for a in range(3):
             for p in range(parents.shape[1]):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contacts of nodes with an obstacle at the trial state, whatever its shape is."""
+"""Contacts of nodes with an obstacle of any shape at the trial state."""
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.law import penalty

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Surfaces that intersect, or lie too deep in each other, before anything has moved."""
+"""Surfaces that intersect, or penetrate too deeply, in the initial configuration."""
 
 import numpy as np
 
@@ -16,8 +16,8 @@ __all__ = ["deepest_start", "first_crossing", "winding_numbers"]
 def deepest_start(contact: TriangleContact) -> tuple[float, int, int]:
     """Return the largest penetration over the sum of half thicknesses, its node and triangle.
 
-    Call it after the contact has been updated and evaluated with the positions at the start; 0 and
-    -1 when nothing touches.
+    The contact must have been updated and evaluated with the positions at the start; 0 and -1
+    without contact.
     """
     if contact.count == 0:
         return 0.0, -1, -1
@@ -28,7 +28,7 @@ def deepest_start(contact: TriangleContact) -> tuple[float, int, int]:
 
 
 def winding_numbers(points: FloatArray, corners: FloatArray) -> FloatArray:
-    """Return how often triangles wind around points: 1 inside of a closed surface, 0 outside, (n,).
+    """Return the winding numbers of triangles around points: 1 inside, 0 outside, (n,).
 
     Args:
         points: Positions, shape (n, 3), metres.

@@ -41,7 +41,7 @@ class RigidContact(ObstacleContacts):
     """
 
     def __init__(self, slaves: Slaves, shape: Shape, law: ContactLaw | None = None) -> None:
-        """Take nodes and surface."""
+        """Store nodes and surface."""
         self.slaves, self.shape, count = slaves, shape, len(slaves.nodes)
         self.stiffer = 1.0
         self.found = Found(
@@ -74,7 +74,7 @@ class RigidContact(ObstacleContacts):
             self.closed.evaluate(points[nodes] - places - self._start, h)
 
     def accept(self, points: FloatArray) -> None:
-        """End a step: the contacts evaluated last are those that friction acts on now."""
+        """End a step: friction now acts on the contacts of the last evaluation."""
         if self._law.elastic:
             return
         c, slaves, R = self.contacts, self.ends[:, 0], self._rotation
@@ -88,7 +88,7 @@ class RigidContact(ObstacleContacts):
         self._start = points[self.slaves.nodes[slaves]] - places
 
     def memory(self) -> FloatArray:
-        """The closed contacts, a row for each slave."""
+        """State of the closed contacts, a row for each slave."""
         return self.closed.packed(len(self.slaves.nodes), self._arms)
 
     def recall(self, points: FloatArray, frame: FloatArray, memory: FloatArray) -> None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Nodes against rigid surfaces of simple shapes.
 
-All is done in the axes of the surface, in which a node is at ``q = R^T (p - x)`` and the force on
-it depends on q alone. The distance s has the gradient n, and its second derivative is
+Contacts are evaluated in the axes of the surface, in which a node is at ``q = R^T (p - x)`` and the
+force on it depends on q alone. The distance s has the gradient n, and its second derivative is
 ``kappa_1 e e^T + kappa_2 f f^T`` with e, f, n orthonormal.
 """
 
@@ -40,7 +40,7 @@ __all__ = [
 
 
 class ShapeKind(IntEnum):
-    """Shapes of rigid surfaces; their side is the one that nodes are kept on.
+    """Shapes of rigid surfaces, with the side on which nodes are kept.
 
     A plane is z = 0 with z >= 0 free; spheres and cylinders have their centre at the origin and
     their axis along z. ``CYLINDER`` and ``TUBE`` have no ends when their length is infinite; a
@@ -73,7 +73,7 @@ class RigidShape(Record):
 
 _PLANE, _SPHERE, _HOLLOW = int(ShapeKind.PLANE), int(ShapeKind.SPHERE), int(ShapeKind.HOLLOW_SPHERE)
 _TUBE = int(ShapeKind.TUBE)
-#: Distance from a centre or an axis, in radii, where there is no normal.
+#: Distance from a centre or an axis, in radii, below which there is no normal.
 _CENTRE = 1e-12
 
 
@@ -85,7 +85,7 @@ def _put(contact: FloatArray, at: int, x: float, y: float, z: float) -> None:
 
 @inlined
 def _round(contact: FloatArray, x: float, y: float, size: float, sign: float) -> None:
-    """Normal and curvature of a lateral surface: e around the axis, f along it."""
+    """Write normal and curvature of a lateral surface: e around the axis, f along it."""
     _put(contact, NORMAL, sign * x / size, sign * y / size, 0.0)
     _put(contact, FIRST, -y / size, x / size, 0.0)
     _put(contact, SECOND, 0.0, 0.0, 1.0)
@@ -146,7 +146,7 @@ def _closed(q: FloatArray, size: float, radius: float, half: float, contact: Flo
 
 @inlined
 def _distance(shape: RigidShape, q: FloatArray, contact: FloatArray) -> float:
-    """Distance of a place in the surface's axes; writes normal, directions and curvatures."""
+    """Distance of a point in the surface's axes; writes normal, directions and curvatures."""
     kind, radius, length = shape.kind, shape.radius, shape.length
     if kind == _PLANE:
         _flat(contact, 1.0)
@@ -169,7 +169,7 @@ def _distance(shape: RigidShape, q: FloatArray, contact: FloatArray) -> float:
 
 @inlined
 def _local(frame: FloatArray, p: FloatArray, q: FloatArray) -> None:
-    """Write a place in the axes of a frame."""
+    """Write a point in the axes of a frame."""
     for a in range(3):
         q[a] = 0.0
         for b in range(3):
@@ -243,7 +243,7 @@ def add_rigid_forces(
 
 @inlined
 def _stiff(contact: FloatArray, k: float, dq: FloatArray, df: FloatArray) -> None:
-    """Write the change (3,) of the force on the node for a change of its place."""
+    """Write the change (3,) of the force on the node for a change of its position."""
     normal = e = f = 0.0
     for a in range(3):
         normal += contact[NORMAL + a] * dq[a]

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Data of a contact surface: rims, areas of nodes, sizes, stiffness."""
+"""Data of a contact surface: boundaries, areas of nodes, sizes, stiffness."""
 
 import numpy as np
 
@@ -7,14 +7,14 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 
 __all__ = ["automatic_stiffness", "mean_edge", "node_areas", "rim_bits"]
 
-#: Part of the inertia of an iteration that the automatic stiffness reaches. With ten times it
-#: sheets gain energy from impacts that steps do not resolve, with a tenth they penetrate four times
-#: as far.
+#: Ratio of the automatic stiffness to the inertia in the iteration matrix. With ten times this
+#: value sheets gain energy from impacts that steps do not resolve, with a tenth they penetrate four
+#: times as far.
 _INERTIA = 1.0
 
 
 def rim_bits(triangles: IntArray, neighbours: IntArray, nodes: int) -> IntArray:
-    """Return which edges and nodes of triangles are on a rim, as bits 0 to 2 and 3 to 5, (m,).
+    """Return flags of edges and nodes of triangles on a boundary, bits 0 to 2 and 3 to 5, (m,).
 
     Args:
         triangles: Node indices, shape (m, 3).
@@ -42,7 +42,7 @@ def mean_edge(points: FloatArray, triangles: IntArray) -> float:
 
 
 def automatic_stiffness(through: float, density: float, inertia: float) -> float:
-    """Return the force per penetration and area, N/m^3, of a contact that just closes.
+    """Return the force per penetration and area at zero penetration, N/m^3.
 
     It is the smaller of the stiffness through the thickness and of the inertia in the iteration
     matrix: an impact then lasts about two steps, and refined iterations with factors that leave

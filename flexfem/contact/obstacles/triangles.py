@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact of nodes with the triangles of a surface, one pass.
 
-Two passes are two of these with the roles exchanged, each with half of the stiffness.
+Two-pass contact is a pair of these with exchanged roles, each with half of the stiffness.
 """
 
 import numpy as np
@@ -39,8 +39,8 @@ class TriangleContact(ObstacleContacts):
 
     Attributes:
         slaves, masters: Nodes and triangles.
-        skin: Search distance of candidates, m: nothing passes through a surface that moves by less
-            than half of it, relative to the surface, in a step.
+        skin: Search distance of candidates, m: no node passes through a surface if its relative
+            motion in a step is less than half of it.
         candidates: Triangles near the slaves.
         found: Contacts at the trial state.
         version: Number of the present list of candidates.
@@ -56,7 +56,7 @@ class TriangleContact(ObstacleContacts):
         excluded: Rows | None = None,
         law: ContactLaw | None = None,
     ) -> None:
-        """Take nodes and triangles; call :meth:`update` before anything else."""
+        """Store nodes and triangles; :meth:`update` must be called first."""
         self.slaves, self.masters, self.skin = slaves, masters, skin
         count = len(slaves.nodes)
         self._excluded = Rows.empty(count) if excluded is None else excluded
@@ -80,7 +80,7 @@ class TriangleContact(ObstacleContacts):
         self._start = np.zeros((0, 3))
 
     def update(self, points: FloatArray) -> bool:
-        """Take in an accepted state; returns whether the candidates are new."""
+        """Update for an accepted state; returns True if the candidates are new."""
         new = self.moved(points)
         if new:
             self.search(points)
@@ -88,9 +88,9 @@ class TriangleContact(ObstacleContacts):
         return new
 
     def moved(self, points: FloatArray) -> bool:
-        """Return True if the neighbour lists may fail for two more steps like the last.
+        """Return True if the neighbour lists may be incomplete after two more steps like the last.
 
-        Call it once for every accepted state.
+        It must be called once for every accepted state.
         """
         last = 0.0
         if self._before is not None:
@@ -101,11 +101,11 @@ class TriangleContact(ObstacleContacts):
         )
 
     def search(self, points: FloatArray, chosen: IntArray | None = None) -> None:
-        """Find candidates and carry over the sides of those that stay.
+        """Find candidates and transfer the sides of those that remain.
 
         Args:
             points: Positions at an accepted state, shape (n, 3).
-            chosen: Numbers of the triangles to look at, ascending; None for all.
+            chosen: Numbers of the triangles to be searched, ascending; None for all.
         """
         s, m, c = self.slaves, self.masters, self.candidates
         chosen = np.arange(len(m.triangles)) if chosen is None else chosen
@@ -130,7 +130,7 @@ class TriangleContact(ObstacleContacts):
         self.version += 1
 
     def settle(self, points: FloatArray) -> None:
-        """Find the sides of new candidates, and forget those of nodes at a rim."""
+        """Find the sides of new candidates, and reset those of nodes at a boundary."""
         masters, candidates = self.masters.memory, self.candidates.memory
         normals_into(points, masters, candidates)
         settle_sides(points, self.slaves.memory, masters, candidates)
@@ -147,7 +147,7 @@ class TriangleContact(ObstacleContacts):
             self.closed.evaluate(slips, h)
 
     def accept(self, points: FloatArray) -> None:
-        """End a step: the contacts evaluated last are those that friction acts on now."""
+        """End a step: friction now acts on the contacts of the last evaluation."""
         if self._law.elastic:
             return
         c, (slaves, triangles) = self.contacts, self.ends.T
@@ -162,7 +162,7 @@ class TriangleContact(ObstacleContacts):
         self._start = points.copy()
 
     def memory(self, points: FloatArray) -> FloatArray:
-        """Memory of the contact beyond the accepted state, a row for each slave.
+        """State of the contact besides the accepted positions, a row for each slave.
 
         These are the triangles that a node has passed through, and the closed contacts.
         """
@@ -256,7 +256,7 @@ def _spread(
 
 @kernel
 def _pack_sides(candidates: Memory, fresh: IntArray, rows: FloatArray) -> None:
-    """Write triangle and side where the latter is not the fresh one, pair after pair."""
+    """Write triangle and side where the side differs from a newly found one, pair after pair."""
     own = unpack(Candidates, candidates)
     for i in range(len(rows)):
         count = 0

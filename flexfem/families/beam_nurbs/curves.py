@@ -21,7 +21,7 @@ from flexfem.model.model import Model
 
 __all__ = ["NurbsLines", "elements_on_rank"]
 
-#: Gauss points for integrals over an element: they cost nothing later.
+#: Gauss points for integrals over an element: they are evaluated at set-up only.
 _FINE = 16
 
 
@@ -30,12 +30,12 @@ class NurbsLines:
     """Control points and elements of all NURBS beams, beam after beam, the same on every rank.
 
     Attributes:
-        beams: the beams, and their numbers in the model in ``numbers``.
-        parts: elements of each beam; their nodes count the control points of its curve.
+        beams: the beams; ``numbers``: their numbers in the model.
+        parts: elements of each beam; their nodes are numbers of the control points of its curve.
         first_node, first_cell: (n + 1,) first control point and first element of each beam.
         frames, velocities: (c, 12) and (c, 6) of the control points at the start.
         body_of_node: (c,) number of the beam in the model.
-        sections: the beams' different sections, and which each beam has in ``section``.
+        sections: the beams' different sections; ``section``: the number of that of each beam.
     """
 
     beams: list[Beam]
@@ -92,7 +92,7 @@ class NurbsLines:
         return {beam.name: i for i, beam in enumerate(self.beams)}
 
     def kind(self, beam: int) -> tuple[int, bool]:
-        """Nodes of a beam's elements, and whether these interpolate rotation vectors."""
+        """Number of nodes of a beam's elements, and True if these interpolate rotation vectors."""
         return self.parts[beam].nodes.shape[1], self.beams[beam].vectors
 
     def by_kind(self) -> list[int]:
@@ -114,7 +114,8 @@ class NurbsLines:
     def gauss(self, beam: int, *, fine: bool = False) -> tuple[FloatArray, FloatArray]:
         """Gauss points (q,) in the elements of a beam, and lengths (m, q) they stand for, m.
 
-        There are as many as nodes in an element, or as many as integrals along curves take.
+        Their number is that of the nodes of an element, or with ``fine`` that of integrals along
+        curves.
         """
         return self._points(beam, _FINE if fine else self.parts[beam].nodes.shape[1])
 

@@ -29,11 +29,12 @@ class NurbsBeams:
 
     Attributes:
         groups: the elements of each degree and material.
-        rows: (m,) where each cell was in ``data``, the degrees one after the other.
+        rows: (m,) number of each cell in ``data``, the degrees one after the other.
         connectivity: (m_g, k_g) nodes of the cells of each group.
         body: (m,) number of each cell's beam.
         lengths: (m,) arc lengths at the start, m.
-        law_owner: what messages call the first section with a law of the user, None without one.
+        law_owner: name, in messages, of the first section with a user-defined law; None without
+            one.
     """
 
     chained = True
@@ -55,7 +56,7 @@ class NurbsBeams:
             data: constant data of this rank's elements, one object for each degree and
                 interpolation; the same ones on all ranks.
             sections: the sections of the model.
-            owners: what messages call each section.
+            owners: names of the sections in messages.
             start: (n, 12) frames of this rank's nodes at the start.
 
         Raises:
@@ -83,7 +84,7 @@ class NurbsBeams:
         self._count()
 
     def _count(self) -> None:
-        """Put the cells of all groups into one order."""
+        """Number the cells of all groups consecutively."""
         none = np.empty(0, dtype=np.int64)
         self.body: IntArray = np.concatenate([none, *(g.data.body for g in self.groups)])
         self.lengths: FloatArray = np.concatenate([np.empty(0), *(g.lengths for g in self.groups)])
@@ -147,7 +148,7 @@ class NurbsBeams:
     def resultants(
         self, frames: FloatArray, chosen: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Strains and stress resultants (m, 6) in the middle of the cells, in section axes.
+        """Strains and stress resultants (m, 6) at the centres of the cells, in section axes.
 
         Damping is left out.
 
@@ -161,11 +162,11 @@ class NurbsBeams:
     def resultants_at(
         self, frames: FloatArray, xi: FloatArray, chosen: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """Strains and stress resultants (m, q, 6) at places in the cells, see :meth:`resultants`.
+        """Strains and stress resultants (m, q, 6) at points of the cells, see :meth:`resultants`.
 
         Args:
             frames: (n, 12) frames of the nodes.
-            xi: (q,) or (m, q) places in the chosen cells, 0 to 1.
+            xi: (q,) or (m, q) coordinates of points in the chosen cells, 0 to 1.
             chosen: (m,) cells, all of them when None.
         """
         cells = np.arange(len(self.lengths)) if chosen is None else chosen
@@ -186,7 +187,7 @@ class NurbsBeams:
 
     @property
     def viscous(self) -> bool:
-        """True if any cells resist the rate of their strain."""
+        """True if the material of any cells is viscous."""
         return any(group.viscous for group in self.groups)
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:

@@ -139,7 +139,7 @@ class NurbsBeamFamily(Family):
 
 
 def _owners_of_nodes(curves: NurbsLines, ranks: Sequence[IntArray]) -> IntArray:
-    """Rank of every control point: the lowest of those of the elements that it touches."""
+    """Rank of every control point: the lowest rank of the elements around it."""
     owner = np.full(len(curves.frames), np.iinfo(np.int64).max)
     for beam, rank in enumerate(ranks):
         nodes = curves.nodes(beam)

@@ -44,7 +44,7 @@ class NurbsCells:
         shape: (m, k, k) coefficients in powers of xi, from 0 to 1 in the element, of the weighted
             shape functions; the rational ones are these over their sum.
         damping: (m,) stiffness-proportional damping, s.
-        vectors: they interpolate relative rotation vectors, not quaternions.
+        vectors: True if they interpolate relative rotation vectors, False for quaternions.
     """
 
     nodes: IntArray
@@ -91,9 +91,9 @@ class NurbsGroup:
         """Prepare the elements.
 
         Args:
-            kernels: the material's.
+            kernels: kernels of the material.
             data: constant data of this rank's elements.
-            material: what they are made of.
+            material: their material.
             start: (n, 12) frames of this rank's nodes at the start.
         """
         self.data, self._material, self._kernels, self._start = data, material, kernels, start
@@ -125,7 +125,7 @@ class NurbsGroup:
         )  # fmt: skip
 
     def _start_strains(self, elements: NurbsElements) -> FloatArray:
-        """Strains (b, q, 6, LANES) of the start as such."""
+        """Strains (b, q, 6, LANES) of the initial configuration, with none subtracted."""
         shape, rest = elements.tables.shape[:2], np.zeros((len(self._start), 6))
         nothing = np.zeros((*shape, 6, LANES))
         return self._strains(elements, nothing, self._start, rest)[:, :, :6].copy()
@@ -148,7 +148,7 @@ class NurbsGroup:
         return self._point_strains(frames, np.zeros((len(frames), 6)))[:, :, :6]
 
     def _starts_for(self, frames: FloatArray, strains: FloatArray | None) -> FloatArray:
-        """Strains at the start from which given ones lead to the present ones."""
+        """Initial strains for which the present strains are the given ones."""
         if strains is None:
             return self._starts
         return np.ascontiguousarray(self._starts + self._present(frames) - strains)
@@ -163,7 +163,7 @@ class NurbsGroup:
         return strains[:, :, :6] + strains[:, :, 6:]
 
     def unstressed(self) -> FloatArray:
-        """No strains (b, q, 6, LANES), and so no stresses."""
+        """Zero strains (b, q, 6, LANES), for which the stresses are zero."""
         return np.zeros_like(self._starts)
 
     def add_residual(
@@ -186,8 +186,8 @@ class NurbsGroup:
         """Write the matrices (m, 36 k k) ``scale (k K + C dv + M dw)``.
 
         ``shifts`` = (dv/dn, dw/dn, k), ``strains`` as in :meth:`add_residual`. With ``local`` the
-        derivative K is that at fixed local velocities and accelerations. What belongs to a node
-        alone is in the matrix of one of its elements.
+        derivative K is that at fixed local velocities and accelerations. Terms of a node alone are
+        in the matrix of one of its elements.
         """
         rates, factors = np.empty((2, len(block.frames), 6, 6)), np.array([shifts[2], scale])
         step_rates(
@@ -224,8 +224,8 @@ class NurbsGroup:
 
         Args:
             frames: (n, 12) frames of the nodes.
-            at: (m,) the elements meant.
-            xi: (q,) or (m, q) places in them, 0 to 1.
+            at: (m,) numbers of the elements.
+            xi: (q,) or (m, q) coordinates of points in them, 0 to 1.
         """
         data, ones = self.data, np.ones(xi.shape[-1])
         there = points(data.shape[at], data.nodes[at], self._start, xi, ones)
@@ -255,7 +255,7 @@ class NurbsGroup:
 
     @property
     def viscous(self) -> bool:
-        """True if the elements resist the rate of their strain."""
+        """True if the material of the elements is viscous."""
         return self._material.viscous
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:

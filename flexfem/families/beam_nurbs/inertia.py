@@ -5,8 +5,8 @@ The kinetic energy is that of masses that move with the interpolated inertial ve
 control points, ``1/2 sum_IJ m_IJ (R_I V_I) . (R_J V_J)`` with the constants ``m_IJ``, the integral
 of ``rho A N_I N_J``, plus that of the rotary inertia lumped at the control points, as in
 ``forms.beam``. The force on node I is ``R_I^T sum_J m_IJ (b_J - g)`` with the inertial acceleration
-``b_J = R_J (dV_J/dt + Omega_J x V_J)``, and what the lump there adds. Where mass centres lie off
-the axis, velocities, accelerations and forces are those of the centres.
+``b_J = R_J (dV_J/dt + Omega_J x V_J)``, plus the inertia force of the lump there. Where mass
+centres are eccentric, velocities, accelerations and forces are those of the centres.
 """
 
 import numpy as np
@@ -37,7 +37,7 @@ class NodalMasses(Record):
 
     Attributes:
         nodes: (u,) the nodes.
-        lumps: (u, 6, 6) inertia lumped there, in local axes.
+        lumps: (u, 6, 6) inertia lumped at them, in local axes.
         cells: (m, k) nodes of the elements.
         masses: (m, k, k) consistent masses, kg.
     """
@@ -160,7 +160,7 @@ def step_rates(
 
 @kernel
 def step_changes(nodes: IntArray, state: Memory, shifts: FloatArray, inertial: bool) -> None:
-    """Write what changes of some nodes along their steps.
+    """Write the changes of velocities and accelerations of some nodes along their steps.
 
     See ``core.nodes.frame_kernels.step_changes``.
     """
@@ -242,7 +242,7 @@ def nodal_tangent(
         state: of all nodes.
         gravity: acceleration in inertial axes.
         rates: (2, n, 6, 6) see :func:`step_rates`.
-        stiffness: factor of the turns.
+        stiffness: factor of the rotations.
         moved: (n, 3, 6) gets the changes of inertial accelerations.
         own: (u, 6, 6) gets those of the nodal forces.
     """
@@ -277,7 +277,8 @@ def add_inertia_tangent(
 
     Args:
         masses: :class:`NodalMasses`.
-        homes: (u, 2) element that gets what belongs to a node alone, and the node's place there.
+        homes: (u, 2) element that gets the terms of a node alone, and the node's local number
+            there.
         state: ``Nodes`` that the masses move with.
         gravity: acceleration in inertial axes.
         rates: (2, n, 6, 6) see :func:`step_rates`.

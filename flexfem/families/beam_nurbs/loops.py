@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled loops over NURBS elements: internal forces, their action on a step, strains.
 
-``LANES`` elements are treated side by side; arrays that end with this axis are made by
+``LANES`` elements are evaluated at once (SIMD); arrays that end with this axis are made by
 ``tables.lanes``.
 
 These are not loops of ``kernels.driver``: it would copy frames, shape functions and strains of the
@@ -64,7 +64,7 @@ class PointKernel(Record):
 
     Attributes:
         address: of the function.
-        offsets: (8,) where each coefficient starts, and their number.
+        offsets: (8,) first entry of each coefficient, then their number.
     """
 
     address: int
@@ -75,13 +75,13 @@ class NurbsElements(Record):
     """Elements with k nodes and q points each, in b batches of ``LANES`` (L).
 
     Attributes:
-        vectors: what they interpolate, see ``maps``.
+        vectors: True for relative rotation vectors, see ``maps``.
         nodes: (m, k) control points.
         tables: (b, q, 2, k, L) shape functions and their derivatives by the arc length, 1/m.
         weights: (b, q, L) arc length that each point stands for, m.
         damping: (m,) stiffness-proportional damping, s.
         section: (m,) number of the section.
-        sections: (s, 21 + ...) inertia of each section, then what the kernels take of it.
+        sections: (s, 21 + ...) inertia of each section, then its data for the kernels.
     """
 
     vectors: bool
@@ -95,7 +95,7 @@ class NurbsElements(Record):
 
 @inlined
 def workspace(offsets: IntArray) -> tuple[FloatArray, IntArray, FloatArray, FloatArray]:
-    """Arguments of kernels: data, sections held in it, constants, points of a mesh."""
+    """Arguments of kernels: data, numbers of its sections, constants, points of a mesh."""
     points = np.zeros(6)
     points[3] = 1.0  # the forms do not depend on the size of the reference cell
     return np.zeros((offsets[-1], LANES)), np.full(LANES, -1), np.zeros(1), points
@@ -146,7 +146,7 @@ def collect(
 def put_elements(
     offsets: IntArray, elements: NurbsElements, first: int, held: IntArray, data: FloatArray
 ) -> None:
-    """Write the constants of elements from ``first`` on; ``held`` (L,) are the sections there."""
+    """Write the constants of elements from ``first`` on; ``held`` (L,): their sections."""
     section, sections = elements.section, elements.sections
     for lane in range(LANES):
         c = min(first + lane, section.size - 1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled maps between the control points' frames and what a NURBS element interpolates.
+"""Compiled maps between the control points' frames and the unknowns of a NURBS element.
 
 With R = R_r^T R_I of node I and the reference node r, an element interpolates the places
 ``y = R_r^T (x_I - x_r)`` and the unit quaternions ``q = (w, v)`` of R with ``w >= 0``. Along local
@@ -11,7 +11,7 @@ twists ``(u, theta)`` of both nodes
 With ``vectors`` it interpolates in place of the quaternions the rotation vectors v of R, see
 ``vector_maps``.
 
-All arrays hold ``LANES`` elements side by side, in their last axis; before it come the nodes and
+The last axis of all arrays is that of ``LANES`` elements; before it come the nodes and
 their components, of places ``PLACE``: y, ``w - 1`` (0 with ``vectors``), v. Entries of the
 reference node, whose place is zero, are not touched.
 """
@@ -106,7 +106,7 @@ def places_into(
 ) -> None:  # fmt: skip
     """Relative rotations (k, RELATIVE, L), places (k, PLACE, L) of the elements from ``first`` on.
 
-    The last element fills the lanes that are left.
+    The last element is repeated in the remaining lanes.
     """
     count, k = cells.shape
     R, ref = relative[0, :, 0].copy(), k // 2
@@ -241,7 +241,8 @@ def force_changes_into(
     """Change of :func:`forces_into` at a fixed dual (k, PLACE, L) as the nodes move.
 
     They move as in :func:`rate_changes_into`. ``changes`` (k, 6, L) gets the change at each node
-    but the reference node, ``moments`` (k, 3, L) what it adds to the moment there.
+    but the reference node, ``moments`` (k, 3, L) its contribution to the moment at the reference
+    node.
     """
     k = dual.shape[0]
     ref = k // 2

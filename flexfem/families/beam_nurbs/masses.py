@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The masses of a group of NURBS elements: their data and the calls of the compiled loops.
 
-The loops of ``inertia`` treat masses at nodes. Where the sections' mass centres lie off the
-axis, they get the twists of the centres, and the forces that they add act there.
+The loops of ``inertia`` treat masses at nodes. Where the sections' mass centres are eccentric, they
+get the twists of the centres, and the forces that they add act at the centres.
 """
 
 import numpy as np
@@ -22,7 +22,7 @@ from flexfem.families.common.section_groups import about_centres
 __all__ = ["NurbsMasses"]
 
 _ALL = slice(None)
-#: Twists of the nodes, and what changes of them.
+#: Twists of the nodes and their changes.
 _TWISTS = ("velocity", "acceleration", "velocity_change", "acceleration_change")
 
 
@@ -68,7 +68,7 @@ class NurbsMasses:
         return self._masses.nodes
 
     def _at_centres(self, block: FrameBlock) -> Nodes:
-        """The nodes themselves, or with twists and changes of their mass centres and no forces."""
+        """The nodes; if masses are eccentric, their centres' twists and changes, with no forces."""
         if self._centres is None:
             return block.nodes
         if self._moving is None or self._moving.frames is not block.nodes.frames:

@@ -11,12 +11,12 @@ from flexfem.mesh.nurbs.basis import power_table, rational
 
 __all__ = ["Masses", "Points", "gauss", "masses", "points", "shape_functions"]
 
-#: Points for lengths and masses: they cost nothing later, and no curve of an element is so rough.
+#: Gauss points for lengths and masses: evaluated at set-up only, and enough for any smooth curve.
 _FINE = 16
 
 
 def gauss(count: int) -> tuple[FloatArray, FloatArray]:
-    """Points and weights (count,) of Gauss and Legendre on [0, 1]."""
+    """Points and weights (count,) of Gauss-Legendre quadrature on [0, 1]."""
     at, weights = np.polynomial.legendre.leggauss(count)
     return 0.5 * (at + 1.0), 0.5 * weights
 
@@ -26,7 +26,7 @@ def shape_functions(shape: FloatArray, xi: FloatArray) -> tuple[FloatArray, Floa
 
     Args:
         shape: (m, k, k) coefficients in powers of xi of the weighted functions.
-        xi: (q,) places in all elements, or (m, q).
+        xi: (q,) coordinates of points in all elements, or (m, q).
 
     Returns:
         Two arrays (m, q, k).
@@ -54,7 +54,7 @@ class Points:
 
     @property
     def tables(self) -> FloatArray:
-        """As the compiled loops expect them, (b, q, 2, k, LANES)."""
+        """Tables (b, q, 2, k, LANES) of shape functions and derivatives for the compiled loops."""
         return lanes(np.stack([self.values, self.slopes], axis=2))
 
 
@@ -67,7 +67,7 @@ def points(
         shape: (m, k, k), see :func:`shape_functions`.
         cells: (m, k) nodes.
         start: (n, 12) frames of the nodes at the start.
-        xi: (q,) or (m, q) places.
+        xi: (q,) or (m, q) coordinates of points.
         weights: (q,) their weights.
     """
     values, slopes = shape_functions(shape, xi)
@@ -94,5 +94,5 @@ def masses(shape: FloatArray, cells: IndexArray, start: FloatArray) -> Masses:
     """Integrals over all elements, to round-off; arguments as for :func:`points`."""
     fine = points(shape, cells, start, *gauss(_FINE))
     products = np.einsum("mq,mqi,mqj->mij", fine.lengths, fine.values, fine.values)
-    # shape functions add up to one, and so shall the integrals
+    # partition of unity of the shape functions, also of their integrals
     return Masses(products, products.sum(axis=2), products.sum(axis=(1, 2)))

@@ -37,7 +37,7 @@ from flexfem.kernels.records import Memory, unpack
 
 __all__ = ["tangent_into"]
 
-# where forms.nurbs_beam.NurbsForms.tangent holds the derivatives by unknowns and by rates
+# position of the derivatives by unknowns and by rates in forms.nurbs_beam.NurbsForms.tangent
 _BY_UNKNOWNS, _BY_RATES, _SIZE = 11, 132, 253
 
 
@@ -101,7 +101,7 @@ def _columns(
 
 @inlined
 def _keep(values: FloatArray, side: int, j: int, A: FloatArray) -> None:
-    """Take nodal values as columns j of the blocks ``A`` (2, k - 1, ..., 6, L)."""
+    """Store nodal values as columns j of the blocks ``A`` (2, k - 1, ..., 6, L)."""
     k = values.shape[0]
     for node in range(k):
         if node != k // 2:
@@ -120,7 +120,7 @@ def _add_columns(K: FloatArray, A: FloatArray, X: FloatArray) -> None:
             for b in range(others):
                 node = b + (b >= ref)
                 for m in range(PLACE):
-                    # rotations do not change along translations
+                    # the relative rotations do not depend on translations
                     for j in range(3 * (m >= 3), 6):
                         for lane in range(LANES):
                             factor = K[a, i, b, m, lane]

@@ -94,7 +94,7 @@ def put_vector_rate_changes(
 
 @subroutine
 def put_vector_forces(places: FloatArray, dual: FloatArray, node: int, forces: FloatArray) -> None:
-    """Write the moment on a node of a force dual to its vector, and add that on the reference."""
+    """Write the moment on a node from the force dual to its vector; add that on the reference."""
     ref = places.shape[0] // 2
     for lane in range(LANES):
         v, b = at(places, node, 4, lane), at(dual, node, 4, lane)

@@ -23,7 +23,7 @@ __all__ = ["BeamCells", "SE3Beams", "node_frames"]
 
 
 def node_frames(cells: IndexArray, frames: FloatArray, count: int) -> FloatArray:
-    """One frame per node: that of the first cell end there (others are turned against it)."""
+    """One frame per node: that of the first cell end there (others are rotated relative to it)."""
     result = np.zeros((count, 12))
     ends, first = np.unique(cells.ravel(), return_index=True)
     result[ends] = frames.reshape(-1, 12)[first]
@@ -35,9 +35,10 @@ class SE3Beams:
 
     Attributes:
         data: constant data of the cells.
-        groups: numbers of the cells of each material, and what computes with them.
+        groups: numbers of the cells of each material, and their :class:`BeamGroup`.
         lengths: (m,) arc lengths at the start, m.
-        law_owner: what messages call the first section with a law of the user, None without one.
+        law_owner: name, in messages, of the first section with a user-defined law; None without
+            one.
 
     The methods of :class:`flexfem.layout.elements.ElementFamily` are described there.
     """
@@ -60,7 +61,7 @@ class SE3Beams:
             comm: communicator.
             data: constant data of this rank's cells.
             sections: the sections of the model.
-            owners: what messages call each section.
+            owners: names of the sections in messages.
             start: (n, 12) frames of this rank's nodes at the start.
 
         Raises:
@@ -195,7 +196,7 @@ class SE3Beams:
 
     @property
     def viscous(self) -> bool:
-        """True if any material is viscous: it resists the rate of strain."""
+        """True if any material is viscous."""
         return any(group.viscous for _, group in self.groups)
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:

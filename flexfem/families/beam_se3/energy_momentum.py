@@ -54,13 +54,14 @@ class EnergyBeams:
     Attributes:
         centres: (n, 3) mass centres of the sections at the nodes, node axes, m; the rates of a
             step are the centres'.
-        offset: a cell's centre lies elsewhere, since its section is turned against the node.
+        offset: True if the centre of a cell differs, since its section is rotated relative to the
+            node.
     """
 
     def __init__(self, comm: MPI.Intracomm, beams: BeamGroup, count: int) -> None:
         """Compile the kernels (collective) and prepare the cells at ``count`` nodes."""
         own, self._beams = beams.cells, beams
-        # one row of turns for all cells if none is turned
+        # one row of rotations for all cells if none is rotated
         turns = np.broadcast_to(own.turns.reshape(-1, 2, 3, 3), (len(own.nodes), 2, 3, 3))
         centres = beams.centres[own.section]
         self.centres = np.zeros((count, 3))
@@ -86,7 +87,7 @@ class EnergyBeams:
 
     @property
     def last_change(self) -> FloatArray:
-        """Change (m, 6) of the relative twists over the last step; to be written to."""
+        """Change (m, 6) of the relative twists over the last step, as a view to be written to."""
         return self._cells.own[:, _LAST]
 
     def add_force(self, state: StepNodes, scale: float) -> None:

@@ -167,7 +167,7 @@ class SE3BeamFamily(Family):
 
 
 def _chain(cells: IntArray) -> IntArray | None:
-    """Order of cells of one line, all in its direction; None where they branch or fall apart."""
+    """Order of cells of one line, all in its direction; None if they branch or are disconnected."""
     lines = trace_lines(cells)
     if len(lines) != 1 or lines[0].reversed.any():
         return None

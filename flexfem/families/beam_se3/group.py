@@ -69,11 +69,11 @@ class BeamGroup:
     Attributes:
         residual: kernel of internal, inertia and gravity forces.
         data: constant data of the cells; sections count those of the material.
-        cells: the same as the driver of the kernels takes them; own data are the twists at the
-            start, lengths and damping, those of sections ``Material.data``.
+        cells: the same in the format of the kernel driver; own data are the twists at the start,
+            lengths and damping, those of sections ``Material.data``.
         lengths: (m,) arc lengths at the start, m.
         centres: (s, 3) mass centres of the sections, m; rotary: (s, 3, 3) inertia about them, kg m.
-        turned: (m,) whether section axes differ from the axes of the nodes.
+        turned: (m,) True where section axes differ from the axes of the nodes.
     """
 
     def __init__(
@@ -84,7 +84,7 @@ class BeamGroup:
         Args:
             comm: communicator.
             data: constant data of this rank's cells.
-            material: what they are made of.
+            material: their material.
             start: (n, 12) frames of this rank's nodes at the start.
         """
         self.data, self._material = data, material
@@ -187,7 +187,7 @@ class BeamGroup:
 
     @property
     def viscous(self) -> bool:
-        """True if the material of the cells is viscous: it resists the rate of strain."""
+        """True if the material of the cells is viscous."""
         return self._material.viscous
 
     def twists(self, frames: FloatArray, at: IntArray | None = None) -> FloatArray:
@@ -217,7 +217,7 @@ class BeamGroup:
 
         Args:
             frames: (n, 12) frames of the nodes.
-            at: the cells meant, all by default.
+            at: numbers of the cells, all by default.
         """
         at = self._every if at is None else at
         _, strain = self._strain(frames, at)

@@ -51,7 +51,7 @@ def number_nodes(serial: NumberedModel, beams: list[Beam]) -> None:
 
 
 def _along(model: Model, beam: Beam) -> IntArray:
-    """Cells of a beam ordered along it, so that neighbours in number are neighbours in space."""
+    """Cells of a beam ordered along it, so that consecutive cells are neighbours in space."""
     rows = model.beam_cells(beam)
     assert model.mesh is not None
     assert beam.group is not None

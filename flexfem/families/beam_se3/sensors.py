@@ -41,7 +41,7 @@ class StrainSensor:
 
 
 class BeamElongation:
-    """Extension of this rank's elements of an SE(3) beam times their lengths."""
+    """Axial strains of this rank's elements of an SE(3) beam times their lengths, summed."""
 
     def __init__(self, part: BlockPart, number: int) -> None:
         """Find the elements of the beam of a number in the model."""

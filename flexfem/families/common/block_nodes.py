@@ -24,7 +24,7 @@ def distributed(comm: MPI.Intracomm, owner: IntArray, touched: IntArray) -> tupl
     Args:
         comm: communicator.
         owner: rank of every node.
-        touched: nodes that the elements of this rank have, any number of times.
+        touched: nodes of the elements of this rank; nodes may occur more than once.
     """
     from dolfinx.common import IndexMap
 

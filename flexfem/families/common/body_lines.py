@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Lines that rigid bodies and bodies in floating frames carry, as elements with cubic functions."""
+"""Lines attached to rigid and floating bodies, as elements with cubic functions."""
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -25,7 +25,7 @@ def rigid_line(kind: int, number: int, carrier: Carrier) -> Line:
     Args:
         kind: block of the rigid bodies.
         number: of the body in it.
-        carrier: names the points.
+        carrier: marker of the body and its points.
     """
     points = np.asarray(carrier.line)
     none = np.empty((len(points), 3, 0))
@@ -33,13 +33,13 @@ def rigid_line(kind: int, number: int, carrier: Carrier) -> Line:
 
 
 def floating_line(kind: int, first: int, body: FloatingBody, carrier: Carrier) -> Line:
-    """Line of a body in a floating frame, which must be that of an interface.
+    """Line of a body in a floating frame; the frame must be that of an interface.
 
     Args:
         kind: block of the bodies in floating frames.
         first: number of the body's first node in it, that of the frame.
         body: the body.
-        carrier: names the line.
+        carrier: marker of the body and its line.
     """
     line = body.reduced.lines[str(carrier.line)]
     own, inner = body.coordinates, 3 * body.amplitude_nodes
@@ -48,7 +48,7 @@ def floating_line(kind: int, first: int, body: FloatingBody, carrier: Carrier) -
     moves[..., : len(own)] = line.displacement[..., own]
     turns[..., : len(own)] = line.rotation[..., own]
     points = line.points - body.origin
-    # coordinates of interfaces are their places, not their displacements
+    # coordinates of interfaces are their positions, not their displacements
     for i, place in enumerate(body.places[1:] - body.origin):
         points = points - moves[..., 6 * i : 6 * i + 3] @ place
     rest = line.points - body.origin
@@ -77,7 +77,7 @@ def _line(
     half, scalar, vector = 0.5 * turns.transpose(0, 2, 1), q[:, :1], q[:, np.newaxis, 1:]
     values[:, 1:, 3] = -(half * vector).sum(axis=2)
     values[:, 1:, 4:] = scalar[:, np.newaxis] * half + np.cross(half, vector)
-    # highest power of the way first
+    # highest power of the arc length first
     powers = CubicSpline(way, values).c[::-1] * lengths[:, np.newaxis, np.newaxis] ** (
         np.arange(POWERS).reshape(-1, 1, 1, 1)
     )
@@ -101,7 +101,7 @@ def _line(
 
 
 def _quaternions(axes: FloatArray) -> FloatArray:
-    """Unit quaternions (p, 4) of matrices, neighbours with the signs that bring them near."""
+    """Unit quaternions (p, 4) of matrices, with signs that make neighbours close to each other."""
     turn = 0.5 * so3.log(axes)
     angle = np.linalg.norm(turn, axis=1)[:, np.newaxis]
     q = np.concatenate([np.cos(angle), np.sinc(angle / np.pi) * turn], axis=1)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Corotating axes of the nodes of shells and solids: they turn with the material around them."""
+"""Corotating axes of the nodes of shells and solids, which rotate with the material around them."""
 
 from collections.abc import Callable
 
@@ -13,10 +13,10 @@ __all__ = ["CorotatingAxes"]
 
 
 class CorotatingAxes:
-    """Turns the axes of a block's nodes; those in which a node is held stay what they are."""
+    """Update of the axes of a block's nodes; axes of Dirichlet conditions are not rotated."""
 
     def __init__(self, block: FrameBlock) -> None:
-        """Make room for the rotations around the nodes (collective)."""
+        """Allocate the sums of rotations around the nodes (collective)."""
         from dolfinx import la
 
         self._add = la.InsertMode.add
@@ -27,12 +27,12 @@ class CorotatingAxes:
             self._fixed = block.dirichlet[:, :3].any(axis=1)
 
     def turn(self, block: FrameBlock, add_rotations: Callable[[FloatArray], None]) -> None:
-        """Turn the axes of the accepted and the trial state (collective).
+        """Rotate the axes of the accepted and the trial state (collective).
 
         Args:
             block: the nodes.
-            add_rotations: adds the rotations since the start of what this rank owns around each
-                node, with weights, to sums (n, 9).
+            add_rotations: adds the weighted rotations since the start of this rank's elements
+                around each node to sums (n, 9).
         """
         self._sums[:] = 0.0
         add_rotations(self._sums)

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled loops over the nodes of shells, whose translations are counted in corotating axes.
 
-The axes of a node turn with the shell around it from step to step, so that the matrices of a shell
-in motion change little. Sums over triangles are made in inertial axes and turned node by node.
+The axes of a node rotate with the shell around it from step to step, so that the matrices of a
+shell in motion change little. Sums over triangles are made in inertial axes and rotated into the
+axes of each node.
 """
 
 import numpy as np
@@ -262,15 +263,16 @@ def turn_nodes(
     sums: FloatArray, start: FloatArray, fixed: BoolArray, frames0: FloatArray, frames: FloatArray,
     velocity: FloatArray, acceleration: FloatArray,
 ) -> None:  # fmt: skip
-    """Turn the axes of nodes as the shell around them has turned, save those fixed (n,).
+    """Rotate the axes of nodes by the rotation of the shell around them, save those fixed (n,).
 
     Args:
-        sums: (n, 9) of ``add_rotations``; where they hold no rotation the axes stay.
+        sums: (n, 9) of ``add_rotations``; where they determine no rotation, the axes stay.
         start: (n, 12) frames at the start.
         fixed: (n,) nodes whose axes stay.
         frames0: (n, 12) accepted frames; frames: (n, 12) trial ones.
         frames: (n, 12) trial frames.
-        velocity: (n, 6) in node axes, of which the first three are turned; acceleration alike.
+        velocity: (n, 6) in node axes, of which the first three are rotated into the new axes;
+            acceleration likewise.
         acceleration: (n, 6).
     """
     R, X, Q, T = np.empty(9), np.empty(9), np.empty(9), np.empty(9)

@@ -16,15 +16,15 @@ RIGHT = 1e-6
 
 
 class DirichletNodes:
-    """Directions in which nodes are held."""
+    """Directions in which nodes have Dirichlet conditions."""
 
     def __init__(self, points: FloatArray) -> None:
-        """Hold none of the nodes at the points (n, 3)."""
+        """Start without conditions at the nodes (n, 3)."""
         self._points = points
         self._axes: dict[int, list[FloatArray]] = {}
 
     def add(self, owner: str, nodes: IntArray, axis: FloatArray) -> None:
-        """Hold nodes along a unit vector, which is one of those before or at right angles.
+        """Fix nodes along a unit vector, parallel or at right angles to those given before.
 
         Raises:
             ValueError: it is neither; the message begins with the owner.
@@ -42,7 +42,7 @@ class DirichletNodes:
             axes.append(axis)
 
     def frames(self) -> tuple[FloatArray, BoolArray]:
-        """Frames (n, 12) of all nodes, and along which of their axes they are held (n, 3)."""
+        """Frames (n, 12) of all nodes, and flags (n, 3) of the axes along which they are fixed."""
         points = self._points
         turns, mask = np.tile(np.eye(3), (len(points), 1, 1)), np.zeros((len(points), 3), np.bool_)
         for node, axes in self._axes.items():

@@ -27,7 +27,7 @@ class LawValues:
 
     Attributes:
         parameters: (s, p) of each section.
-        viscous: whether the law has a dissipation.
+        viscous: True if the law has a dissipation potential.
     """
 
     def __init__(
@@ -38,9 +38,9 @@ class LawValues:
 
         Args:
             comm: communicator.
-            law: what all of the laws say.
-            laws: that of each section.
-            owners: what messages call each section.
+            law: the form that all of the laws share.
+            laws: the law of each section, with its parameters.
+            owners: names of the sections in messages.
 
         Raises:
             ValueError: the law cannot be compiled, or is not usable at zero strain; on all ranks.
@@ -60,7 +60,7 @@ class LawValues:
     def at(self, strain: FloatArray, rate: FloatArray, sections: IntArray) -> FloatArray:
         """Values (m, k) of ``forms.beam_law.LawForm`` at strains and their rates (m, 6)."""
         count = len(strain)
-        if len(self._cells.own) != count:  # mostly that of the last call: a record takes its time
+        if len(self._cells.own) != count:  # mostly that of the last call: a new record is slow
             self._cells = self._room(count)
         cells, values = self._cells, np.empty((count, self._kernel.size))
         cells.own[:, :6], cells.own[:, 6:], cells.section[:] = strain, rate, sections
@@ -68,13 +68,13 @@ class LawValues:
         return values
 
     def _room(self, count: int) -> Cells:
-        """Cells for so many strains and their rates."""
+        """Cells for a number of strains and their rates."""
         section = np.zeros(count, dtype=np.int64)
         return plain_cells(np.empty((count, 12)), section=section, sections=self.parameters)
 
 
 def _compile(comm: MPI.Intracomm, law: LawExpressions, owner: str) -> CellKernel:
-    """Compile a law by itself: what the compiler does not understand fails here."""
+    """Compile a law by itself, so that an error of the compiler is raised here."""
     form = law_form(law)
     try:
         compiled = compile_kernel(comm, form.form, form.coefficients)
@@ -101,7 +101,7 @@ def _check_energy(owner: str, values: FloatArray, allow_unstable: bool) -> None:
 
 
 def _check_dissipation(owner: str, stress: FloatArray, viscosity: FloatArray) -> None:
-    """Check that what is at rest is under no viscous stress and that slow motion loses energy."""
+    """Check that viscous stress vanishes at rest and that slow motion dissipates energy."""
     if not (np.isfinite(stress).all() and np.isfinite(viscosity).all()):
         raise ValueError(
             f"{owner}: viscous stress and viscosity at zero strain and rate must be finite, got "

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Materials of beam cells: the linear one of a stiffness matrix, and laws written by the user."""
+"""Materials of beam cells: the linear one of a stiffness matrix, and user-defined laws."""
 
 from collections.abc import Mapping, Sequence
 from typing import Protocol
@@ -24,11 +24,11 @@ class Material(Protocol):
     """Constitutive model of the cells of one group.
 
     Attributes:
-        law, damped: what the forms of an element depend on: the law, None for the linear one, and
-            whether there is stiffness-proportional damping.
-        data: (s, k) what the loops hand to the kernels for each section: 21 entries of the inertia,
-            then stiffness or parameters.
-        viscous: whether the cells resist the rate of their strain.
+        law, damped: parameters of an element's forms: the law, None for the linear one, and True
+            with stiffness-proportional damping.
+        data: (s, k) data of each section for the kernels: 21 entries of the inertia, then stiffness
+            or parameters.
+        viscous: True if the stress depends on the strain rate.
     """
 
     law: LawExpressions | None
@@ -70,8 +70,8 @@ def materials(
     Args:
         comm: communicator.
         sections: the sections.
-        owners: what messages call each of them.
-        damped: some cells have stiffness-proportional damping.
+        owners: their names in messages.
+        damped: True if some cells have stiffness-proportional damping.
 
     Raises:
         ValueError: a section's law is not usable; on all ranks.
@@ -112,7 +112,7 @@ def _data(sections: Sequence[Section], material: FloatArray) -> FloatArray:
 
 
 class LinearMaterial:
-    """Stiffness matrices, with stiffness-proportional damping on demand."""
+    """Stiffness matrices, with stiffness-proportional damping or without."""
 
     law: LawExpressions | None
 
@@ -136,7 +136,7 @@ class LinearMaterial:
 
 
 class LawMaterial:
-    """Laws of the user that differ in the values of parameters only."""
+    """User-defined laws that differ in the values of parameters only."""
 
     law: LawExpressions | None
 
@@ -162,7 +162,7 @@ class LawMaterial:
     def viscous_stress(
         self, strain: FloatArray, rate: FloatArray, sections: IntArray, damping: FloatArray
     ) -> FloatArray:
-        """See :class:`Material`; laws have their own dissipation instead of a damping."""
+        """See :class:`Material`; laws have a dissipation potential instead of ``damping``."""
         if not self.viscous:
             return np.zeros_like(strain)
         return np.ascontiguousarray(self._law.at(strain, rate, sections)[:, 43:49])

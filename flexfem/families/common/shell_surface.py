@@ -48,17 +48,18 @@ class ShellSurface:
         mesh: the mesh.
         shells: in the order of the model.
         body: (m,) number of each triangle's shell.
-        sections: the different sections; section: (m,) which a triangle has.
-        directions: (m, 3) material directions, zero for that of the first side.
+        sections: the different sections; section: (m,) number of each triangle's.
+        directions: (m, 3) material directions, zero where the first side gives it.
         rules: (m, 3) ``EdgeRule`` of each edge without neighbour.
         normals: (m, 3, 3) normals of planes of symmetry at edges, else zero.
         weights: (m,) factors of curvatures beside clamped edges, else 1.
-        averaged: (m,) whether slopes are averaged.
-        smoothed: (m,) whether the strains of the membrane are smoothed.
-        frames: (n, 12) nodes; axes are inertial but where a node is held along others.
-        held: (n, 3) directions of these axes in which nodes are held; (n, 6) with directors.
+        averaged: (m,) True where slopes are averaged.
+        smoothed: (m,) True where membrane strains are smoothed.
+        frames: (n, 12) nodes; axes are inertial save at Dirichlet conditions along other
+            directions.
+        held: (n, 3) True for the axes along which nodes are fixed; (n, 6) with directors.
         velocities: (n, 6) at the start, in these axes.
-        body_of_node: (n,) first shell that has the node.
+        body_of_node: (n,) number of the first shell that contains the node.
         cluster_of_node: (n,) number of its cluster of shells that share nodes.
         directors: nodes and directors, None for shells without.
     """
@@ -86,8 +87,9 @@ class ShellSurface:
         """Data of a model with shells.
 
         Raises:
-            ValueError: a line or node that a shell does not have, a plane of symmetry that is
-                none, directions that neither agree nor are at right angles; one line with names.
+            ValueError: a line or node that is not on a shell, a line that is not in a plane of
+                symmetry, directions that neither agree nor are at right angles; one line with
+                names.
         """
         mesh, shells = model.surface, model.shells
         assert mesh is not None  # checked by validate()
@@ -118,7 +120,7 @@ class ShellSurface:
 
 
 def _directions(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> FloatArray:
-    """Material directions (m, 3) of a shell's triangles, zero for that of the first side."""
+    """Material directions (m, 3) of a shell's triangles, zero where the first side gives it."""
     owner = f'Shell "{shell.name}"'
     if shell.direction is None:
         return np.zeros((len(rows), 3))
@@ -140,7 +142,7 @@ def _directions(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> FloatArray:
 def _edges(
     mesh: SurfaceMesh, shell: Shell, rules: IntArray, normals: FloatArray, held: DirichletNodes
 ) -> None:
-    """Enter what holds along the lines of a shell and at its nodes."""
+    """Enter the Dirichlet conditions and edge rules along the lines of a shell and at its nodes."""
     owner = f'Shell "{shell.name}"'
     for line, rule in shell.edges.items():
         triangle, side = _sides(mesh, shell, line)
@@ -164,7 +166,7 @@ def _edges(
 
 
 def _sides(mesh: SurfaceMesh, shell: Shell, line: str) -> tuple[IntArray, IntArray]:
-    """Triangle and side of every edge of a line on the boundary of a shell."""
+    """Triangle and side of every edge along a boundary line of a shell."""
     owner = f'Shell "{shell.name}"'
     if line not in mesh.lines:
         known = _checks.show(", ".join(mesh.lines) or "none", 200)
@@ -228,7 +230,7 @@ def _across(
 
 
 def _averaged(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> bool:
-    """Return True if a shell's slopes are averaged: as it says, or as its mesh needs."""
+    """True if a shell's slopes are averaged: by its option, or else as its mesh requires."""
     if shell.element == "director":
         return False
     if shell.averaged:
@@ -245,15 +247,15 @@ def _averaged(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> bool:
 
 
 def _inner_mean(imbalance: FloatArray) -> float:
-    """Root mean square of those that are not zero as they are at edges."""
+    """Root mean square of the values that are not zero, as they are at edges."""
     inner = imbalance[imbalance > 0.0]
     return float(np.sqrt((inner**2).mean())) if len(inner) else 0.0
 
 
 def _imbalance(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> FloatArray | None:
-    """``moment_imbalance`` (n,) of a shell's patches of six nodes; None where these fail.
+    """``moment_imbalance`` (n,) of a shell's patches of six nodes; None if they are singular.
 
-    They do where a conic goes through six nodes.
+    They are if a conic passes through the six nodes.
     """
     number = np.full(len(mesh.points), -1)
     nodes = np.unique(mesh.triangles[rows])

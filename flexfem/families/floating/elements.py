@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """The family of elastic bodies in floating frames: every body is one element.
 
-Its nodes are the frame, the interfaces, which are frames of their own in space, and nodes that
-carry three amplitudes each as their position. So joints, loads and contacts attach to interfaces
-as they do to nodes of beams (absolute interface coordinates; Ellenbroek and Schilder, Multibody
-Syst. Dyn. 43 (2018) 193).
+Its nodes are the frame, the interfaces, which are frames of their own in space, and nodes whose
+positions are three amplitudes each. So joints, loads and contacts attach to interfaces as they do
+to nodes of beams (absolute interface coordinates; Ellenbroek and Schilder, Multibody Syst. Dyn. 43
+(2018) 193).
 """
 
 from collections.abc import Sequence
@@ -29,7 +29,7 @@ from flexfem.layout.tangent_request import EXACT, TangentRequest
 
 __all__ = ["FloatingBodies", "FloatingGroup"]
 
-#: Interfaces so much closer than others, by the squares of distances, are at one place.
+#: Ratio of squared distances below which interfaces count as coincident.
 _COINCIDE = 1e-10
 
 
@@ -38,9 +38,9 @@ class FloatingGroup:
     """Bodies of this rank with the same integrals.
 
     Attributes:
-        data: these.
+        data: the integrals.
         nodes: (m, N) local nodes: the frame if it has one, interfaces, amplitudes.
-        body: (m,) number of each body.
+        body: (m,) number of each body in the model.
     """
 
     data: BodyData
@@ -53,7 +53,7 @@ class FloatingGroup:
         return room_for(self.data, self.nodes.shape[1])
 
     def only(self, number: int) -> "FloatingGroup":
-        """The body of this number, one of the group's, alone."""
+        """A group of the one body with this number."""
         mine = self.body == number
         return FloatingGroup(self.data, self.nodes[mine], self.body[mine])
 
@@ -68,10 +68,10 @@ class FloatingGroup:
         return base, eta
 
     def strains(self, coordinates: FloatArray) -> FloatArray:
-        """Part of the coordinates (m, n) that causes stress.
+        """The part of the coordinates (m, n) that causes stress.
 
-        A body that stiffens geometrically gets shorter when it bends, which moves its interfaces
-        but stretches nothing; see ``inertia.add_elastic``.
+        A body with geometric stiffening gets shorter when it bends, which moves its interfaces
+        without axial strain; see ``inertia.add_elastic``.
         """
         strained = coordinates.copy()
         if len(self.data.pulling):
@@ -81,7 +81,7 @@ class FloatingGroup:
         return strained
 
     def stretches(self, coordinates: FloatArray) -> FloatArray:
-        """Least distance (m,) of two interfaces along that at rest, relative to it.
+        """Least distance (m,) of two interfaces along their line at rest, relative to that at rest.
 
         Args:
             coordinates: (m, n, 3), with derivatives.
@@ -109,7 +109,7 @@ class FloatingBodies:
 
     Attributes:
         groups: bodies with the same integrals.
-        body: number of each body, group after group.
+        body: number of each body in the model, group after group.
     """
 
     law_owner: str | None = None
@@ -118,7 +118,7 @@ class FloatingBodies:
     stressed = False
 
     def __init__(self, groups: Sequence[FloatingGroup]) -> None:
-        """Take the bodies."""
+        """Store the bodies."""
         self.groups = list(groups)
         none = np.empty(0, dtype=np.int64)
         self.body: IntArray = np.concatenate([none, *(group.body for group in groups)])
@@ -183,7 +183,7 @@ class FloatingBodies:
         """Stresses are not continued."""
 
     def unstressed(self) -> None:
-        """Stresses have no part of their own in the matrices."""
+        """None: the matrices have no geometric stiffness of stresses."""
 
     def accept(self, block: FrameBlock) -> None:
         """Nothing is remembered."""
@@ -191,7 +191,7 @@ class FloatingBodies:
     def resultants(
         self, frames: FloatArray, chosen: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """A body has none: zeros; its stresses are recovered from the coordinates."""
+        """Zeros: a body has no section resultants; stresses are recovered from the coordinates."""
         count = len(self.body) if chosen is None else len(chosen)
         return np.zeros((count, 6)), np.zeros((count, 6))
 
@@ -226,7 +226,7 @@ class FloatingBodies:
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:
-        """Body of each row of :meth:`viscosity`, and one: forces are those of whole bodies."""
+        """Body of each row of :meth:`viscosity`, and ones: forces are those of whole bodies."""
         cells = [
             np.repeat(np.arange(part.start, part.stop), _sixes(group))
             for part, group in zip(self._parts, self.groups, strict=True)
@@ -244,5 +244,5 @@ class FloatingBodies:
 
 
 def _sixes(group: FloatingGroup) -> int:
-    """Rows of six that hold the coordinates of a body."""
+    """Number of rows of six for the coordinates of a body."""
     return -(-len(group.data.stiffness) // 6)

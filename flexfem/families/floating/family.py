@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Reduced elastic bodies in floating frames, each of them whole on one rank."""
+"""Reduced elastic bodies in floating frames, each of them on one rank."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ if TYPE_CHECKING:
 
 __all__ = ["FloatingBodyFamily"]
 
-#: Products of coordinates that cost as much as an element of a beam in a step, measured.
+#: Number of products of coordinates that cost as much as one beam element in a step, measured.
 _PRODUCTS = 12
 
 

@@ -6,8 +6,8 @@ axes, less gravity's, is ``A + W y + 2 Omega x dy + ddy`` with ``A = dV/dt + Ome
 ``W = skew(dOmega/dt) + skew(Omega)^2``. With the integrals of :class:`BodyData` sums over particles
 become sums over coordinates.
 
-A body that stiffens geometrically also moves by ``z = 1/2 sum_ij u_ij eta_i eta_j``, as a beam gets
-shorter when it bends. What counts is the work of accelerations ``a + B r`` on z: z is replaced by
+A body with geometric stiffening also moves by ``z = 1/2 sum_ij u_ij eta_i eta_j``, as a beam gets
+shorter when it bends. Only the work of accelerations ``a + B r`` on z matters: z is replaced by
 the field of this kind with the same work, whose twelve coefficients are further coordinates,
 ``zeta_k = 1/2 eta Z_k eta``. So inertia forces remain those of particles that move: the mass matrix
 is positive definite, and momentum and energy are conserved.
@@ -66,7 +66,8 @@ class Room(Record):
     Attributes:
         base: (24,) frame, its local twist and the rate of that.
         X: (k, 3, 12) interfaces relative to the frame, and the derivatives of these in time.
-        g: (k, 4) factors of their rotations, see ``core.places.floating_frames``.
+        g: (k, 4) factors of the derivatives of their rotations, see
+            ``core.places.floating_frames``.
         eta: (n, 3) coordinates with their derivatives in time.
         G: (12 n, 3) see :func:`extend`; none without geometric stiffening.
         P: (3, N) integrals of ``rho Phi_i``.
@@ -77,7 +78,7 @@ class Room(Record):
         units, columns: (k, 12, 12) and (k, 6, 12), see
             ``core.places.floating_frames.write_columns``.
         to_nodes: (6 + n, s) derivatives of frame and coordinates by all steps.
-        places: (n, s) changes of the coordinates along these.
+        places: (n, s) changes of the coordinates along these steps.
         rates, jerks: (6 + n, s) of twist of the frame and elastic rates, and of their rates.
         turned: (n, 6) of the rates of the elastic rates by the twist of a frame without node.
         moved: (6, s) steps of the frame.
@@ -111,7 +112,7 @@ class Room(Record):
 
 
 def room_for(data: BodyData, nodes: int) -> Room:
-    """Room for what is computed of a body with this number of nodes."""
+    """Work space for a body with this number of nodes."""
     k, n, every = len(data.rest), len(data.stiffness), data.moments.shape[1] - 1
     size = 6 * nodes + (6 if len(data.conditions) else 0)
     return Room(
@@ -247,7 +248,7 @@ def forces_into(data: BodyData, f: Room, force: FloatArray) -> None:
 
 @subroutine
 def interface_strains(data: BodyData, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """``T_k eta`` (6k, n) and the strains (6k,) of the interfaces' coordinates with it.
+    """Write ``T_k eta`` (6k, n) and the strains (6k,) of the interfaces' coordinates from it.
 
     Only for bodies that stiffen geometrically.
     """
@@ -269,7 +270,7 @@ def add_elastic(data: BodyData, eta: FloatArray, force: FloatArray) -> None:
 
     With geometric stiffening the potential is ``1/2 eta K eta + eta_c tau + 1/2 tau F tau``,
     ``tau_k = 1/2 eta T_k eta`` and F the compliance of the interfaces' coordinates eta_c: the
-    square of their strains, which what stretches by bending counts in.
+    energy of their strains, including the stretch by bending.
     """
     x, rates = eta[:, 0].copy(), eta[:, 1].copy()
     own = np.dot(data.stiffness, x) + np.dot(data.damping, rates)

@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled loops over bodies in a floating frame: forces, matrices and momenta at their nodes.
 
-``nodes`` (m, N) hold frame, interfaces and amplitudes of each body, the frame left out where it
-moves with the body on average. See ``core.places.floating_frames`` and ``inertia`` for the
-notation.
+``nodes`` (m, N) hold frame, interfaces and amplitudes of each body, without the frame if it is a
+mean-axis frame. See ``core.places.floating_frames`` and ``inertia`` for the notation.
 
 These are not loops of ``kernels.driver``: it would copy the data of bodies in every call, 1888
 numbers of a bar with two interfaces and six modes, which takes 2.9 microseconds beside the 3.3 of
@@ -90,7 +89,7 @@ def _add_to_nodes(
 ) -> None:
     """Add forces on frame and elastic coordinates to the nodes of one body."""
     k = len(columns)
-    own = len(nodes) - (k + (len(force) - 4 - 6 * k) // 3)  # one if the frame has a node
+    own = len(nodes) - (k + (len(force) - 4 - 6 * k) // 3)  # 1 if the frame has a node
     if own:
         for i in range(6):
             residual[nodes[0], i] += scale * force[i]
@@ -153,7 +152,7 @@ def _put_changes(
         w: (6,) the rate of that.
         by: (2, 2, 36) changes of the twists of frame and interface along their own steps, and those
             of their rates.
-        stiffness: factor of the changes of place.
+        stiffness: factor of the changes of position.
         changes: what is written.
     """
     X, g, units = room.X[c], room.g[c], room.units[c]
@@ -293,7 +292,7 @@ def tangents_into(
         if free:
             respond(of, own)
         total = np.dot(K, places) + np.dot(D, rates) + np.dot(M, jerks)
-        for i in range(6 + n):  # gravity turns in the axes of the frame
+        for i in range(6 + n):  # gravity rotates relative to the axes of the frame
             for j in range(3):
                 p, q = (j + 1) % 3, (j + 2) % 3
                 change = M[i, q] * weight[p] - M[i, p] * weight[q]

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled frames that move with a body on average, which its nodes and amplitudes determine.
+"""Compiled mean-axis frames of bodies, determined by their nodes and amplitudes.
 
-Conditions ``C eta = 0`` say that the body neither moves nor turns relative to the frame (mean axes,
-Tisserand; Agrawal and Shabana, Comput. Struct. 21 (1985) 1303). They hold for rates and their rates
-alike, so that twist and acceleration of the frame follow from those of the nodes, and the forces on
-the frame are carried by multipliers of the conditions, which are eliminated body by body.
+Conditions ``C eta = 0`` say that the body on average neither translates nor rotates relative to the
+frame (mean axes, Tisserand; Agrawal and Shabana, Comput. Struct. 21 (1985) 1303). They hold for
+rates and their rates alike, so that twist and acceleration of the frame follow from those of the
+nodes, and the forces on the frame are carried by multipliers of the conditions, which are
+eliminated body by body.
 """
 
 import numpy as np
@@ -17,7 +18,7 @@ from flexfem.lie.se3 import retract_into
 
 __all__ = ["carry", "condense", "locate", "relative_motion", "respond"]
 
-#: Newton steps to the frame, and the largest of the last one, whose square is far below round-off.
+#: Newton steps for the frame, and the bound of the last, whose square is far below round-off.
 _STEPS, _SMALL = 30, 1e-9
 
 
@@ -76,7 +77,7 @@ def relative_motion(
 
     Args:
         data: of the body.
-        room: holds the frame, and gets what is seen from there.
+        room: holds the frame, and gets the relative motion.
         nodes: interfaces, then amplitudes.
         frames: (n, 12) of all nodes.
         velocity: (n, 6) their local twists.
@@ -102,7 +103,7 @@ def locate(
     base, eta = room.base, room.eta
     H, start, step = frames[nodes[0]], np.empty(12), np.zeros(6)
     base[:] = 0.0
-    start[:] = H  # the body as it hangs at its first interface
+    start[:] = H  # initial guess: the undeformed body at its first interface
     for i in range(3):
         for j in range(3):
             start[i] -= H[3 + 3 * i + j] * data.rest[0, j]
@@ -128,7 +129,7 @@ def locate(
 
 @subroutine
 def carry(data: BodyData, columns: FloatArray, force: FloatArray) -> None:
-    """Add the multipliers' forces to those on coordinates: none is left on the frame.
+    """Add the multipliers' forces to those on coordinates, so that none is left on the frame.
 
     Args:
         data: of the body.
@@ -154,10 +155,10 @@ def carry(data: BodyData, columns: FloatArray, force: FloatArray) -> None:
 
 @subroutine
 def respond(data: BodyData, room: Room) -> None:
-    """Let the frame follow the steps of the nodes.
+    """Write the change of the frame along the steps of the nodes.
 
     The first six columns of changes are those by the place of the frame, which is written to
-    ``room.moved``; the others are those by all that a step of a node changes.
+    ``room.moved``; the others are those by the places and rates of the nodes.
     """
     places, rates, jerks, moved = room.places, room.rates, room.jerks, room.moved
     own = np.ascontiguousarray(places[:, :6])
@@ -180,13 +181,13 @@ def respond(data: BodyData, room: Room) -> None:
 
 @subroutine
 def condense(data: BodyData, room: Room, bent: FloatArray, full: FloatArray) -> FloatArray:
-    """Matrix at the nodes without the frame, from that with it.
+    """Condense the matrix with the frame to that of the nodes.
 
     Args:
         data: of the body.
         room: with the steps of the frame.
         bent: (s, s) changes of forces with their directions, by place.
-        full: (s, s) changes of the forces with these steps, directions left out.
+        full: (s, s) changes of the forces with these steps at fixed directions.
     """
     total = full + bent + np.dot(np.ascontiguousarray(bent[:, :6]), room.moved)
     gradient = np.dot(data.conditions, np.ascontiguousarray(room.to_nodes[6:]))

@@ -17,7 +17,7 @@ from flexfem.model.bodies.floating_body import MEAN_AXES, FloatingBody
 __all__ = ["FloatingNodes", "body_data"]
 
 
-#: Part of the largest by which a body's extent in some direction counts as none.
+#: Extent of a body in a direction, over its largest extent, that counts as zero.
 _FLAT = 1e-10
 
 
@@ -28,7 +28,7 @@ class FloatingNodes:
         bodies: the bodies in the model's order.
         first: (b + 1,) first node of each.
         frames, velocities: (n, 12) and (n, 6) of the nodes at the start.
-        held: (n, 6) unknowns that amplitudes do not have.
+        held: (n, 6) True for unknowns of a node that are no amplitudes, which are fixed.
         body_of_node: (n,).
     """
 
@@ -65,7 +65,7 @@ class FloatingNodes:
 
     @cached_property
     def locks(self) -> list[ElasticLock]:
-        """Joints that keep the bodies from moving as their meshes cannot."""
+        """Joints that constrain motions which the bodies' meshes cannot represent."""
         locks = []
         for body in self.bodies:
             held = body.reduced.held.reshape(-1, 6)
@@ -140,7 +140,7 @@ def _second_order(
     # by component: fields of acceleration a + B r along axis a are four of the twelve
     by_axis = np.concatenate([work[:3, np.newaxis], work[3:].reshape(3, 3, *work.shape[1:])], 1)
     diagonal = np.diag(corner)
-    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))  # a flat body has no extent across
+    scale = np.sqrt(np.where(diagonal > 0.0, diagonal, 1.0))  # a flat body has zero thickness
     inverse = np.linalg.pinv(corner / np.outer(scale, scale), rcond=_FLAT, hermitian=True)
     Z = np.einsum("qp,apij->aqij", inverse / np.outer(scale, scale), by_axis)
     n = moments.shape[1]
@@ -157,7 +157,7 @@ def _second_order(
 
 
 def _locked(body: FloatingBody, stiffness: FloatArray) -> FloatArray:
-    """The stiffness with some for coordinates that are locked: without, it would be singular."""
+    """The stiffness with entries for locked coordinates, without which it would be singular."""
     held = body.reduced.held.reshape(-1, 6)[body.relative].ravel()
     out = np.ascontiguousarray(stiffness)
     diagonal = np.diagonal(out)[: len(held)].reshape(-1, 6)

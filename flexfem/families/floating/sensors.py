@@ -20,7 +20,7 @@ __all__ = ["BodyElongation"]
 
 
 class BodyElongation:
-    """Displacement by stress of two interfaces against one another, on the rank of the body."""
+    """Relative displacement of two interfaces by elastic strain, on the rank of the body."""
 
     def __init__(
         self, part: BlockPart, bodies: Sequence[FloatingBody], probe: ElongationProbe
@@ -43,7 +43,7 @@ class BodyElongation:
 
 
 def _along(body: FloatingBody, probe: ElongationProbe) -> FloatArray:
-    """Weights of the interfaces' coordinates in the elongation; the frame's own are none."""
+    """Weights of the interfaces' coordinates in the elongation; those of the frame are zero."""
     first, second = probe.interfaces(body)
     places = [body.reduced.interfaces[i].position for i in (first, second)]
     direction = (places[1] - places[0]) / np.linalg.norm(places[1] - places[0])

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Director triangles: geometrically exact shells that shear, with quadratic positions."""
+"""Director triangles: geometrically exact shells with shear strain and quadratic positions."""

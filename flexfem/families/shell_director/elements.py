@@ -58,8 +58,8 @@ class DirectorShells:
         body: (m,) number of the shell.
         areas: of the triangles at the start, m^2, (m,).
 
-    The methods of :class:`flexfem.layout.elements.ElementFamily` are described there. A step with
-    damping neglects in the tangent how strain rates change as triangles turn.
+    The methods of :class:`flexfem.layout.elements.ElementFamily` are described there. With damping,
+    the tangent neglects the change of strain rates by the rotation of the triangles.
     """
 
     law_owner: str | None = None
@@ -97,12 +97,12 @@ class DirectorShells:
 
     @property
     def carriers(self) -> IndexArray:
-        """Nodes (m, 6) of the triangles, corners first, which loads act on."""
+        """Nodes (m, 6) of the triangles on which loads act, corners first."""
         return self._cells
 
     @property
     def facets(self) -> tuple[IntArray, IntArray]:
-        """Nodes of the four flat triangles that each consists of in pictures, and which it is."""
+        """Nodes of the four flat triangles that draw each triangle, and the number of that."""
         parts = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]])
         nodes = self.triangles.nodes.astype(np.int64)
         return nodes[:, parts].reshape(-1, 3), np.repeat(np.arange(len(nodes)), 4)
@@ -113,7 +113,7 @@ class DirectorShells:
         return self._pairs.couplings
 
     def _starts(self, block: FrameBlock, strains: FloatArray | None) -> FloatArray:
-        """Strains at the start, less what rates and given strains add to the present ones."""
+        """Strains at the start, less the effect of rates and given strains on the present ones."""
         triangles, starts = self.triangles, self.triangles.starts
         if triangles.damping.any():
             rates = triangles.rates(block.frames, block.velocity)
@@ -123,7 +123,7 @@ class DirectorShells:
         return starts
 
     def _response(self, block: FrameBlock, starts: FloatArray, rate: float = 0.0) -> Response:
-        """Stresses and stiffness; those of laws with strain rates."""
+        """Stresses and stiffness; with strain rates for laws that depend on them."""
         triangles, rates = self.triangles, None
         if self.viscous and triangles.laws:
             rates = triangles.rates(block.frames, block.velocity)
@@ -187,7 +187,7 @@ class DirectorShells:
         return [np.zeros_like(self.triangles.starts)]
 
     def accept(self, block: FrameBlock) -> None:
-        """Turn the axes of corners as the directors around them have turned (collective)."""
+        """Rotate the axes of corners by the rotation of the directors around them (collective)."""
 
         def add(sums: FloatArray) -> None:
             add_turns(self.triangles.nodes, block.start_frames, block.frames, sums)
@@ -238,5 +238,5 @@ class DirectorShells:
 
 
 def _rate(shifts: FloatArray) -> float:
-    """Change of velocities with positions, 1/s; zero where no stiffness is asked for."""
+    """Change of velocities with positions, 1/s; zero without stiffness in the iteration matrix."""
     return float(shifts[0] / shifts[2]) if shifts[2] != 0.0 else 0.0

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Geometry of director triangles at the start, and what of their mechanics follows from it."""
+"""Geometry of director triangles at the start, and the stiffness and masses that follow from it."""
 
 from dataclasses import dataclass
 from functools import cached_property
@@ -17,12 +17,12 @@ __all__ = ["Geometry", "consistent_masses", "plane_stiffness", "shear_stiffness"
 
 @dataclass(frozen=True)
 class Geometry:
-    """Of the start, at three points of each triangle.
+    """Geometry at the start at three points of each triangle.
 
     Attributes:
         axes: orthonormal e1, e2, e3, rows, (m, 3, 3, 3).
         maps: components of e_1, e_2 in the covariant base vectors, (m, 3, 2, 2).
-        areas: that the points stand for, m^2, (m, 3).
+        areas: areas that the points represent, m^2, (m, 3).
     """
 
     axes: FloatArray
@@ -31,7 +31,7 @@ class Geometry:
 
     @classmethod
     def at(cls, points: FloatArray, places: FloatArray, directions: FloatArray | None) -> Self:
-        """Geometry at points (3, 2) of triangles whose nodes are at places (m, 6, 3)."""
+        """Geometry at points (3, 2) of triangles with nodes at positions (m, 6, 3)."""
         base = np.einsum("pan,mnc->mpac", slopes(points), places)
         normals = np.cross(base[:, :, 0], base[:, :, 1])
         sizes = np.linalg.norm(normals, axis=2)
@@ -70,7 +70,7 @@ def plane_stiffness(points: Geometry, stiffness: FloatArray) -> FloatArray:
 def shear_stiffness(middles: Geometry, stiffness: FloatArray, shear: FloatArray) -> FloatArray:
     """Stiffness (m, 6, 6) of covariant shear strains times areas.
 
-    What is beyond the edge element counts less, see ``forms.director_shell``.
+    The part outside the lowest edge element is weighted less, see ``forms.director_shell``.
     """
     whole = np.zeros((len(shear), 6, 6))
     for k in range(3):
@@ -92,7 +92,7 @@ def consistent_masses(places: FloatArray, density: FloatArray) -> FloatArray:
     """Integrals (m, 6, 6) of a density (m,) per area times two shape functions.
 
     Args:
-        places: of the nodes at the start, (m, 6, 3).
+        places: positions of the nodes at the start, (m, 6, 3).
         density: of each triangle, kg/m^2.
     """
     points, weights = DEGREE_4

@@ -2,8 +2,8 @@
 """Compiled loops over pairs of nodes of director shells: matrices, inertia, momenta.
 
 The inertia is that of ``families.beam_nurbs.inertia``: masses ``m_IJ`` that move with the inertial
-velocities of the nodes, constant, and rods that turn with the directors, lumped in the middles of
-the edges.
+velocities of the nodes, constant, and rods that rotate with the directors, lumped at the midpoints
+of the edges.
 """
 
 import numpy as np
@@ -111,7 +111,7 @@ def add_motion(
 
 @kernel
 def add_turns(cells: IndexArray, start: FloatArray, frames: FloatArray, sums: FloatArray) -> None:
-    """Add how nodes with directors have turned since the start to the corners nearby (n, 9)."""
+    """Add the rotations since the start of nodes with directors to the corners nearby (n, 9)."""
     for m in range(len(cells)):
         for k in range(3):
             H, G = frames[cells[m, 6 + k]], start[cells[m, 6 + k]]

@@ -38,7 +38,7 @@ __all__ = ["action", "forces", "strain_rates", "strains"]
 def strains(
     tensor: FloatArray, coefficients: FloatArray, constants: FloatArray, coordinates: FloatArray
 ) -> None:
-    """Covariant strains (24,) of the frames as such, written."""
+    """Write the covariant strains (24,) of the frames, not relative to the start."""
     work = place(coefficients, coordinates)
     write_products(work, PLACES, PLACES)
     write_strain(work, tensor)
@@ -67,7 +67,7 @@ def _write_changes(coefficients: FloatArray, work: FloatArray) -> None:
 def strain_rates(
     tensor: FloatArray, coefficients: FloatArray, constants: FloatArray, coordinates: FloatArray
 ) -> None:
-    """Derivatives (24,) of the strains along local twists of the nodes, written."""
+    """Write the derivatives (24,) of the strains along local twists of the nodes."""
     work = place(coefficients, coordinates)
     _write_changes(coefficients, work)
     write_products(work, PLACES, CHANGES)

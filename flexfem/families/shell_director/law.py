@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Stresses of director triangles whose sections have laws of the user."""
+"""Stresses of director triangles whose sections have user-defined laws."""
 
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -15,12 +15,12 @@ __all__ = ["DirectorLaw", "Response", "law_energies", "law_response", "law_visco
 
 @dataclass(frozen=True)
 class Response:
-    """Stresses and stiffness of triangles, as the compiled loops take them.
+    """Stresses and stiffness of triangles, in the format of the compiled loops.
 
     Attributes:
         planes: derivatives of the covariant stresses of membrane and bending by the strains, times
             areas, (m, 3, 6, 6).
-        stresses: these stresses, (m, 18); none where they are the stiffness times the strains.
+        stresses: these stresses, (m, 18); (0, 18) where they are the stiffness times the strains.
     """
 
     planes: FloatArray
@@ -29,11 +29,11 @@ class Response:
 
 @dataclass(frozen=True)
 class DirectorLaw:
-    """A law of the user for some triangles, which takes the place of their stiffness.
+    """A user-defined law for some triangles, in place of their stiffness.
 
     Attributes:
         rows: the triangles, (r,).
-        sections: which of the law's sections each has, (r,).
+        sections: number of each triangle's section among those of the law, (r,).
         values: the law.
     """
 
@@ -50,15 +50,15 @@ def law_response(
     rates: FloatArray | None,
     rate: float,
 ) -> Response:
-    """Stresses and stiffness where some triangles have laws of the user.
+    """Stresses and stiffness where some triangles have user-defined laws.
 
     Args:
-        laws: which triangles have them.
+        laws: the laws and their triangles.
         points: geometry of all triangles.
         planes: stiffness of those without a law, as ``Response.planes``.
         strains: covariant strains of membrane and bending, (m, 3, 6).
-        rates: of the strains, alike; None where they do not count.
-        rate: change of strain rates with strains, 1/s, that the stiffness takes in.
+        rates: of the strains, same shape; None to neglect them.
+        rate: change of strain rates with strains, 1/s, included in the stiffness.
     """
     planes = planes.copy()
     stresses = np.einsum("mpij,mpj->mpi", planes, strains)

@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Forces spread over the curved triangles of director shells and along their edges.
+"""Distributed forces over the curved triangles of director shells and along their edges.
 
-A pressure p makes the nodal forces ``p int N_i x,1 x x,2`` over the reference triangle, with the
-quadratic shape functions N: with fixed coefficients ``A_ijk``, antisymmetric in j and k, they are
+The nodal forces of a pressure p are ``p int N_i x,1 x x,2`` over the reference triangle, with the
+quadratic shape functions N; with fixed coefficients ``A_ijk``, antisymmetric in j and k, they are
 ``p/2 sum_jk A_ijk x_j x x_k``, and ``df_i = p sum_j dx_j x v_ij`` with ``v_ij = sum_k A_ijk x_k``.
-The tangent is symmetric after summation but for the rims.
+The tangent is symmetric after assembly, except at boundary edges.
 """
 
 import numpy as np
@@ -26,10 +26,10 @@ _GAUSS = np.sqrt(0.6) * np.array([-1.0, 0.0, 1.0]), np.array([5.0, 8.0, 5.0]) / 
 
 
 def edge_shares(places: FloatArray) -> FloatArray:
-    """Integrals (m, 3) of the shape functions of both ends and the middle along curved edges.
+    """Integrals (m, 3) of the shape functions of both ends and the midside node of curved edges.
 
     Args:
-        places: of these nodes, (m, 3, 3).
+        places: positions of these nodes, (m, 3, 3).
     """
     s, weights = _GAUSS
     values = np.stack([s * (s - 1) / 2, s * (s + 1) / 2, 1 - s * s], 1)
@@ -127,7 +127,7 @@ def pressure_tangent(
                     for r in range(3):
                         value = G[3 + r] * d[0] + G[6 + r] * d[1] + G[9 + r] * d[2]
                         out[m, 6 * i + r, 6 * j + c] = value
-            # in axes that turn with the node
+            # in axes that rotate with the node
             _force(q, i, v, f)
             for a in range(3):
                 d[a] = p * (G[3 + a] * f[0] + G[6 + a] * f[1] + G[9 + a] * f[2])
@@ -142,7 +142,7 @@ def pressure_states(
     nodes: IntArray, pressure: FloatArray, load: IntArray, factors: FloatArray, frames: FloatArray,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """Write force, no moment, place and no angular velocity at each node to (6 m, 12)."""
+    """Write force, zero moment, position and zero angular velocity of each node to (6 m, 12)."""
     q, v, f = np.empty((6, 3)), np.empty(3), np.empty(3)
     out[:] = 0.0
     for m in range(len(nodes)):

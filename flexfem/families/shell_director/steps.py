@@ -2,13 +2,15 @@
 """Steps that the kernels of director triangles share.
 
 The 24 covariant strains of ``tables`` are, for each of three points, membrane and
-curvature (6), then the shear at the middles of the edges (6). They are quadratic forms, hence with
-stresses ``s`` the force on the relative position ``q_i`` is ``sum_j a_ij q_j + sum_k b_ik d_k`` and
-that on ``d_k`` is ``sum_i b_ik q_i`` with sums ``a``, ``b`` of fixed coefficients times stresses.
+curvature (6), then the shear at the midpoints of the edges (6). They are quadratic forms, hence
+with stresses ``s`` the force on the relative position ``q_i`` is ``sum_j a_ij q_j + sum_k b_ik
+d_k`` and that on ``d_k`` is ``sum_i b_ik q_i`` with sums ``a``, ``b`` of fixed coefficients times
+stresses.
 
-A node moves by ``R u`` and turns by ``R <- R exp(theta)``; a director ``d = R d_0`` changes by
+A node moves by ``R u`` and rotates by ``R <- R exp(theta)``; a director ``d = R d_0`` changes by
 ``P theta``, the columns of ``P`` being ``R (e_a x d_0)``. The unknowns of a triangle are the
-translations of its six nodes, then the turns of the three that carry the directors: nine vectors,
+translations of its six nodes, then the rotations of the three that carry the directors: nine
+    vectors,
 with ``U_i`` the R of the first six and the P of the others. Forces are ``U_i^T f_i``, in axes of
 the nodes.
 
@@ -58,7 +60,7 @@ __all__ = [
     "write_sums",
 ]
 
-#: Numbers of coefficients, but for those of the work space.
+#: Sizes of the coefficients, without the work space.
 SIZES = {
     "starts": 24, "given": 18, "positions": 27, "rotations": 81, "steps": 54
 }  # fmt: skip
@@ -72,7 +74,7 @@ PLACES, CHANGES, TO_INERTIAL, SQUARES, CROSSES, STRAIN, STRESS, FORCES, FORCE_CH
 )  # fmt: skip
 #: Number of places in the work space.
 WORK = 271
-#: Where the spins take the place of stresses that are not needed any more.
+#: First entry of the spins, which overwrite stresses that are no longer needed.
 SPINS = STRESS
 
 
@@ -83,8 +85,8 @@ def constant_data(
     """Constant data of triangles, a row for each call of a kernel.
 
     Args:
-        nodes: (m, 9) corners, middles of the opposite edges, nodes whose frames turn the directors.
-        directors: (m, 3, 3) d_0 in the axes of the frames that turn them.
+        nodes: (m, 9) corners, midside nodes opposite to them, nodes that carry the directors.
+        directors: (m, 3, 3) d_0 in the axes of the frames that carry them.
         damping: (m,) stiffness-proportional, s.
         shears: (m, 6, 6) stiffness of the shear, relaxed, times areas, N m.
         planes: (m, 3, 6, 6) stiffness of membrane and bending at the points, times areas.
@@ -146,7 +148,7 @@ def write_products(work: FloatArray, one: int, other: int) -> None:
 
 @inlined_fused
 def write_strain(work: FloatArray, to: FloatArray) -> None:
-    """Write the strains (24,) that the products make up to the front of ``to``."""
+    """Write the strains (24,), which are sums of the products, to the front of ``to``."""
     for s in range(9):
         total = 0.0
         for i in range(5):
@@ -182,7 +184,7 @@ def write_stress(coordinates: FloatArray, scale: Any, work: FloatArray) -> None:
 def write_response(
     coefficients: FloatArray, constants: FloatArray, coordinates: FloatArray, work: FloatArray
 ) -> None:
-    """Write the strains since the start and the stresses, given ones if there are any."""
+    """Write the strains since the start and the stresses, or the given stresses if any."""
     write_products(work, PLACES, PLACES)
     write_strain(work, work[LANES * STRAIN :])
     for s in range(24):
@@ -241,10 +243,10 @@ def clear(work: FloatArray, first: int, count: int) -> None:
 def write_spins(
     coefficients: FloatArray, coordinates: FloatArray, work: FloatArray, k: int
 ) -> None:
-    """Write how a middle's forces on its position and on its turn change as it turns, (2, 3, 3).
+    """Write changes of a midside node's force and moment with its rotation, (2, 3, 3).
 
-    The forces themselves are held. The first matrix is zero where the middle is held along axes
-    that do not turn with its director.
+    The forces in inertial axes are fixed. The first matrix is zero where the node has Dirichlet
+    conditions along axes that do not rotate with its director.
     """
     R = _ROTATIONS + 54 + 9 * k
     inner = 0.0

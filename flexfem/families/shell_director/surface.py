@@ -25,11 +25,11 @@ __all__ = ["director_cells", "shell_surface"]
 def shell_surface(model: Model) -> ShellSurface:
     """All shells of a model; with directors, the nodes of the mesh and then those of its edges.
 
-    Last come nodes that turn the directors at midside nodes which are held along some axes only:
-    the frames of these nodes keep the axes and do not turn.
+    Last come nodes that carry the directors of midside nodes which are fixed along some axes only:
+        the frames of these midside nodes keep the axes and do not rotate.
 
     Raises:
-        ValueError: as ``ShellSurface.of``; middles of edges that turn a triangle inside out.
+        ValueError: as ``ShellSurface.of``; midside nodes that invert a triangle.
     """
     surface = ShellSurface.of(model)
     if surface.shells[0].element != "director":
@@ -50,9 +50,9 @@ def shell_surface(model: Model) -> ShellSurface:
 
 
 def _hold_edges(surface: ShellSurface, made: DirectorNodes) -> None:
-    """Enter what holds along the boundaries of shells.
+    """Enter the conditions along the boundaries of shells.
 
-    In a plane of symmetry directors turn about its normal, which becomes the first axis.
+    In a plane of symmetry directors rotate about its normal, which becomes the first axis.
     """
     midside = made.nodes[:, 3:]
     made.held[midside[surface.rules == EdgeRule.HINGED], :3] = True
@@ -65,7 +65,7 @@ def _hold_edges(surface: ShellSurface, made: DirectorNodes) -> None:
 
 
 def _hold_lines(surface: ShellSurface, made: DirectorNodes) -> DirectorNodes:
-    """Enter what holds along other lines."""
+    """Enter the conditions along other lines."""
     mesh, count = surface.mesh, len(surface.mesh.points)
     keys = edge_keys(made.edges, count)
     held, partly = DirichletNodes(made.frames[:, :3]), np.zeros(len(made.frames), dtype=np.bool_)
@@ -91,13 +91,13 @@ def _hold_lines(surface: ShellSurface, made: DirectorNodes) -> DirectorNodes:
 def _split(
     made: DirectorNodes, midside: IntArray, frames: FloatArray, held: BoolArray
 ) -> DirectorNodes:
-    """Give some midside nodes axes along which they are held, and others their directors.
+    """Give some midside nodes axes of Dirichlet conditions, and their directors to other nodes.
 
     Args:
         made: all nodes.
-        midside: which of them.
+        midside: numbers of the midside nodes.
         frames: of all nodes, (n, 12), with the axes of these nodes.
-        held: along which of these axes, (n, 3).
+        held: True for the axes along which nodes are fixed, (n, 3).
     """
     count = len(made.frames)
     number = np.arange(count)
@@ -137,7 +137,7 @@ def director_cells(
     Args:
         surface: all shells.
         own: numbers of the triangles.
-        laws: what ``shell_laws`` found.
+        laws: result of ``shell_laws``.
         local: numbers of nodes on this rank for those of the surface.
     """
     made, shells = surface.directors, surface.shells
@@ -167,7 +167,7 @@ def director_cells(
 
 
 def _laws(laws: ShellLaws, section: IntArray) -> list[DirectorLaw]:
-    """Laws of the user of triangles with sections (m,)."""
+    """User-defined laws of triangles with sections (m,)."""
     found = []
     for numbers, values in laws:
         rows = np.flatnonzero(np.isin(section, numbers))

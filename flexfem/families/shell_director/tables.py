@@ -2,7 +2,8 @@
 """Strains of a director triangle as quadratic forms of its nodes, the same for all triangles.
 
 Reference triangle: corners (0, 0), (1, 0), (0, 1). Nodes 0, 1, 2 are the corners, node 3 + k is the
-middle of the edge opposite to corner k, where director k is. With ``g_a`` the derivatives of the
+    midpoint of the edge opposite to corner k, where director k is. With ``g_a`` the derivatives of
+    the
 position and ``d`` the director along the coordinates of the reference triangle, the covariant
 strains are the changes of ``g_a . g_b / 2``, ``g_a . d,b`` and ``g_a . d``: in relative positions
 ``q_i = x_i - x_0``, i = 1 to 5, and directors ``d_k`` they are sums of products ``q_i . q_j`` and
@@ -10,7 +11,7 @@ strains are the changes of ``g_a . g_b / 2``, ``g_a . d,b`` and ``g_a . d``: in 
 
 The membrane strains, polynomials of degree 2, are replaced by the linear ones with the same
 tangential strains at the two Gauss points of each edge and the same mean: the interpolation into
-Regge elements of degree 1 that frees curved triangles of membrane locking (Neunteufel, Schoeberl,
+Regge elements of degree 1 that removes membrane locking of curved triangles (Neunteufel, Schoeberl,
 J. Comput. Phys. 426 (2021) 109933).
 """
 
@@ -32,7 +33,7 @@ __all__ = [
 
 #: Quadrature points of membrane and bending, each of weight 1/6: exact to degree 2.
 POINTS = np.array([[1.0, 1.0], [4.0, 1.0], [1.0, 4.0]]) / 6.0
-#: Middles of the edges, quadrature points of the shear, exact to degree 2 as well.
+#: Midpoints of the edges, quadrature points of the shear, exact to degree 2 as well.
 MIDDLES = np.array([[0.5, 0.5], [0.0, 0.5], [0.5, 0.0]])
 #: Points and weights, exact to degree 4 (Dunavant, Int. J. Numer. Meth. Eng. 21 (1985) 1129-1148).
 DEGREE_4 = (
@@ -97,7 +98,7 @@ def _membrane() -> FloatArray:
 
 
 def _crossed() -> FloatArray:
-    """Coefficients of curvatures at the quadrature points and of shear at the middles."""
+    """Coefficients of curvatures at the quadrature points and of shear at the midpoints."""
     g, d = slopes(POINTS)[:, :, 1:], -2.0 * BARYCENTRIC
     result = np.zeros((15, 5, 3))
     for p in range(3):
@@ -109,7 +110,7 @@ def _crossed() -> FloatArray:
 
 
 def _reduction() -> FloatArray:
-    """Map (6, 6) from shear at the middles to that of the edge element with the same edges."""
+    """Map (6, 6) of shear at the midpoints to that of the edge element, equal along the edges."""
     fields, along = np.zeros((6, 3)), np.zeros((3, 6))
     for k, (x, y) in enumerate(MIDDLES):
         fields[2 * k], fields[2 * k + 1] = [1.0, 0.0, -y], [0.0, 1.0, x]
@@ -121,7 +122,7 @@ def _reduction() -> FloatArray:
 #: Coefficients (9, 5, 5) of ``q_i . q_j / 2``: eps_11, eps_22, 2 eps_12 of each point.
 MEMBRANE = _membrane()
 #: Coefficients (15, 5, 3) of ``q_i . d_k``: kappa_11, kappa_22, 2 kappa_12 of each point, then
-#: gamma_1, gamma_2 of each middle.
+#: gamma_1, gamma_2 of each midpoint.
 CROSSED = _crossed()
 #: Projection (6, 6) of the shear strains onto those of the lowest edge element.
 REDUCTION = _reduction()

@@ -2,8 +2,8 @@
 """Kernel of the tangents of director triangles.
 
 Notation, data and constants as in ``steps``. The sums ``a``, ``b`` of coefficients times stresses
-are the geometric part of a tangent in positions and directors. In axes of the nodes, forces change
-besides as their node turns.
+are the geometric part of a tangent in positions and directors. In axes of the nodes, forces also
+change with the rotation of their node.
 """
 
 from flexfem._types import FloatArray
@@ -32,7 +32,7 @@ from flexfem.kernels.vectors import add_to, load, store
 
 __all__ = ["TANGENT_WORK", "tangent"]
 
-#: Places in the work space, of the derivatives (24, 27) of the strains by the unknowns, of those
+#: Positions in the work space of the derivatives (24, 27) of the strains by the unknowns, of those
 #: times the stiffness, and of the coefficients (9, 9) between positions and directors.
 _RATES, _TIMES, _WHOLE = WORK, WORK + 648, WORK + 1296
 #: Number of places in the work space of tangents.
@@ -127,10 +127,10 @@ def _put_block(tensor: FloatArray, work: FloatArray, i: int, j: int) -> None:
 def tangent(
     tensor: FloatArray, coefficients: FloatArray, constants: FloatArray, coordinates: FloatArray
 ) -> None:
-    """Derivatives of the forces (27, 27), written.
+    """Write the derivatives of the forces (27, 27).
 
-    They are those by local twists and by local velocities, times the factors, but for how strain
-    rates change as triangles turn.
+    They are those by local twists and by local velocities, times the factors, without the change of
+    strain rates by the rotation of the triangles.
     """
     work = place(coefficients, coordinates)
     _write_rates(work)

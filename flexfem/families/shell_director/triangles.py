@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Director triangles: energy, internal forces, tangents and masses from frames of their nodes.
 
-The energy is that of ``forms.director_shell``: quadratic positions, and one director in the middle
-of each edge, which a frame there carries. Differentiated by hand, a residual costs 0.4 and
-a tangent 4 us a triangle; by the form (``families.shells.ufl_triangles``) they cost 24 and 49 us
-(``tests/benchmarks/shell_kernels.py``).
+The energy is that of ``forms.director_shell``: quadratic positions, and one director at the
+midpoint of each edge, which rotates with a frame there. Differentiated by hand, a residual costs
+0.4 and a tangent 4 us a triangle; by the form (``families.shells.ufl_triangles``) they cost 24 and
+49 us (``tests/benchmarks/shell_kernels.py``).
 """
 
 from collections.abc import Sequence
@@ -48,7 +48,7 @@ from flexfem.kernels.records import Float2D, Memory, Record
 __all__ = ["UNKNOWNS", "DirectorTriangles"]
 
 _NO_STRESSES = np.zeros((0, 18))
-#: Translations of the six nodes, turns of the three with directors.
+#: Number of translations of the six nodes plus rotations of the three with directors.
 UNKNOWNS = np.array([(i, 0 if i < 6 else 3) for i in range(9)])
 
 
@@ -68,8 +68,8 @@ def _cell_kernel(
     Args:
         kernel: one of ``kernels`` and ``tangent``.
         size: number of results.
-        given: stresses are those of the cells.
-        stepped: it takes the twists of nodes.
+        given: True if stresses are data of the cells.
+        stepped: True if it takes the twists of nodes.
     """
     nodal = {
         "positions": (Nodal.POSITION, _Nodes.word("frames")),
@@ -90,20 +90,20 @@ class DirectorTriangles:
     start: membrane 11, 22, 12, curvatures or moments 11, 22, 12, shear 1, 2.
 
     Attributes:
-        nodes: (m, 9) corners, middles of the opposite edges, and the nodes whose frames turn the
-            directors, which are the middles again but where a middle is held along axes that must
-            not turn.
-        directors: at the start in the axes of the frames that turn them, (m, 3, 3).
+        nodes: (m, 9) corners, midside nodes opposite to them, and the nodes that carry the
+            directors: the midside nodes again, save where these are fixed along axes that must not
+            rotate.
+        directors: at the start in the axes of the frames that carry them, (m, 3, 3).
         shears: stiffness of covariant shear strains times areas, relaxed, N m, (m, 6, 6).
         damping: stiffness-proportional, s, (m,).
         starts: covariant strains at the start, (m, 24).
-        sections: which stiffness a triangle has, (m,).
+        sections: number of each triangle's stiffness, (m,).
         stiffness: of membrane and bending, N/m, N and N m, (s, 6, 6).
         shear: across the thickness, N/m, (s, 2, 2).
         planes: stiffness of covariant strains times areas, (m, 3, 6, 6).
         areas: m^2, (m,).
-        axes: e1, e2, e3 of the start, rows, amid the triangles, (m, 3, 3).
-        laws: of the user, for membrane and bending.
+        axes: e1, e2, e3 of the start, rows, at the centroids of the triangles, (m, 3, 3).
+        laws: user-defined laws of membrane and bending.
     """
 
     nodes: IntArray
@@ -125,7 +125,7 @@ class DirectorTriangles:
     _nodes: _Nodes = field(init=False)
 
     def __post_init__(self) -> None:
-        """Put the data together as the driver of kernels takes them."""
+        """Collect the data in the format of the kernel driver."""
         nodes = np.ascontiguousarray(self.nodes, dtype=np.int32)
         cells = plain_cells(self.starts, nodes, self._rows(self.planes))
         object.__setattr__(self, "_cells", cells)
@@ -153,15 +153,15 @@ class DirectorTriangles:
 
         Args:
             nodes: corners, then midside nodes of the opposite edges, (m, 6); or with the nodes that
-                turn the directors, (m, 9).
+                carry the directors, (m, 9).
             frames: of the nodes at the start, (n, 12).
             directors: unit vectors at the start, inertial axes, (m, 3, 3).
             stiffness: matrices (6, 6) or (s, 6, 6).
             shear: matrices (2, 2) or (s, 2, 2).
             sections: number of the stiffness of each triangle (m,); None for the first.
-            directions: whose projection e1 is, (m, 3); None for the direction of edge 2.
+            directions: vectors whose projections are e1, (m, 3); None for the direction of edge 2.
             damping: stiffness-proportional damping, s, (m,); None for none.
-            laws: of the user.
+            laws: user-defined laws.
 
         Raises:
             ValueError: A direction is normal to its triangle.
@@ -193,7 +193,7 @@ class DirectorTriangles:
         return np.concatenate([at_points.mean(1), at_middles.mean(1)], 1)
 
     def facing(self, frames: FloatArray) -> FloatArray:
-        """Areas (m, 3) seen along the directors amid the edges, relative to those at the start."""
+        """Areas (m, 3) projected along the directors of the edges, relative to the start."""
         base = np.einsum("pan,mnc->mpac", slopes(MIDDLES), frames[self.nodes[:, :6], :3])
         turns = frames[self.nodes[:, 6:], 3:].reshape(-1, 3, 3, 3)
         directors = np.einsum("mkab,mkb->mka", turns, self.directors)
@@ -257,11 +257,11 @@ class DirectorTriangles:
 
     @property
     def viscous(self) -> bool:
-        """True if strain rates count."""
+        """True if stresses depend on strain rates."""
         return bool(self.damping.any()) or any(law.values.viscous for law in self.laws)
 
     def viscous_stresses(self, frames: FloatArray, rates: FloatArray) -> FloatArray:
-        """Stresses (m, 24) that rates (m, 24) of the strains make, times areas, all covariant."""
+        """Viscous stresses (m, 24) of strain rates (m, 24), times areas, all covariant."""
         damped = self.damping[:, None] * rates
         plane = np.einsum("mpij,mpj->mpi", self.planes, damped[:, :18].reshape(-1, 3, 6))
         strains = self.changes(frames)[:, :18].reshape(-1, 3, 6)
@@ -281,9 +281,9 @@ class DirectorTriangles:
         Args:
             frames: present frames (n, 12).
             starts: as of :meth:`add_forces`.
-            rates: of the strains, (m, 24); None where they do not count.
-            rate: change of strain rates with strains, 1/s, that the stiffness of a law of the user
-                takes in.
+            rates: of the strains, (m, 24); None to neglect them.
+            rate: change of strain rates with strains, 1/s, included in the stiffness of a
+                user-defined law.
         """
         if not self.laws:
             return Response(self.planes, _NO_STRESSES)
@@ -305,8 +305,8 @@ class DirectorTriangles:
         """Add ``scale`` times the internal forces and moments, N and N m, to the residual (n, 6).
 
         They are in the axes of the nodes. Corners get no moments. ``starts`` (m, 24) are taken in
-        place of :attr:`starts`, less what rates or assumptions add to the strains. ``response`` is
-        what :meth:`response` returns; without it, that of the same ``starts`` without rates.
+        place of :attr:`starts`, less the contributions of rates or given strains. ``response`` is a
+        result of :meth:`response`; without it, that of the same ``starts`` without rates.
         """
         begin, planes, stresses = self._present(frames, starts, response)
         if len(stresses):
@@ -325,9 +325,9 @@ class DirectorTriangles:
         """Derivatives of the internal forces, (m, 27, 27).
 
         They are those by local twists of the nodes times the first of the factors, plus those by
-        local velocities times the second, but for how strain rates change as triangles turn. Rows
-        and columns are the translations of the six nodes, then the turns of the three with
-        directors.
+        local velocities times the second, without the change of strain rates by the rotation of the
+        triangles. Rows and columns are the translations of the six nodes, then the rotations of the
+        three with directors.
         """
         present = self._present(frames, starts, response)
         found = np.empty((len(self.nodes), 27 * 27))
@@ -387,8 +387,8 @@ class DirectorTriangles:
     def rods(self, inertia: FloatArray) -> FloatArray:
         """Inertia of the directors (m, 3, 3, 3), kg m^2, in the axes of their frames.
 
-        Linear functions that are one in the middle of an edge and zero in the others' are
-        orthogonal: a third of each triangle turns with each of its directors, as a rigid rod.
+        Linear functions that are one at the midpoint of an edge and zero at the others are
+            orthogonal: a third of each triangle rotates with each of its directors, as a rigid rod.
 
         Args:
             inertia: of each triangle, density times thickness^3 / 12, kg, (m,).
@@ -398,7 +398,7 @@ class DirectorTriangles:
         return rods
 
     def _strains(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Strains (m, 3, 6) at the points, (m, 3, 2) at the middles, along e1, e2."""
+        """Strains (m, 3, 6) at the points, (m, 3, 2) at the midpoints of edges, along e1, e2."""
         changes = self.changes(frames)
         plane = changes[:, :18].reshape(-1, 3, 2, 3)
         turned = np.einsum("mpij,mpsj->mpsi", self._points.strain_maps, plane)
@@ -423,7 +423,7 @@ class DirectorTriangles:
         self, kernel: ByHand, size: int, nodes: Memory, factors: tuple[float, float],
         present: tuple[FloatArray, FloatArray, FloatArray], *, stepped: bool = False,
     ) -> tuple[Memory, Memory, Memory, FloatArray]:  # fmt: skip
-        """Kernel, cells, nodes and constants for what :meth:`_present` returns."""
+        """Kernel, cells, nodes and constants for a result of :meth:`_present`."""
         starts, planes, stresses = present
         cells, given = self._cells, len(stresses) > 0
         if planes is not self.planes:

@@ -46,8 +46,8 @@ def shell_cells(
     Args:
         surface: all shells.
         own: numbers of the triangles.
-        averaged: whether their slopes are averaged, with those of their neighbours.
-        smoothed: whether the strains of their membranes are smoothed.
+        averaged: True if their slopes are averaged with those of their neighbours.
+        smoothed: True if their membrane strains are smoothed.
         numbers: of their sections, in the order of the law's parameters.
         law: of these sections, None for the linear one.
         local: numbers of nodes on this rank for those in the mesh.

@@ -39,7 +39,7 @@ class ShellCells:
     Attributes:
         triangles: their mechanics.
         body: (m,) number of the shell; mass: (m,) kg.
-        consistent: (m,) whether the mass is not lumped.
+        consistent: (m,) True for consistent masses, False for lumped ones.
     """
 
     triangles: RotationFreeTriangles
@@ -58,11 +58,11 @@ class RotationFreeShells:
 
     Attributes:
         groups: the triangles.
-        corners: (m, 3) own nodes of all triangles; body: (m,) their shells.
+        corners: (m, 3) corners of all triangles; body: (m,) their shells.
         masses: (n,) lumped masses of the owned nodes, zero for ghosts, kg.
 
-    The methods of :class:`flexfem.layout.elements.ElementFamily` are described there. A step with
-    damping neglects in the tangent how strain rates change as triangles turn.
+    The methods of :class:`flexfem.layout.elements.ElementFamily` are described there. With damping,
+    the tangent neglects the change of strain rates by the rotation of the triangles.
     """
 
     law_owner: str | None = None
@@ -98,7 +98,7 @@ class RotationFreeShells:
 
     @property
     def carriers(self) -> IndexArray:
-        """Nodes (m, 3) of the triangles, which loads act on."""
+        """Nodes (m, 3) of the triangles on which loads act."""
         return self.corners
 
     @property
@@ -215,7 +215,7 @@ class RotationFreeShells:
         return [np.zeros((len(group.triangles.starts), 6)) for group in self.groups]
 
     def accept(self, block: FrameBlock) -> None:
-        """Turn the axes of the nodes with the shell (collective)."""
+        """Rotate the axes of the nodes with the shell (collective)."""
         positions_into(block.frames, self._points)
         self._axes.turn(block, self._add_rotations)
 
@@ -236,7 +236,7 @@ class RotationFreeShells:
         stresses = [
             g.triangles.stresses(strain) for g, strain in zip(self.groups, strains, strict=True)
         ]
-        # beside clamps an energy w^2 D k^2 / 2 stands for curvatures w^2 k and moments w^2 D k
+        # an energy w^2 D k^2 / 2 beside clamps corresponds to curvatures w^2 k, moments w^2 D k
         for group, *values in zip(self.groups, strains, stresses, strict=True):
             for part in values:
                 part[:, 3:] *= group.triangles.patches.weights[:, np.newaxis]
@@ -289,7 +289,7 @@ class RotationFreeShells:
 
 
 def _rate(shifts: FloatArray) -> float:
-    """Change of velocities with positions, 1/s; zero where no stiffness is asked for."""
+    """Change of velocities with positions, 1/s; zero without stiffness in the iteration matrix."""
     return float(shifts[0] / shifts[2]) if shifts[2] != 0.0 else 0.0
 
 

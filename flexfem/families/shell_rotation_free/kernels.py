@@ -42,7 +42,7 @@ def forces(
     s11, s22, s12, m1, m2, m3 = stress_of(
         coefficients, constants[4], area, coordinates, (l, h, g), (z1, z2, z3)
     )
-    # what is dual to f_1 and f_2
+    # forces dual to f_1 and f_2
     x, y = m1 * k10 + m2 * k20 + m3 * k30, m1 * k11 + m2 * k21 + m3 * k31
     z = m1 * k12 + m2 * k22 + m3 * k32
     along, across = x * t0 + y * t1 + z * t2, x * b0 + y * b1 + z * b2
@@ -71,7 +71,7 @@ def action(
     """Derivatives of the forces, see ``tangent``, times a step, (p, 3).
 
     The forces are differentiated along the step: their components along the present axes change
-    with strains and stresses, and they turn with the axes, by their rotation.
+    with strains and stresses, and they rotate with the axes.
     """
     count, flat = int(constants[0]), int(constants[1])
     f, k = vectors_of(coefficients, POINTS, count, flat, coordinates)
@@ -89,7 +89,7 @@ def action(
     e4 = n0 * d10 + n1 * d11 + n2 * d12 + w0 * k10 + w1 * k11 + w2 * k12
     e5 = n0 * d20 + n1 * d21 + n2 * d22 + w0 * k20 + w1 * k21 + w2 * k22
     e6 = n0 * d30 + n1 * d31 + n2 * d32 + w0 * k30 + w1 * k31 + w2 * k32
-    # changes of the stress resultants, and those themselves, times the area
+    # changes of the stress resultants, and the resultants, times the area
     size = load(coordinates, AREA)
     area = size * (constants[2] + constants[3] * load(coordinates, DAMPING))
     changes = area * dl, area * dh, area * dg, area * e4, area * e5, area * e6
@@ -157,7 +157,7 @@ def strains(
 def strain_rates(
     tensor: FloatArray, coefficients: FloatArray, constants: FloatArray, coordinates: FloatArray
 ) -> None:
-    """Rates of the strains (6,) at steps that are velocities."""
+    """Rates of the strains (6,); the steps are velocities."""
     count, flat = int(constants[0]), int(constants[1])
     f, k = vectors_of(coefficients, POINTS, count, flat, coordinates)
     k10, k11, k12, k20, k21, k22, k30, k31, k32 = bent(k, coordinates)

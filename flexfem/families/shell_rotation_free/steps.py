@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Steps that the kernels of rotation-free triangles share.
 
-What the energy of ``forms.shell`` depends on are five vectors ``w_s = sum over nodes of W_sI q_I``:
+The energy of ``forms.shell`` depends on five vectors ``w_s = sum over nodes of W_sI q_I``:
 the derivatives ``f_1, f_2`` and the three curvature vectors ``k`` (to which clamps add a given
 part). Derivatives are those of the first three nodes, or smoothed ones of the first six. The
 work is done in the present axes of the triangle: t along f_1, b in the triangle, n its normal, in
@@ -42,7 +42,7 @@ __all__ = [
     "vectors_of",
 ]
 
-#: A number of several triangles, and some of them.
+#: A number for each of several triangles, and a tuple of them.
 type Several = Any
 
 #: First coefficients, and columns of the constant data.
@@ -57,8 +57,8 @@ def constant_data(
 
     Args:
         patches: maps of the triangles.
-        offsets: (m, 3, 3) what clamps add to the k, 1/m.
-        starts: (m, 6) what counts as no strain.
+        offsets: (m, 3, 3) contribution of clamps to the k, 1/m.
+        starts: (m, 6) reference values of zero strain.
         damping: (m,) stiffness-proportional, s.
     """
     there = patches.nodes >= 0
@@ -70,7 +70,7 @@ def constant_data(
 
 @inlined_fused
 def start(coordinates: FloatArray, s: int) -> Several:
-    """What counts as no strain."""
+    """Reference value of zero strain."""
     return load(coordinates, START + s)
 
 
@@ -90,10 +90,10 @@ def curvature(coordinates: FloatArray, flat: int, s: int, i: int) -> Several:
 def vectors_of(
     values: FloatArray, at: int, count: int, flat: int, coordinates: FloatArray
 ) -> tuple[Several, Several]:
-    """f_1 and f_2, and the three k without what clamps add: 6 and 9 components.
+    """f_1 and f_2, and the three k without the contribution of clamps: 6 and 9 components.
 
-    Of nodal values that begin at ``at``, relative to node 0, so that no digits are lost far from
-    the origin.
+    The nodal values begin at ``at`` and are taken relative to node 0, so that no digits are lost
+    far from the origin.
     """
     x0, y0, z0 = load(values, at), load(values, at + 1), load(values, at + 2)
     f10 = f11 = f12 = f20 = f21 = f22 = 0.0
@@ -116,7 +116,7 @@ def vectors_of(
 
 @inlined_fused
 def bent(k: Several, coordinates: FloatArray) -> Several:
-    """The three k with what clamps add."""
+    """The three k with the contribution of clamps."""
     return (
         k[0] + load(coordinates, OFFSETS), k[1] + load(coordinates, OFFSETS + 1),
         k[2] + load(coordinates, OFFSETS + 2), k[3] + load(coordinates, OFFSETS + 3),
@@ -142,7 +142,7 @@ def axes_of(f: Several) -> Several:
 
 @inlined_fused
 def turn_of(change: Several, axes: Several) -> Several:
-    """Effect of changes of f_1 and f_2, with what :func:`axes_of` returns.
+    """Rotation of the axes by changes of f_1 and f_2, from a result of :func:`axes_of`.
 
     Returns:
         Changes of l, h and g, rotation of the axes about t, b, n, change of the normal.
@@ -184,7 +184,7 @@ def stress_of(
     coefficients: FloatArray, given: float, area: Several, coordinates: FloatArray,
     stretches: Several, bends: Several,
 ) -> Several:  # fmt: skip
-    """Stress resultants times the area: those given, if there are any."""
+    """Stress resultants times the area: the given ones, if there are any."""
     if given > 0.0:
         return (
             area * load(coefficients, GIVEN), area * load(coefficients, GIVEN + 1),

@@ -32,8 +32,8 @@ from flexfem.kernels.vectors import add_to, load, store
 
 __all__ = ["tangent", "work_space"]
 
-#: Where the work space has the axes, the changes (3, 5) of the curvatures along the z, the second
-#: derivatives, and the products of those by the z with the weights of the nodes.
+#: Positions in the work space of the axes, the changes (3, 5) of the curvatures along the z, the
+#: second derivatives, and the products of those by the z with the weights of the nodes.
 _AXES, _CHANGES, _FLAT, _BENT, _ALONG_T, _ALONG_B, _PRODUCTS = 0, 9, 24, 40, 65, 90, 115
 
 
@@ -223,10 +223,10 @@ def _put(tensor: FloatArray, count: int, i: int, j: int, axes: FloatArray, block
 def tangent(
     tensor: FloatArray, coefficients: FloatArray, constants: FloatArray, coordinates: FloatArray
 ) -> None:
-    """Derivatives of the internal forces (3 p, 3 p), which is all that the tensor holds.
+    """Write the derivatives of the internal forces (3 p, 3 p), the only entries of the tensor.
 
-    They are those by positions and by velocities, times the factors. What the turning of the axes
-    changes in strain rates is left out, a part of the order of damping times angular velocity.
+    They are those by positions and by velocities, times the factors. The change of strain rates by
+    the rotation of the axes is neglected, a term of the order of damping times angular velocity.
     """
     count, flat = int(constants[0]), int(constants[1])
     f, k = vectors_of(coefficients, POINTS, count, flat, coordinates)
@@ -277,7 +277,7 @@ def tangent(
             bn, nb = _times(coordinates, flat, i, Y, j), _times(coordinates, flat, j, Y, i)
             nn = _times(coordinates, flat, i, N, j)
             _put(tensor, count, i, j, work, (tt, tb, tn, bt, bb, bn, nt, nb, nn))
-    for i in range(flat, count):  # nodes of neighbours bend the triangle only
+    for i in range(flat, count):  # nodes of neighbours enter the curvatures only
         for j in range(i, count):
             nn = _times(coordinates, flat, i, N, j)
             _put(tensor, count, i, j, work, (zero, zero, zero, zero, zero, zero, zero, zero, nn))

@@ -55,8 +55,8 @@ def _cell_kernel(
         kernel: one of ``kernels`` and ``tangent``.
         count: number of nodes of a patch.
         size: number of results.
-        given: stresses are those of the cells.
-        stepped: it takes the steps of nodes, and no work space.
+        given: True if stresses are data of the cells.
+        stepped: True if it takes the steps of nodes, and no work space.
     """
     nodal = {"points": (Nodal.POSITION, _Nodes.word("points"))}
     if stepped:
@@ -71,12 +71,12 @@ def _cell_kernel(
 
 @dataclass(frozen=True)
 class Response:
-    """Stresses and stiffness of triangles, as the compiled loops take them.
+    """Stresses and stiffness of triangles, in the format of the compiled loops.
 
     Attributes:
-        sections: (m,) which stiffness a triangle has.
+        sections: (m,) number of each triangle's stiffness.
         stiffness: (s, 6, 6) derivatives of the stresses by the strains.
-        stresses: (m, 6) stresses; none where they are the stiffness times the present strains.
+        stresses: (m, 6) stresses; (0, 6) where they are the stiffness times the present strains.
     """
 
     sections: IntArray
@@ -88,19 +88,19 @@ class Response:
 class RotationFreeTriangles:
     """Triangles with patches of equally many nodes on this rank.
 
-    Positions are those of all local nodes, (n, 3). ``response`` is what :meth:`response` returns;
+    Positions are those of all local nodes, (n, 3). ``response`` is a result of :meth:`response`;
     without it, that of the linear law without damping.
 
     Attributes:
         patches: maps of the triangles, p nodes each.
         offsets: ``Patches.offsets`` of the tangents of clamped edges, (m, 3, 3), 1/m.
-        starts: numbers (m, 6) that count as no strain: lengths and products of ``f_1`` and ``f_2``
+        starts: reference values (m, 6) of zero strain: lengths and products of ``f_1`` and ``f_2``
             at the start, 1, 1 and 0 unless they are smoothed, and curvatures kappa_0, 1/m.
         damping: stiffness-proportional damping (m,), s.
-        sections: which stiffness a triangle has, (m,).
+        sections: number of each triangle's stiffness, (m,).
         stiffness: matrices ``[D_m D_c; D_c^T D_b]`` in the axes of the triangles, of N/m, N and
             N m, (s, 6, 6).
-        law: a law of the user, which takes the place of the stiffness; None for the linear one.
+        law: a user-defined law in place of the stiffness; None for the linear one.
     """
 
     patches: Patches
@@ -114,7 +114,7 @@ class RotationFreeTriangles:
     _nodes: _Nodes = field(init=False)
 
     def __post_init__(self) -> None:
-        """Put the data together as the driver of kernels takes them."""
+        """Collect the data in the format of the kernel driver."""
         rows = constant_data(self.patches, self.offsets, self.starts, self.damping)
         nodes = np.ascontiguousarray(self.patches.nodes, dtype=np.int32)
         cells = plain_cells(_NOTHING, nodes, rows, self.sections, self._matrices(self.stiffness))
@@ -134,8 +134,8 @@ class RotationFreeTriangles:
     ) -> Self:
         """Triangles free of stress at the given positions.
 
-        Curvatures count against the normal, so that strains at a height z along it are those of the
-        membrane plus z times the curvatures, as sections and their laws take them.
+        Curvatures are counted against the normal, so that strains at a height z along it are those
+        of the membrane plus z times the curvatures, as sections and their laws define them.
 
         Args:
             patches: maps made of the same positions.
@@ -143,7 +143,8 @@ class RotationFreeTriangles:
             stiffness: matrices (6, 6) or (s, 6, 6).
             sections: number of the stiffness of each triangle (m,); None for the first.
             damping: stiffness-proportional damping, s, (m,); None for none.
-            law: a law of the user instead of the stiffness; sections are its own then.
+            law: a user-defined law instead of the stiffness; ``sections`` then numbers its
+                sections.
         """
         count = len(patches.areas)
         patches = replace(patches, curvatures=-patches.curvatures, slopes=-patches.slopes)
@@ -186,11 +187,11 @@ class RotationFreeTriangles:
 
         Args:
             points: present positions (n, 3).
-            velocities: of the nodes (n, 3); None where strain rates do not count.
-            assumed: strains (m, 6) that stand for the present ones.
-            rate: change of strain rates with strains, 1/s, that the stiffness of a law of the user
-                takes in.
-            drop_compression: leave out principal forces of the membrane that compress it.
+            velocities: of the nodes (n, 3); None to neglect strain rates.
+            assumed: strains (m, 6) in place of the present ones.
+            rate: change of strain rates with strains, 1/s, included in the stiffness of a
+                user-defined law.
+            drop_compression: True to set compressive principal membrane forces to zero.
         """
         damped = velocities is not None and bool(self.damping.any())
         if self.law is None and assumed is None and not (damped or drop_compression):
@@ -225,7 +226,7 @@ class RotationFreeTriangles:
         return stresses
 
     def viscous_stresses(self, strains: FloatArray, rates: FloatArray) -> FloatArray:
-        """Part of the stresses (m, 6) that strain rates (m, 6) make."""
+        """Viscous stresses (m, 6) of strain rates (m, 6)."""
         if self.law is None:
             return self.stresses(self.damping[:, None] * rates)
         if not self.law.viscous:
@@ -234,7 +235,7 @@ class RotationFreeTriangles:
 
     @property
     def viscous(self) -> bool:
-        """True if strain rates count."""
+        """True if stresses depend on strain rates."""
         return bool(self.damping.any()) or (self.law is not None and self.law.viscous)
 
     def energies(self, points: FloatArray) -> FloatArray:
@@ -361,7 +362,7 @@ class RotationFreeTriangles:
 
 
 def _pull(stresses: FloatArray) -> None:
-    """Set principal forces of the membrane that compress it to zero, in stresses (m, 6)."""
+    """Set compressive principal membrane forces to zero, in stresses (m, 6)."""
     n11, n22, n12 = stresses[:, :3].T
     mean, half = 0.5 * (n11 + n22), 0.5 * (n11 - n22)
     radius = np.hypot(half, n12)

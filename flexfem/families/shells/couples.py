@@ -1,10 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Moments on shells, and forces that follow them, as wrenches on the triangles of this rank.
+"""Moments and follower forces on shells, as wrenches on the triangles of this rank.
 
-The axes of a triangle turn with its three corners (``core.places.surface_points``), about its
-normal as well. A moment is a couple of forces on them, whose sum is none and whose moment is exact
-in every shape. That at a node acts on the triangles around it, in proportion to their areas at the
-start.
+The axes of a triangle rotate with its three corners (``core.places.surface_points``), about its
+normal as well. A moment is a couple of forces on them, whose sum is zero and whose moment is exact
+in any deformation. That at a node acts on the triangles around it, in proportion to their areas at
+the start.
 """
 
 from collections.abc import Iterator
@@ -27,20 +27,20 @@ from flexfem.mesh.triangles.topology import sides_along
 
 __all__ = ["shell_couples"]
 
-#: A moment that turns an edge towards the normal, in axes along the edge, inwards and normal.
+#: Moment that rotates an edge towards the normal, in axes along the edge, inwards and normal.
 _UPWARDS = np.array([-1.0, 0.0, 0.0])
 
 
 def shell_couples(
     serial: NumberedModel, kind: int, block: FrameBlock, carriers: IndexArray
 ) -> list[LineForce]:
-    """Moments and following forces on the triangles that this rank owns.
+    """Moments and follower forces on the triangles that this rank owns.
 
     Args:
         serial: serial data of the model.
         kind: number of the family of shells.
         block: nodes of the shells.
-        carriers: (m, 3) local corners of these triangles, maybe with more nodes.
+        carriers: (m, 3) local corners of these triangles, or (m, 6) with midside nodes.
     """
     found: list[LineForce] = []
     for number, load in enumerate(serial.model.loads):
@@ -64,7 +64,7 @@ def _mesh(serial: NumberedModel) -> SurfaceMesh:
 
 
 def _triangle(kind: int, nodes: IntArray, row: int, weights: FloatArray) -> ElementPlace:
-    """Place in the triangle of these corners, with the weights of its position."""
+    """Point of the triangle with these corners, with the weights of its position."""
     shape = np.zeros((3, 3))
     shape[:, 0] = weights
     return ElementPlace(

@@ -54,9 +54,9 @@ from flexfem.families.shell_director.surface import shell_surface
 
 __all__ = ["ShellFamily"]
 
-#: Cost of a third of a triangle in elements of a beam, measured on chains and sheets.
+#: Cost of a third of a triangle relative to a beam element, measured on chains and sheets.
 _TRIANGLE = 3
-#: Corners of the four triangles between the nodes of a curved one.
+#: Corners of the four flat triangles between the nodes of a curved one.
 _QUARTERS = np.array([[0, 5, 4], [5, 1, 3], [4, 3, 2], [3, 4, 5]])
 #: Rows that one common node of two shells counts: on two ranks both have one matrix.
 _SEAM = 12
@@ -127,7 +127,7 @@ class ShellFamily(Family):
         if isinstance(marker, SurfaceMarker):
             return SurfacePlace(self.kind, marker.nodes, marker.weights)
         key = self.serial.key(marker)
-        assert key is not None  # lines are no single places
+        assert key is not None  # a line is not a single point
         return SurfacePlace(self.kind, (key[1],), (1.0,))
 
     @override
@@ -148,7 +148,7 @@ class ShellFamily(Family):
         return np.concatenate([nodes, turned]), directions
 
     def contact_surface(self) -> ContactSurface:
-        """Nodes and triangles; those with directors have four for each triangle."""
+        """Nodes and triangles; director shells have four for each of theirs."""
         surface = self.surface
         thickness = np.array([shell.section.thickness for shell in self.bodies])
         triangles, body, start = surface.mesh.triangles, surface.body, surface.mesh.points
@@ -227,7 +227,7 @@ def _rotation_free(
     surface: ShellSurface, comm: MPI.Intracomm, ranks: IntArray, kernels: str
 ) -> tuple[FrameBlock, RotationFreeShells]:
     """Nodes and triangles of all rotation-free shells."""
-    # averaged slopes are those of neighbours, too
+    # averaged slopes depend on neighbours as well
     rings = 2 if surface.averaged.any() else 1
     mesh = create_shell_mesh(comm, surface.mesh, ranks, rings)
     ids = mesh.node_ids
@@ -284,14 +284,14 @@ def _node_ranks(mesh: SurfaceMesh, rows: IntArray, triangles: IntArray) -> tuple
 
 
 def _held_slopes(surface: ShellSurface) -> tuple[IntArray, FloatArray]:
-    """Nodes at edges where slopes are held, and axes (n, 3) about which the shell cannot turn."""
+    """Nodes at edges with fixed slopes, and axes (n, 3) about which the shell cannot rotate."""
     start, _ = side_nodes(surface.mesh.triangles)
     start = start.reshape(-1, 3)
     clamped = start[surface.rules == EdgeRule.CLAMPED]
     mirrored = surface.rules == EdgeRule.SYMMETRIC
     normals, nodes = surface.normals[mirrored], [np.repeat(clamped, 3)]
     axes = [np.tile(np.eye(3), (len(clamped), 1))]
-    for e in np.eye(3):  # all but turns about the normal
+    for e in np.eye(3):  # all rotations save that about the normal
         axes.append(np.cross(normals, e))
         nodes.append(start[mirrored])
     return np.concatenate(nodes).astype(np.int64), np.concatenate(axes)

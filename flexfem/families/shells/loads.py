@@ -113,7 +113,7 @@ def shell_forces(serial: NumberedModel, block: FrameBlock) -> Iterator[Force]:
 def _shares(surface: ShellSurface, load: ShellLoad, body: str) -> tuple[IntArray, FloatArray]:
     """Nodes, ascending, and the length or area at the start that each carries.
 
-    They are the integrals of the nodes' shape functions, which makes the work of the forces exact.
+    They are the integrals of the nodes' shape functions: consistent loads.
     """
     own = load.elements(surface.mesh, body)
     places = surface.frames[:, :3]
@@ -131,7 +131,7 @@ def _shares(surface: ShellSurface, load: ShellLoad, body: str) -> tuple[IntArray
 
 
 def _midside_nodes(surface: ShellSurface, elements: IntArray) -> IntArray:
-    """Nodes amid edges (m, 2), or amid the edges of triangles (m, 3) opposite to their corners."""
+    """Midside nodes of edges (m, 2), or of triangles (m, 3) opposite to their corners."""
     assert surface.directors is not None
     count, width = len(surface.mesh.points), elements.shape[1]
     known = edge_keys(surface.directors.edges, count)

@@ -43,7 +43,7 @@ class ShellStrainSensor:
 
 
 class ShellEnergySensor:
-    """Strain energies of the shells of this rank by kind."""
+    """Membrane, bending and shear energies of the shells of this rank."""
 
     def __init__(self, part: BlockPart, serial: NumberedModel, probe: ShellEnergyProbe) -> None:
         """Find the triangles."""

@@ -38,7 +38,7 @@ class StrainKernels:
         return values[:, :k], values[:, k:].reshape(-1, k, n)
 
     def geometric(self, unknowns: FloatArray, stresses: FloatArray) -> FloatArray:
-        """Derivatives (m, n, n) of the forces of stresses (m, k) that stay as they are."""
+        """Derivatives (m, n, n) of the forces of fixed stresses (m, k): geometric stiffness."""
         n = self._shape[1]
         both = np.concatenate([unknowns, stresses], axis=1)
         return _values(self._geometric, both).reshape(-1, n, n)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Triangles of shells with strains and derivatives from UFL forms.
 
-They stand for the hand-written loops, with the same maps from nodes to points and the same section
-laws: the path on which a shell is assembled from its UFL forms. It checks the loops, and another
-measure of strain begins here.
+They replace the hand-written loops, with the same maps from nodes to points and the same section
+laws, so that a shell is assembled from its UFL forms. They verify the loops, and are the place to
+start with another measure of strain.
 """
 
 from dataclasses import dataclass, field, fields
@@ -32,7 +32,7 @@ _CHUNK = 128
 
 
 def _fields(triangles: RotationFreeTriangles | DirectorTriangles) -> dict[str, Any]:
-    """What triangles are made of."""
+    """Values of the fields of triangles by name."""
     return {part.name: getattr(triangles, part.name) for part in fields(triangles) if part.init}
 
 
@@ -147,14 +147,14 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
 def _director_places() -> tuple[FloatArray, FloatArray]:
     """Maps (12, 5, 8) from nodes to the vectors of points, and (24, 12, 8) from there to strains.
 
-    The points are those of the membrane (9), whose last three are the middles of the edges, and
+    The points are those of the membrane (9), whose last three are the midpoints of the edges, and
     those of the curvatures (3). Nodes are five relative positions and three directors.
     """
     places = np.concatenate([MEMBRANE_PLACES, POINTS])
     x, y = places.T
     vectors = np.zeros((len(places), 5, 8))
     vectors[:, :2, :5] = slopes(places)[:, :, 1:]
-    # directors are one in the middle of their edge and zero in those of the others
+    # functions of directors: one at the midpoint of their edge, zero at the others
     vectors[:, 2, 5:] = 1.0 - 2.0 * np.stack([1.0 - x - y, x, y], 1)
     vectors[:, 3:, 5:] = -2.0 * BARYCENTRIC.T
     strains = np.zeros((24, len(places), 8))
@@ -181,7 +181,7 @@ class UFLDirectorTriangles(DirectorTriangles):
         return cls(**_fields(triangles), kernels=kernels)
 
     def _turns(self, frames: FloatArray, rows: slice) -> FloatArray:
-        """Rotations (m, 3, 3, 3) of the frames that turn the directors."""
+        """Rotations (m, 3, 3, 3) of the frames that carry the directors."""
         turns: FloatArray = frames[self.nodes[rows, 6:], 3:].reshape(-1, 3, 3, 3)
         return turns
 
@@ -194,7 +194,7 @@ class UFLDirectorTriangles(DirectorTriangles):
         return unknowns.reshape(-1, 15)
 
     def _covariant(self, unknowns: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Covariant strains (m, 24) as such, and derivatives (m, 24, 24) by the own vectors.
+        """Covariant strains (m, 24), not since the start, and derivatives (m, 24, 24) by vectors.
 
         These are the five relative positions and three directors.
         """
@@ -230,7 +230,7 @@ class UFLDirectorTriangles(DirectorTriangles):
         return found
 
     def _own_steps(self, steps: FloatArray) -> FloatArray:
-        """Steps (m, 27) of the unknowns: translations of the nodes, turns of the directors."""
+        """Steps (m, 27) of the unknowns: translations of the nodes, rotations of the directors."""
         moved, turned = steps[self.nodes[:, :6], :3], steps[self.nodes[:, 6:], 3:]
         return np.concatenate([moved, turned], 1).reshape(-1, 27)
 
@@ -300,14 +300,14 @@ class UFLDirectorTriangles(DirectorTriangles):
     def _add_turns(
         self, frames: FloatArray, forces: FloatArray, rows: slice, tangents: FloatArray
     ) -> None:
-        """Add how forces (m, 8, 3) in axes of nodes change as those with directors turn."""
+        """Add changes of forces (m, 8, 3) in nodal axes by rotations of director nodes."""
         nodes, turns, directors = self.nodes[rows], self._turns(frames, rows), self.directors[rows]
         pulled = np.einsum("mkba,mkb->mka", turns, forces[:, 2:5])
         levered = np.einsum("mkba,mkb->mka", turns, forces[:, 5:])
         inner = np.einsum("mka,mka->mk", levered, directors)
         spins = np.einsum("mka,mkb->mkab", levered, directors)
         spins -= inner[:, :, None, None] * np.eye(3)
-        # a middle whose axes turn with its director
+        # a midside node whose axes rotate with its director
         shifts = np.where((nodes[:, 3:6] == nodes[:, 6:])[:, :, None, None], so3.skew(pulled), 0.0)
         for k in range(3):
             turned = slice(18 + 3 * k, 21 + 3 * k)

@@ -56,9 +56,9 @@ class EnergyCells:
     """Cells of this rank with one energy.
 
     Attributes:
-        kernels: of the energy.
+        kernels: kernels of the energy.
         nodes: (m, k) local nodes.
-        start: (m, k, 3) their places at the start, m.
+        start: (m, k, 3) their positions at the start, m.
         parameters: (m, p) of the energy.
         mass: (m, k, k) products of shape functions with the density, kg.
         size: (m,) lengths, areas or volumes at the start.
@@ -90,7 +90,7 @@ class EnergyCells:
 
     @cached_property
     def _cells(self) -> Cells:
-        """The cells as the driver takes them."""
+        """The cells in the format of the kernel driver."""
         start = self.start.reshape(len(self.nodes), 3 * self.nodes.shape[1])
         return plain_cells(self.parameters, self.nodes, start)
 
@@ -118,7 +118,7 @@ class EnergyCells:
         return out
 
     def rotations(self, points: FloatArray) -> FloatArray:
-        """Rotations (m, 3, 3) of the cells since the start: those nearest to the deformation."""
+        """Rotations (m, 3, 3) of the cells since the start: polar parts of their deformations."""
         own = points[self.nodes[:, : self.corners]]
         start = self.start[:, : self.corners]
         now, then = own - own[:, :1], start - start[:, :1]
@@ -249,7 +249,7 @@ class EnergyElements:
     def resultants(
         self, frames: FloatArray, chosen: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
-        """See :class:`flexfem.layout.elements.ElementFamily`; an energy names no strains.
+        """See :class:`flexfem.layout.elements.ElementFamily`; an energy defines no strains.
 
         Raises:
             NotImplementedError: always.

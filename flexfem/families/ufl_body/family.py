@@ -36,11 +36,11 @@ from flexfem.model.structure.place import Place
 
 __all__ = ["UFLBodyFamily"]
 
-#: Cost of a cell in elements of a beam, about.
+#: Approximate cost of a cell relative to a beam element.
 _COST = 3
-#: Strain at which energies at the start and of rotated bodies are compared, and what counts as 0.
+#: Strain at which energies at the start and of rotated bodies are compared; bound of zero.
 _STRAIN, _ZERO = 1e-2, 1e-8
-#: A rotation in space that no symmetry of a body knows.
+#: A rotation in space that is not in the symmetry group of any likely body.
 _TURN = np.array([0.7, -0.4, 1.1])
 
 type _Kind = tuple[Any, ...]
@@ -59,7 +59,8 @@ class UFLBodyFamily(Family):
         """Number the nodes body after body.
 
         Raises:
-            ValueError: an energy that is no scalar in UFL of its positions and parameters.
+            ValueError: an energy that is not a scalar UFL expression of its positions and
+                parameters.
         """
         super().__init__(serial, kind)
         self._bodies: list[UFLBody] = list(self.members(serial.model))
@@ -189,7 +190,7 @@ class UFLBodyFamily(Family):
         self, kernels: EnergyKernels, mass: Any, numbers: Sequence[int], own: Sequence[IntArray],
         block: FrameBlock,
     ) -> EnergyCells:  # fmt: skip
-        """The cells of some bodies that this rank has."""
+        """The cells of some bodies on this rank."""
         bodies = [self._bodies[k] for k in numbers]
         nodes = np.concatenate(
             [self.first[k] + self._bodies[k].mesh.cells[own[k]] for k in numbers]
@@ -263,7 +264,7 @@ class UFLBodyFamily(Family):
         self, k: int, surface: SurfaceMesh, load: Pressure, number: int, block: FrameBlock,
         elements: ElementFamily | None,
     ) -> Pressures:  # fmt: skip
-        """Pressure on the triangles of a body that this rank has."""
+        """Pressure on the triangles of a body on this rank."""
         assert isinstance(elements, EnergyElements)
         own = [g.nodes[g.body == k] for g in elements.groups if (g.body == k).any()]
         nodes = np.concatenate([np.empty((0, 3), np.int64), *own])
@@ -319,7 +320,7 @@ def _forms(body: UFLBody) -> EnergyForms:
 
 
 def _cell_kernels(body: UFLBody, compiled: Sequence[Kernel]) -> list[CellKernel]:
-    """Kernels of energy, forces, stiffnesses and masses with places for the data of cells."""
+    """Kernels of energy, forces, stiffnesses and masses, with positions of the data of cells."""
     count = body.mesh.cells.shape[1]
     parameters = {f"parameter {j}": (j, 1) for j in range(len(body.parameters))}
     nodal = {"position": (Nodal.POSITION, Points.word("points"))}
@@ -341,7 +342,7 @@ def _along_body(body: UFLBody) -> IntArray:
 def _check_start(
     comm: MPI.Intracomm, bodies: Sequence[UFLBody], cells: EnergyCells, points: FloatArray
 ) -> None:
-    """Refuse energies that are not finite, not zero at the start, or change by rotation.
+    """Refuse energies that are not finite, not zero at the start, or not invariant under rotation.
 
     Raises:
         InputError: on all ranks.

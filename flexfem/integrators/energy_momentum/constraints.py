@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rows of this rank in the energy-momentum scheme.
 
-Rigid rows hold at the end of the step. A spring pulls with ``k`` times the mean of its values at
-both ends, which is the change of its energy divided by that of its value; dampers see the mean
-rate, and applied forces are means as well.
+Rigid rows are satisfied at the end of the step. The force of a spring is ``k`` times the mean of
+its values at both ends, which is the change of its energy divided by that of its value; dampers use
+the mean rate, and applied forces are means as well.
 """
 
 import numpy as np
@@ -21,7 +21,7 @@ _SUPPORTED = (LawKind.RIGID, LawKind.SPRING)
 
 
 class StepRows:
-    """Rows between two states; they fill the arrays of :class:`Constraints` at every evaluation."""
+    """Rows between two states; every evaluation writes the arrays of :class:`Constraints`."""
 
     def __init__(self, rows: Constraints, chi: float) -> None:
         """Prepare the work space; ``chi`` is the numerical dissipation (collective).
@@ -38,7 +38,7 @@ class StepRows:
             poses=poses, values0=np.zeros(terms), values=np.zeros(terms),
             gradient=np.zeros((terms, 2, 6)),
         )  # fmt: skip
-        # the derivative at the end is the discrete one of no step at all
+        # the derivative at the end is the discrete one of a step of size zero
         self._end = StepTerms(
             frames0=frames, frames=frames, poses0=poses, poses=poses, values0=np.zeros(terms),
             values=np.zeros(terms), gradient=rows.step_jacobian,
@@ -63,7 +63,7 @@ class StepRows:
             self._last[:], self._memory = h * rows.rates(), 1.0
 
     def accept(self) -> None:
-        """Remember what the next step needs of the trial state."""
+        """Store the data of the trial state for the next step."""
         self.evaluate()
         self._last[:] = self._values - self._values0
         self._targets0[:] = self._rows.targets
@@ -98,7 +98,7 @@ class StepRows:
             self._forces()
 
     def _forces(self) -> None:
-        """Equations ``scale (F - L / weight) = 0`` of rows with laws, or without any force."""
+        """Evaluate the equations ``scale (F - L / weight) = 0`` of rows with laws or zero force."""
         rows, chi, h = self._rows, self._chi, self._h
         k, c = rows.elastic[:, 1], rows.elastic[:, 2]
         change = self._values - self._values0

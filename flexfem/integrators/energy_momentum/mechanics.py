@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Energy-momentum equations of a step, whose forces do exactly the work by which energies change.
+"""Energy-momentum equations of a step, whose forces do exactly the work of energy changes.
 
 The residuals are momentum balances over the step multiplied by ``h (1 + chi)/2 h``, so that the
 iteration matrix is that of Newmark's method, ``M + h^2 (1 + chi)^2/4 K``; multipliers are scaled
-alike. Scheme and proofs: :class:`flexfem.integrators.energy_momentum.scheme.EnergyMomentum`.
+likewise. Scheme and proofs: :class:`flexfem.integrators.energy_momentum.scheme.EnergyMomentum`.
 """
 
 from collections.abc import Mapping
@@ -83,7 +83,7 @@ class _Part:
         centre = lumps[:, 1:4] / lumps[:, :1]
         centres[nodes] = centre
         self.nodes, self.lumps = nodes, moved_lumps(lumps, centre)
-        self.lumps[:, 1:4] = 0.0  # but for rounding
+        self.lumps[:, 1:4] = 0.0  # except for rounding
 
     def set_law(self, h: float) -> None:
         """Set the law of the rates over a step of this size, s."""
@@ -92,7 +92,7 @@ class _Part:
     def begin(self, h: float, memory: float) -> None:
         """Rates and their last change from the accepted state.
 
-        A part ``memory`` of this change counts in the dissipation.
+        A part ``memory`` of this change enters the dissipation.
         """
         block, state, c = self.block, self.state, self.state.centres
         R = block.frames0[:, 3:].reshape(-1, 3, 3)
@@ -108,7 +108,7 @@ class _Part:
         self._memory = memory
 
     def predict(self, h: float, prediction: Prediction) -> None:
-        """Increments from nothing, from the rates, or from their last change too."""
+        """Predict increments as zero, from the rates, or also from their last change."""
         chi = self.chi
         law = np.array([
             h * (prediction >= Prediction.VELOCITY),
@@ -130,7 +130,7 @@ class _Part:
         return largest
 
     def accept(self, h: float) -> Misses:
-        """Take the trial state; how far the predictions were off."""
+        """Accept the trial state; returns the errors of the predictions."""
         state, block = self.state, self.block
         owned = slice(0, block.owned)
         path = (state.rates - state.base)[owned] / state.law[2]
@@ -198,7 +198,7 @@ class StepMechanics(Mechanics):
         self._rows.begin(h, self.weight, self._last_h)
 
     def _part_of_last(self) -> float:
-        """Part of the last changes of strains that counts in a step of this size."""
+        """Part of the last changes of strains that enters a step of this size."""
         return min(1.0, self.h / self._last_h) if np.isfinite(self._last_h) else 1.0
 
     def state(self, system: System) -> State:
@@ -207,7 +207,7 @@ class StepMechanics(Mechanics):
         return State({"last_h": np.array([self._last_h])}, {**blocks, "rows": self._rows.state()})
 
     def restore(self, system: System, state: State) -> None:
-        """Take back what :meth:`state` returned, blocks and rows being restored."""
+        """Restore a result of :meth:`state`, after blocks and rows."""
         self._last_h = float(state.values["last_h"][0])
         for name, values in self._rows.state().items():
             values[:] = state.rows["rows"][name]
@@ -230,7 +230,7 @@ class StepMechanics(Mechanics):
         return (1.0 / 12.0 + 0.5 * self.chi) * self.h * largest
 
     def accept(self, system: System) -> None:
-        """Take the trial state (collective)."""
+        """Accept the trial state (collective)."""
         misses = []
         for part in self._parts.values():
             if part.beams is not None:
@@ -333,10 +333,10 @@ class StepMechanics(Mechanics):
 
 
 def _check_parts(system: System) -> None:
-    """Raise on all ranks for what has no discrete derivatives along a step.
+    """Raise on all ranks for parts without discrete derivatives along a step.
 
-    The guide's page on limits says why. Families tell by ``Family.energy_momentum``; of rows
-    :mod:`flexfem.integrators.energy_momentum.constraints` decides.
+    The guide's page on limits has the reasons. Families declare it by ``Family.energy_momentum``;
+    rows are checked by :mod:`flexfem.integrators.energy_momentum.constraints`.
     """
     for contacts in system.contacts:
         name = contacts.groups[0].surfaces.contact.name

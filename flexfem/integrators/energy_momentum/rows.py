@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled discrete gradients of the terms of rows over a step, and their derivatives.
 
-Forces ``lambda g`` with a discrete gradient g (``constraints.terms.dispatch``) do no work while the
-row is held, and the work ``-dU`` with ``lambda = (U_1 - U_0)/(value change)``; they have neither
+Forces ``lambda g`` with a discrete gradient g (``constraints.terms.dispatch``) do no work on a
+rigid row, and the work ``-dU`` with ``lambda = (U_1 - U_0)/(value change)``; they have neither
 resultant nor moment, since rigid motions about the mean positions change no term.
 """
 

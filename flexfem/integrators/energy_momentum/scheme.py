@@ -16,7 +16,8 @@ strain ``(e_0 + e_1)/2 + chi/2 (De - De_last)``. As ``2 a (a - b) = a^2 - b^2 + 
 
 ``E + chi/4 (Dr M Dr + De K De)`` loses ``chi/4`` times the same forms of the second differences in
 every step, whatever its size: with ``chi = 0`` the energy E is constant, and otherwise E stays
-below a bound that never grows. The discrete derivatives vanish for rigid motions about the mean
+    below a bound that never increases. The discrete derivatives vanish for rigid motions about the
+    mean
 positions, and so linear momentum is kept, and with ``chi = 0`` angular momentum too.
 
 Second order for every chi: the dissipation acts on second differences. A linear vibration of
@@ -24,7 +25,7 @@ infinite frequency is multiplied by ``-rho_inf`` in a step, where ``chi = rho (1
 rho)^2``; 1/3 is the least radius (chi = 1/8).
 
 Multipliers are means over the step, and so are the accelerations that are reported. Loads that vary
-in time are those of the middle of the step; follower loads and moments are averages of both ends.
+in time are those of the midpoint of the step; follower loads and moments are averages of both ends.
 """
 
 from functools import partial
@@ -132,6 +133,6 @@ class EnergyMomentum(Integrator):
 
 
 def _predict(mechanics: StepMechanics, rows: Constraints, prediction: Prediction) -> None:
-    """Trial state at the beginning of the iteration."""
+    """Predict the trial state at the beginning of the iteration."""
     mechanics.predict(prediction)
     rows.multipliers[:] = mechanics.weight * rows.forces

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Controllers of a run, and what they measure."""
+"""Controllers of a run, and their measurements."""

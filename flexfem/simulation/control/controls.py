@@ -1,11 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Controllers of a run: measure, compute, hold.
+"""Controllers of a run: measurement, control laws, zero-order hold of outputs.
 
-All ranks measure the same numbers. Sampled laws are called on the first rank alone, once per
-sample and only at accepted states, and the others receive what they return: a law may have side
-effects, and a step that is repeated does not repeat its sample. Continuous laws are functions of
-the time and of measurements at accepted states, so that nothing has to be taken back after a step
-in vain.
+All ranks measure the same numbers. Sampled laws are called on the first rank alone, once per sample
+and only at accepted states, and the others receive the outputs: a law may have side effects, and a
+repeated step does not repeat its sample. Continuous laws are functions of the time and of
+measurements at accepted states, so that nothing has to be undone after a rejected step.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -32,16 +31,16 @@ __all__ = ["Controls", "Outputs", "driven_model"]
 #: Values of all outputs of a model at a time (s), one after the other.
 Outputs = Callable[[float], FloatArray]
 
-#: A sample time may miss a multiple of the step, and a sample its instant, by this part of it.
+#: Relative tolerance of sample times as multiples of the step, and of the instants of samples.
 _ROUND_OFF = 1e-6
-#: Slopes are taken over no less than this part of a time step: behind an event lies round-off.
+#: Least part of a time step over which slopes are taken: after an event it may be round-off.
 _SHORT = 0.05
 
 
 def driven_model(model: Model, outputs: Outputs | None = None) -> Model:
     """The model with its controllers' outputs as functions of time, by default zero.
 
-    The model itself stays as it is, and may be run again.
+    The given model is not changed, and may be run again.
     """
     names = [output for controller in model.controllers for output in controller.outputs]
     if not names:
@@ -76,7 +75,7 @@ def _driven_load(load: Load, number: int, outputs: Outputs | None) -> Load:
 
 
 class _Loop:
-    """One controller while it runs."""
+    """One controller during a run."""
 
     def __init__(self, controller: Controller) -> None:
         self.controller = controller
@@ -87,7 +86,7 @@ class _Loop:
         """Outputs as an array (count,).
 
         Raises:
-            ReturnError: the law has returned something else.
+            ReturnError: the law has returned other values.
         """
         try:
             values = np.atleast_1d(_checks.numbers(outputs))
@@ -143,7 +142,7 @@ class _Continuous(_Loop):
 
 
 class _Sampled(_Loop):
-    """A law called once per sample on the first rank, with outputs that are held."""
+    """A law called once per sample on the first rank, with a zero-order hold of its outputs."""
 
     def __init__(self, controller: Controller, step: float) -> None:
         super().__init__(controller)
@@ -165,7 +164,7 @@ class _Sampled(_Loop):
         return t >= (self._next - _ROUND_OFF) * self._span
 
     def take(self, t: float, held: FloatArray) -> None:
-        """Hold the outputs of a sample; the next one is another."""
+        """Store the outputs of a sample, and count it."""
         self._next, self.held = int(t / self._span + _ROUND_OFF) + 1, held
 
     def sampled(self, t: float, y: FloatArray) -> FloatArray:
@@ -175,11 +174,11 @@ class _Sampled(_Loop):
         return self.checked(t, outputs)
 
     def memory(self) -> FloatArray:
-        """A copy of what the law remembers."""
+        """A copy of the state of the law."""
         return np.array(self._law.state if isinstance(self._law, SampledLaw) else ())
 
     def recall(self, memory: FloatArray) -> None:
-        """Take back what :meth:`memory` returned."""
+        """Restore a result of :meth:`memory`."""
         if isinstance(self._law, SampledLaw):
             self._law.state = memory
 
@@ -199,7 +198,7 @@ class _Sampled(_Loop):
 
 
 class Controls:
-    """All controllers of a model while it moves.
+    """All controllers of a model during a motion.
 
     Attributes:
         columns: names of all outputs in the history.
@@ -229,7 +228,7 @@ class Controls:
         return np.concatenate([loop.outputs(t) for loop in self._loops])
 
     def attach(self, system: System, serial: NumberedModel) -> None:
-        """Find what is measured (collective)."""
+        """Set up the measurements (collective)."""
         self._system = system
         measured = [loop.controller.measured(serial.model) for loop in self._loops]
         probes = {probe.name: probe for part in measured for probe, _ in part}
@@ -261,7 +260,7 @@ class Controls:
             raise InputError(str(error)) from error
 
     def started(self) -> None:
-        """The forces at the start are those of the outputs now: work counts from here."""
+        """Begin the measurement of energies, with the forces of the present outputs."""
         self._measurements.begin()
 
     def accepted(self, jumped: bool = False) -> None:
@@ -276,7 +275,7 @@ class Controls:
     def sample(self) -> None:
         """Call the laws whose sample is due at the accepted state (collective).
 
-        Outputs stay as they are where a law fails, and the sample stays due: the run ends here.
+        If a law fails, the outputs are kept and the sample remains due: the run ends here.
         """
         t, comm = self._system.time, self._system.comm
         due = [
@@ -295,12 +294,12 @@ class Controls:
                 loop.take(t, held)
 
     def _called(self, due: Sequence[tuple[_Sampled, IntArray]], t: float) -> list[FloatArray]:
-        """Outputs of laws; nothing where one fails, and all remember what they did before."""
+        """Outputs of laws; None if one fails, and all laws are restored."""
         found, before = [], [loop.memory() for loop, _ in due]
         for loop, inputs in due:
             try:
                 found.append(loop.sampled(t, self._measurements.values[inputs]))
-            except FAILURES as error:  # all ranks hear of it when they next agree
+            except FAILURES as error:  # all ranks get the error at the next agreement
                 noted(loop.owner, loop.controller.law, error)
                 for (one, _), memory in zip(due, before, strict=True):
                     one.recall(memory)
@@ -308,7 +307,7 @@ class Controls:
         return found
 
     def not_finite(self, t: float) -> str | None:
-        """The first controller whose outputs are not numbers."""
+        """The first controller whose outputs are not finite."""
         for loop in self._loops:
             if not np.isfinite(loop.outputs(t)).all():
                 return f"{loop.owner}: the output is not finite"
@@ -322,7 +321,7 @@ class Controls:
         return own
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
-        """Take back outputs and memories of what :meth:`state` returned."""
+        """Restore outputs and memories of a result of :meth:`state`."""
         for k, loop in enumerate(self._loops):
             own = {name: state[f"controls_{k}_{name}"] for name in loop.state()}
             if isinstance(loop, _Sampled):
@@ -331,7 +330,7 @@ class Controls:
                 loop.restore(own)
 
     def resume(self, state: Mapping[str, FloatArray]) -> None:
-        """Take back the measurements, once the system is where it was (collective)."""
+        """Restore the measurements after the system has been restored (collective)."""
         if self._loops:
             self._measurements.restore(state["controls_angles"], state["controls_sums"])
             self.sample()  # one that failed is still due

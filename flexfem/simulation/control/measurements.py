@@ -22,13 +22,13 @@ __all__ = ["Measurements"]
 class Measurements:
     """Columns of some probes at accepted states.
 
-    Functions of markers are evaluated at every accepted state, for angles are continued from one to
-    the next, and so are energies, whose work is summed up. All else is measured where it is asked
-    for: joint forces and strains may cost as much as evaluating the joints or elements again.
+    Functions of markers are evaluated at every accepted state, since angles are continuous from one
+    to the next, and so are energies, whose work is summed up. All others are evaluated on request:
+    joint forces and strains may cost as much as evaluating the joints or elements again.
 
     Attributes:
         columns: names of all columns.
-        values: (columns,) what was measured last.
+        values: (columns,) the last measurements.
     """
 
     def __init__(
@@ -41,10 +41,10 @@ class Measurements:
         """Find the markers (collective).
 
         Args:
-            system: whose accepted states are measured.
+            system: system whose accepted states are measured.
             serial: serial data of its model.
-            probes: whose columns are wanted.
-            often: names of those that are wanted at every accepted state.
+            probes: probes of the columns.
+            often: names of those to be measured at every accepted state.
         """
         self._system, self._serial, self._often = system, serial, often
         # columns of markers come first
@@ -61,7 +61,7 @@ class Measurements:
         self._frequent: list[tuple[Sensor, slice]] = []  # at every accepted state
 
     def begin(self) -> None:
-        """Set up what measures at the accepted state; energies count from here (collective)."""
+        """Set up the meters at the accepted state, from which energies are counted (collective)."""
         self._sensors, self._frequent, at = [], [], self._count
         for probe in self._sensed:
             sensor, width = create_sensor(probe, self._system, self._serial), len(probe.columns)
@@ -71,7 +71,7 @@ class Measurements:
             at += width
 
     def accepted(self) -> None:
-        """Measure what every accepted state is measured for (collective)."""
+        """Measure the columns needed at every accepted state (collective)."""
         states, at, found = self._states.evaluate(), 0, [np.empty(0)]
         for probe in self._probes:
             count = len(probe.markers)
@@ -81,7 +81,7 @@ class Measurements:
         self._measure(self._frequent)
 
     def complete(self) -> None:
-        """Measure all else at the accepted state (collective)."""
+        """Measure all other columns at the accepted state (collective)."""
         self._measure(self._sensors)
 
     def _measure(self, sensors: Sequence[tuple[Sensor, slice]]) -> None:
@@ -97,13 +97,13 @@ class Measurements:
             at += width
 
     def state(self) -> dict[str, FloatArray]:
-        """The last values, and what energies have summed up over all ranks (collective)."""
+        """The last values, and the sums of energies over all ranks (collective)."""
         sums = np.concatenate([np.empty(0), *(meter.state() for meter in self._meters())])
         self._system.comm.Allreduce(MPI.IN_PLACE, sums)
         return {"controls_angles": self.values, "controls_sums": sums}
 
     def restore(self, values: FloatArray, sums: FloatArray) -> None:
-        """Take back what :meth:`state` returned, at the accepted state it belongs to."""
+        """Restore a result of :meth:`state`, at the accepted state it belongs to."""
         self.values = values.copy()
         self._angles.previous = values[: self._count].copy()
         self.begin()

@@ -21,7 +21,7 @@ __all__ = ["check_held", "rest", "start_in_equilibrium"]
 
 #: Stiffness of a motion relative to that of the nodes below which it is round-off.
 _NOTHING = 1e-13
-#: Part of a body in such a motion, relative to the largest, from which it is named.
+#: Relative participation of a body in such a motion above which it is named.
 _PART = 1e-3
 _NAMES = 4
 
@@ -36,11 +36,11 @@ def rest(
         serial: serial data of the model.
         system: the system, at its start.
         tangent: its exact matrix.
-        limits: when iterations stop.
+        limits: stopping criteria of iterations.
         span: end of the load parameter.
         grow: loads without amplitude grow in proportion to the load parameter.
-        gravity_grows: gravity does, too.
-        stabilise: hold motions without stiffness and move downhill only.
+        gravity_grows: gravity is in proportion to it, too.
+        stabilise: regularise motions without stiffness and descend in energy only.
 
     Raises:
         InputError: a joint is not satisfied at the start, or constraints are redundant; named.
@@ -50,7 +50,7 @@ def rest(
     system.set_time(0.0)
     check_start(system)
     growing = np.array([grow and load.amplitude is None for load in loads], dtype=np.bool_)
-    # rows that may carry nothing leave the matrix unsymmetric, as loads without potential do
+    # rows that may be free of force make the matrix unsymmetric, like loads without potential
     plain = rows.active & rows.linear
     conservative = bool(system.comm.allreduce(bool(plain.all()), op=MPI.LAND)) and not any(
         load.follower or load.has_moment for load in loads
@@ -87,7 +87,7 @@ def check_held(serial: NumberedModel, equilibrium: Equilibrium) -> None:
     equilibrium.loading.set(0.0)
     END_POINT.evaluate(system, equilibrium.shifts)
     equilibrium.assemble()
-    # loads out of balance would link motions without stiffness to each other
+    # unbalanced loads would couple motions without stiffness
     tangent.add_at_nodes(equilibrium.turning())
     stiffness, motion = softest_motion(tangent, equilibrium.weights)
     if abs(stiffness) > _NOTHING:

@@ -44,7 +44,7 @@ class OperatingPoint:
         serial, system: the model's data and its system.
         linearization: evaluated at the state after :meth:`settle`.
         freedoms: number of degrees of freedom.
-        cautions: what the analysis warns of.
+        cautions: warnings of the analysis.
         inverted: text on the element that the last solution inverted, empty if there is none.
     """
 
@@ -54,7 +54,7 @@ class OperatingPoint:
         """Build the system and check its constraints (collective).
 
         Raises:
-            InputError: a mistake in the model (a ValueError), or a state that is not its own.
+            InputError: a mistake in the model (a ValueError), or a given state of another model.
         """
         self._begin = time.perf_counter()
         saved = None if options.state is None else SavedState(options.state, comm or MPI.COMM_WORLD)
@@ -86,7 +86,7 @@ class OperatingPoint:
         return Rotation(spin, axis / np.linalg.norm(axis), np.array(self.options.centre_vector))
 
     def settle(self, spin: float) -> Status:
-        """Bring the system to the state at a speed (rad/s), from where it is (collective).
+        """Bring the system from the present state to that at a speed (rad/s) (collective).
 
         Raises:
             InputError: the model cannot rotate steadily about the axis.
@@ -111,12 +111,12 @@ class OperatingPoint:
         return not self.inverted
 
     def failure(self, status: Status) -> str:
-        """Return the reason why there is no state to look at, in words."""
+        """Return the reason why there is no state, in words."""
         return self.inverted if status is Status.INSIDE_OUT else status.value
 
     @property
     def improve(self) -> Callable[[], bool] | None:
-        """A step to a more accurate equilibrium, False if there is none; None for a given state."""
+        """Step to a more accurate equilibrium: False if there is none; None for a given state."""
         rotation = self._settled
         if rotation is None:
             return None
@@ -133,11 +133,11 @@ class OperatingPoint:
 
     @property
     def is_equilibrium(self) -> bool:
-        """The state is one that was found, not the given one."""
+        """True if the state was computed, False if it was given."""
         return self.options.spin != 0.0 or self.options.start == "equilibrium"
 
     def check_count(self, owner: str, count: int) -> None:
-        """Raise if the model has fewer modes than asked for.
+        """Raise if the model has fewer modes than requested.
 
         Raises:
             InputError: names the numbers.

@@ -55,17 +55,17 @@ class CriticalPoint:
     motion: list[FloatArray] = field(repr=False)
 
     def summary(self) -> dict[str, object]:
-        """As it is written."""
+        """Entry of ``summary.json``."""
         return {"kind": self.kind, "t": self.t, "unstable": list(self.unstable), **self.columns}
 
 
 class Path:
-    """Steps from the present equilibrium, tried as often as need be before one is accepted.
+    """Steps along an equilibrium path, tried until one is accepted.
 
     Attributes:
         arc: steps along the path; None for load steps.
-        point, trial: the accepted equilibrium and the one tried last.
-        tried: the step tried last.
+        point, trial: the accepted equilibrium and the last trial.
+        tried: the last trial step.
     """
 
     def __init__(
@@ -91,7 +91,7 @@ class Path:
 
     @property
     def aimed(self) -> bool:
-        """The path has a direction: something depends on the load parameter."""
+        """True if the path has a direction: something depends on the load parameter."""
         return self._aimed
 
     def _look(self, arc: ArcLength | None) -> Point:
@@ -105,11 +105,11 @@ class Path:
         return Point(equilibrium.loading.t, 1.0 if arc is None else arc.slope, unstable)
 
     def attempt(self, h: float, *, look: bool = True) -> Status:
-        """Try a step from the accepted equilibrium; ``trial`` describes where it leads.
+        """Try a step from the accepted equilibrium; ``trial`` is its result.
 
         Args:
             h: length, or change of the load parameter.
-            look: find out slope and stability there.
+            look: compute slope and stability there.
         """
         equilibrium, self.tried = self.equilibrium, h
         equilibrium.restore(self._base)
@@ -131,19 +131,19 @@ class Path:
         return status
 
     def accept(self) -> None:
-        """The trial equilibrium becomes the accepted one."""
+        """Accept the trial equilibrium."""
         self.equilibrium.accept()
         self._base, self.point, self.arc = self.equilibrium.keep(), self.trial, self._next
 
     def return_to_base(self) -> None:
-        """Give up the trial state."""
+        """Discard the trial state."""
         self.equilibrium.restore(self._base)
 
     def branch_off(self, critical: CriticalPoint, size: float) -> Status:
         """Step off the accepted path at a bifurcation, along its mode.
 
         Args:
-            critical: where.
+            critical: the bifurcation.
             size: of the step, largest rotation (rad) or relative displacement.
         """
         assert self.arc is not None
@@ -155,10 +155,10 @@ class Path:
         self, function: Callable[[], float], span: tuple[float, float],
         ends: tuple[float, float], near: float = 0.0,
     ) -> Status:  # fmt: skip
-        """Find the step to a zero of a function of the trial state; ends there or just beyond.
+        """Find the step to a zero of a function of the trial state, left there or just beyond.
 
-        Regula falsi with the weights of the Illinois method; bisection for functions that only
-        tell the side.
+        Regula falsi with the weights of the Illinois method; bisection for functions whose values
+        have only a meaningful sign.
 
         Args:
             function: evaluated after each attempt (collective, the same on every rank).

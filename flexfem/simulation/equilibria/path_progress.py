@@ -18,13 +18,13 @@ _KINDS = ("limit point", "bifurcation")
 
 @dataclass
 class Followed:
-    """Load steps so far, and the accepted equilibrium that the next one starts from.
+    """Load steps so far, and the accepted equilibrium from which the next one starts.
 
     Attributes:
         system, equilibrium: of the model.
         columns: names of those of the history.
         steps, rejected: accepted and rejected steps.
-        largest: step tried.
+        largest: largest step tried.
         next: size of the next step; 0 before the first one.
         critical: points found so far.
     """
@@ -39,7 +39,7 @@ class Followed:
     critical: list[CriticalPoint] = field(default_factory=list)
 
     def state(self) -> State:
-        """All that the next step depends on, and what was found so far (collective)."""
+        """State on which the next step depends, and the results so far (collective)."""
         found = self.critical
         numbers = [
             [float(_KINDS.index(c.kind)), c.t, *map(float, c.unstable), *c.columns.values()]
@@ -61,7 +61,7 @@ class Followed:
         return State(own, motions) | self.system.state()
 
     def restore(self, state: State) -> None:
-        """Take back what :meth:`state` returned (collective)."""
+        """Restore a result of :meth:`state` (collective)."""
         self.steps, self.rejected = counts("path", state.values["path"][:2])
         self.largest, self.next = state.values["path"][2:].tolist()
         system, equilibrium = self.system, self.equilibrium

@@ -14,12 +14,12 @@ LOAD = "t"
 #: Difference to a value, as a part of the change over a step, that is round-off.
 _THERE = 1e-9
 
-#: Column, value that it passes, and how far it is beyond before and after the step.
+#: Column, value that it passes, and differences to the value before and after the step.
 Crossing = tuple[str, float, tuple[float, float]]
 
 
 class Targets:
-    """The values and which of them have been met.
+    """The values, and those that have been met.
 
     Attributes:
         values: by the name of the column.
@@ -27,7 +27,7 @@ class Targets:
     """
 
     def __init__(self, text: str, columns: Sequence[str], end: float) -> None:
-        """Read what the option says.
+        """Read the option.
 
         Args:
             text: see :func:`flexfem.options.target_values`.
@@ -35,7 +35,7 @@ class Targets:
             end: load factor at the end.
 
         Raises:
-            InputError: a column that is not there, or a load factor that is not on the way.
+            InputError: a column that does not exist, or a load factor outside the range of the run.
         """
         self.values = target_values(text)
         self.met: list[dict[str, float | str]] = []
@@ -69,8 +69,8 @@ class Targets:
 
         Args:
             before: columns at the accepted equilibrium.
-            after: columns at the one that is tried.
-            tried: values that have been searched for in this step.
+            after: columns at the trial equilibrium.
+            tried: values for which this step has been searched.
         """
         found: list[tuple[float, Crossing]] = []
         for name, start in before.items():
@@ -83,7 +83,7 @@ class Targets:
         return min(found)[1] if found else None
 
     def note(self, reached: Sequence[tuple[str, float]], t: float) -> bool:
-        """Remember values that the accepted equilibrium has; returns whether it has any."""
+        """Record values of the accepted equilibrium; returns True if there are any."""
         loads = [(LOAD, value) for value in self.values.get(LOAD, ()) if self.at(value, t)]
         every = dict.fromkeys([*reached, *loads])
         self.met += [{"column": name, "value": value, "t": t} for name, value in every]
@@ -91,7 +91,7 @@ class Targets:
 
     @property
     def missed(self) -> list[str]:
-        """Values that the path has not met, in words."""
+        """Values that the path has not met, as text."""
         met = {(entry["column"], entry["value"]) for entry in self.met}
         return [
             f"output_at: {name} = {value:g} was not reached"

@@ -1,13 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Jumps and kinks of loads and drives, at which steps of a motion end.
 
-Functions of time tell them by an attribute ``breakpoints``. Not all are worth a step of their own:
+Functions of time list them in an attribute ``breakpoints``. Steps end at some of them:
 
 - jumps of loads always, where the loads are those before in the step that ends there and those
   behind in the next one;
-- kinks, if the change of slope is felt within a step, and both ends of pieces that are shorter than
+- kinks, if the change of slope matters within a step, and both ends of pieces that are shorter than
   some steps, unless they lie on the grid of steps anyway;
-- those of functions that have many more than there are steps never: such loads are sampled.
+- never those of functions with many more breakpoints than steps: such loads are sampled.
 """
 
 from bisect import bisect_right
@@ -28,21 +28,21 @@ from flexfem.simulation.run.time_grid import TimeGrid
 
 __all__ = ["Breakpoints"]
 
-#: Part of a step, and of the time, by which a function is evaluated beside a jump.
+#: Distance from a jump at which a function is evaluated, as a part of a step and of the time.
 _BESIDE = 1e-12
-#: A time found is that of a breakpoint within this part of a step; breakpoints that differ by twice
-#: as much are one. Between those of a continuous function that differ by less than the last it
-#: jumps: each may have been moved to the grid.
+#: Parts of a step: distance at which a time is that of a breakpoint; at which two breakpoints are
+#: one; at which a continuous function between two breakpoints counts as jumping, since each may
+#: have been moved to the grid.
 _SAME, _ONE, _STEEP = 1e-6, 2e-6, 4e-6
-#: Off the grid, all functions together are met at no more than one breakpoint in so many steps, and
-#: some more in short runs: a step in parts costs as much as some ten others.
+#: Number of steps for each breakpoint off the grid, of all functions together, and some more in
+#: short runs: a step in parts costs as much as some ten others.
 _MOST_PER_STEP, _MORE = 0.25, 20
 #: Jump relative to the largest value, and change within a step by a change of slope, that matter.
-#: The impulse of a step is off by an eighth of the latter.
+#: The error of a step's impulse is an eighth of the latter.
 _JUMP, _KINK = 1e-9, 1e-3
-#: Slopes are taken over this part of a step, or of a shorter piece.
+#: Part of a step, or of a shorter piece, over which slopes are taken.
 _SPAN = 1e-4
-#: Pieces shorter than so many steps are met at both ends.
+#: Number of steps below which steps end at both ends of a piece.
 _SHORT = 4.0
 
 
@@ -51,11 +51,11 @@ class Breakpoints:
 
     Attributes:
         times: increasing, s.
-        texts: what the run should warn of.
+        texts: warnings for the run.
     """
 
     def __init__(self, model: Model, grid: TimeGrid, t_end: float) -> None:
-        """Look through all loads and drives.
+        """Collect the breakpoints of all loads and drives.
 
         Args:
             model: the model, controllers left out.
@@ -83,7 +83,7 @@ class Breakpoints:
         self._merge(jumps, kinks)
 
     def _merge(self, jumps: list[tuple[float, float]], kinks: list[float]) -> None:
-        """Times that are the same become one, with the instants just before and behind it."""
+        """Merge equal times, with the instants just before and after them."""
         self.times: list[float] = []
         self._beside: dict[int, tuple[float, float]] = {}
         reals = dict[float, list[float]]()
@@ -112,7 +112,7 @@ class Breakpoints:
         return 0.0 if beside is None else beside[0 if before else 1] - t
 
     def next(self, start: float, end: float) -> float:
-        """The first breakpoint behind ``start`` and before ``end``, else ``end`` (s)."""
+        """The first breakpoint after ``start`` and before ``end``, else ``end`` (s)."""
         tolerance = _SAME * self._h
         k = bisect_right(self.times, start + tolerance)
         return self.times[k] if k < len(self.times) and self.times[k] < end - tolerance else end
@@ -128,7 +128,7 @@ class _Function:
     Attributes:
         real: (n,) breakpoints, s.
         times: (n,) the same, those within rounding of a step's end moved there.
-        off: (n,) which of them do not lie on the grid.
+        off: (n,) True for those that are not on the grid.
     """
 
     def __init__(
@@ -181,7 +181,7 @@ class _Function:
         return jumps, kinks & ~jumps
 
     def _around(self, k: int) -> tuple[float, float, float]:
-        """Size, jump, and what the change of slope makes within a step, of a breakpoint."""
+        """Size, jump, and effect of the change of slope within a step, of a breakpoint."""
         t = float(self.real[k])
         aside = _BESIDE * (abs(t) + self._h)
         span = _SPAN * min(self._h, float(self._gaps[k].min()))
@@ -197,7 +197,7 @@ class _Function:
 
 
 def _functions(model: Model) -> Iterator[tuple[str, Callable[[float], Any], bool]]:
-    """Functions with breakpoints: what they belong to, and whether they drive positions."""
+    """Functions with breakpoints: their owners, and True for those that drive positions."""
     for load in model.loads:
         if hasattr(load.amplitude, "breakpoints"):
             assert load.amplitude is not None

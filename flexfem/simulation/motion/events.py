@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Events of a run: watched, located in time, carried out.
+"""Events of a run: detection, location in time, actions.
 
-Every rank evaluates the functions with the same marker states; decisions are taken on the largest
-of their values, so that all ranks decide alike.
+Every rank evaluates the functions with the same marker states; decisions are based on the largest
+of their values, so that they are the same on all ranks.
 """
 
 from collections.abc import Callable, Mapping, Sequence
@@ -31,17 +31,17 @@ from flexfem.system.system import System
 
 __all__ = ["Events"]
 
-#: Values of one function that differ by less than this part may be rounded by other computers.
+#: Relative difference of the values of one function between computers that may be rounding.
 _ALIKE = 1e-9
 #: Round-off of a time, relative.
 _ROUND_OFF = 1e-15
-#: Evaluations after which a bracket must have halved; else it is bisected.
+#: Number of evaluations after which a bracket must have halved; else it is bisected.
 _PATIENCE = 3
 
 
 @dataclass
 class _Impact:
-    """A rebound that an action asked for.
+    """A rebound requested by an action.
 
     Attributes:
         event: number of the event; the others as in ``Mechanism.rebound``.
@@ -54,11 +54,11 @@ class _Impact:
 
 
 class Events:
-    """The events of a model while it moves.
+    """The events of a model during a motion.
 
     Attributes:
         fired: name and time of each event so far.
-        stopped_by: name of the event that ended the run, None while it goes on.
+        stopped_by: name of the event that ended the run, None before.
         bad: name of an event whose function was not finite, None if there is none.
     """
 
@@ -71,11 +71,11 @@ class Events:
             system: at its consistent start.
             serial: serial data of its model.
             tangent: solver of the exact matrix, for impacts.
-            span: over which drives are differentiated after an impact, s.
+            span: interval for the differentiation of drives after an impact, s.
 
         Raises:
-            InputError: a function does not return a finite number, or a rebound is at a joint that
-                knows no impact.
+            InputError: a function does not return a finite number, or a rebound is at a joint
+                without impacts.
         """
         self._system, self._tangent, self._span = system, tangent, span
         self._events = serial.model.events
@@ -107,7 +107,7 @@ class Events:
         }
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
-        """Take back what :meth:`state` returned."""
+        """Restore a result of :meth:`state`."""
         self.values, self._sides = state["events"][:2]
         self._armed = state["events"][2] > 0.0
         numbers = counts("fired", state["fired"][:, 0])
@@ -130,9 +130,9 @@ class Events:
         return values
 
     def _agree(self, values: FloatArray) -> None:
-        """Take the largest values of all ranks, and note events of which they differ (collective).
+        """Take the largest values of all ranks, and record events that differ (collective).
 
-        A function may fail on one rank only, or compute something else there.
+        A function may fail on one rank only, or have another value there.
         """
         comm = self._system.comm
         if comm.size == 1:
@@ -163,7 +163,7 @@ class Events:
         return self._armed & (up | down)
 
     def passed(self, values: FloatArray) -> None:
-        """Note the values of an accepted state without events."""
+        """Store the values of an accepted state without events."""
         self.values = values
         self._sides = np.where(values != 0.0, np.sign(values), self._sides)
 
@@ -173,14 +173,14 @@ class Events:
         """Find the first event within a step (collective).
 
         Args:
-            trial: solves for the trial state so much later than the accepted state.
-            size: of the step whose end, the present trial state, lies behind the event.
-            values: of the functions there.
+            trial: solves for the trial state at a given time after the accepted state.
+            size: size of the step whose end, the present trial state, is after the event.
+            values: values of the functions there.
 
         Returns:
-            Status, time after the accepted state, which is that of the trial state then, and the
-            events that happen there. Time and state lie just behind the event; but just before an
-            impact, whose next one may be so near that no state between them is seen.
+            Status, time of the trial state after the accepted state, and the events that happen
+            there. Time and state are just after the event; but just before an impact, since the
+            next one may follow before any state between them is evaluated.
         """
         left, right, low, high = 0.0, size, self.values, values
         reached, widths = size, [size]
@@ -193,7 +193,7 @@ class Events:
                 hit = self.crossed(high)
                 roots = low[hit] / (low[hit] - high[hit])
                 tau = left + (right - left) * float(roots.min())
-            # converged from one side, the next trial lies just on the other
+            # converged from one side: the next trial is just on the other
             tau = min(max(tau, left + 0.5 * tolerance), right - 0.5 * tolerance)
             status = trial(tau)
             if status is not Status.OK:
@@ -214,8 +214,8 @@ class Events:
     def carry_out(self, hits: BoolArray) -> Status:
         """Carry out the actions of some events at the accepted state (collective).
 
-        Positions stay, velocities jump onto the constraints that hold then by the least kinetic
-        energy, accelerations and multipliers are computed anew.
+        Positions are kept, velocities are projected onto the constraints then active by the least
+        kinetic energy, accelerations and multipliers are computed again.
         """
         system = self._system
         system.reset()
@@ -251,7 +251,7 @@ class Events:
         return status if self.bad is None else Status.EVENT
 
     def _act(self, event: Event, mechanism: "_Moving") -> bool:
-        """Carry out the actions of an event; whether all ranks could (collective)."""
+        """Carry out the actions of an event; True on success on all ranks (collective)."""
         done = True
         for act in event.actions:
             try:
@@ -263,7 +263,7 @@ class Events:
         return done if comm.size == 1 else bool(comm.allreduce(done, op=MPI.LAND))
 
     def _rebound(self, impact: _Impact) -> Status:
-        """Velocities after an impact at an open joint, which is open again afterwards."""
+        """Set the velocities after an impact at a released joint, which stays released."""
         system, rows = self._system, self._system.constraints
         rows.set_active(impact.joint, True)
         system.interface.update()
@@ -273,7 +273,7 @@ class Events:
         rests = impact.restitution * speed <= impact.rest_speed
         restitution[own] = 0.0 if rests else impact.restitution
         status = project_velocities(system, self._tangent, self._span, restitution)
-        if rests:  # what is at rest on zero does not cross it
+        if rests:  # a function that rests at zero does not cross it
             self._armed[impact.event] = False
         else:
             rows.set_active(impact.joint, False)
@@ -306,7 +306,7 @@ def _check_rebounds(rows: Constraints, model: Model) -> None:
 
 
 class _Moving:
-    """The system as actions see it; see ``flexfem.model.event.Mechanism``."""
+    """Interface of the system for actions; see ``flexfem.model.event.Mechanism``."""
 
     def __init__(self, system: System, fired: Sequence[tuple[str, float]]) -> None:
         self._rows, self.time, self._fired = system.constraints, system.time, fired

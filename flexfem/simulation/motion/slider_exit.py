@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Sliders that leave the lines they slide on."""
+"""Detection of sliders that leave the lines they slide on."""
 
 from mpi4py import MPI
 
@@ -14,16 +14,16 @@ from flexfem.system.system import System
 
 __all__ = ["SliderExit"]
 
-#: How far a slider may be beyond an end of its carrier, relative to the length of that: round-off
-#: at a start at the end, and what a stop there gives way.
+#: Admissible distance of a slider beyond an end of its carrier, relative to the length of that:
+#: round-off of a start at the end, and the deformation of a stop there.
 _FREE, _STOPPED = 1e-5, 0.1
 
 
 class SliderExit:
-    """Watches that all sliders are on their carriers.
+    """Check that all sliders are on their carriers.
 
     Attributes:
-        reason: which slider has left, empty while none has.
+        reason: message on the slider that has left, empty if none has.
     """
 
     def __init__(self, system: System, serial: NumberedModel) -> None:
@@ -52,7 +52,7 @@ class SliderExit:
     def found(self) -> bool:
         """Return True if a slider has left at the last evaluation of the rows (collective).
 
-        What has been released may go where it likes.
+        Released sliders are not checked.
         """
         if not self._joints:
             return False

@@ -13,8 +13,8 @@ from flexfem.system.system import BlockPart, System
 
 __all__ = ["StartVelocities"]
 
-#: Change relative to the largest speed that is taken for rounding, and the same relative to the
-#: size of the model in a second.
+#: Change that counts as rounding, relative to the largest speed, and relative to the size of the
+#: model per second.
 _ROUNDING, _NOTHING = 1e-3, 1e-6
 #: Part of a change that is round-off.
 _ROUND_OFF = 1e-9
@@ -23,10 +23,10 @@ _Body = tuple[int, int]
 
 
 class StartVelocities:
-    """Compares the velocities that a model gives with those that its motion starts with."""
+    """Comparison of the velocities given in a model with those at the start of its motion."""
 
     def __init__(self, serial: NumberedModel, system: System) -> None:
-        """Remember the present velocities."""
+        """Store the present velocities."""
         self._serial, self._system = serial, system
         self._given = [part.block.velocity.copy() for part in system.parts]
 
@@ -47,7 +47,7 @@ class StartVelocities:
         return [self._line(found)] if found else []
 
     def _line(self, found: dict[_Body, tuple[float, str]]) -> str:
-        """The first of those that were changed most; rounding, and so ranks, must not choose."""
+        """Line on the first of those that were changed most, independent of rounding and ranks."""
         most = max(float(f"{way:.3g}") for way, _ in found.values())
         body = min(b for b, (way, _) in found.items() if float(f"{way:.3g}") == most)
         others = f" and {len(found) - 1} more" if len(found) > 1 else ""
@@ -67,7 +67,8 @@ def _changed(
 ) -> dict[_Body, tuple[float, str]]:
     """Change of each body with a node of this rank that has changed by more than ``least`` (m/s).
 
-    Of the node that has changed most: the change, turns as ways of the model's size, and words.
+    It is that of the node with the largest change: its size, with rotations times the model's size,
+        and text.
     """
     ways, bodies = _ways(_now(part) - before, size), part.node_body[: part.block.owned]
     found: dict[_Body, tuple[float, str]] = {}
@@ -96,6 +97,6 @@ def _length(vector: FloatArray) -> float:
 
 
 def _ways(twists: FloatArray, size: float) -> FloatArray:
-    """(n,) speeds of nodes, m/s, turns as ways of the model's size."""
+    """(n,) speeds of nodes, m/s, with rotations times the model's size."""
     turns: FloatArray = size * np.linalg.norm(twists[:, 3:], axis=1)
     return np.maximum(np.linalg.norm(twists[:, :3], axis=1), turns)

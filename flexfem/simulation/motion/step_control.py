@@ -2,7 +2,8 @@
 """Step-size control on a dyadic grid: the largest step or 2^-k of it.
 
 Sizes are quantised so that the factors of few sizes serve a whole run, and steps are only doubled
-where they lie on the grid of the doubled step, so that every multiple of the largest step is hit.
+where they are on the grid of the doubled step, so that steps end at every multiple of the largest
+one.
 """
 
 from math import ceil, log2
@@ -14,13 +15,13 @@ from flexfem.core.state import counts
 
 __all__ = ["HALVINGS", "StepControl"]
 
-#: A step is halved this often before the run gives up.
+#: Number of times that a step is halved before the run fails.
 HALVINGS = 12
 _FULL = 1 << HALVINGS
-#: With error control a step is doubled after so many steps in a row whose doubles are expected to
-#: have less than this part of the admissible error.
+#: Number of successive steps after which a step is doubled with error control, and the part of the
+#: admissible error that is expected of their doubles.
 _PATIENCE, _SAFETY = 3, 0.5
-#: Halvings at once after an error that is too large.
+#: Largest number of halvings at once after too large an error.
 _MOST = 3
 
 
@@ -44,7 +45,7 @@ class StepControl:
         return np.array([self._level, self._good], dtype=np.float64)
 
     def restore(self, state: FloatArray) -> None:
-        """Take back what :meth:`state` returned."""
+        """Restore a result of :meth:`state`."""
         self._level, self._good = counts("control", state)
         if self._level > HALVINGS:
             raise ValueError(f"a step was halved {self._level} times, at most {HALVINGS} are")
@@ -55,7 +56,7 @@ class StepControl:
 
     @property
     def done(self) -> bool:
-        """The largest step is complete."""
+        """True if the largest step is complete."""
         return self._position == _FULL
 
     @property
@@ -69,7 +70,7 @@ class StepControl:
         return (self._position + (_FULL >> self._level)) / _FULL
 
     def accepted(self, error: float) -> None:
-        """The step was taken with this local error (any number without error control)."""
+        """Record an accepted step with this local error (any number without error control)."""
         self._position += _FULL >> self._level
         if self.tolerance is None:
             while self._may_double():
@@ -85,7 +86,7 @@ class StepControl:
         return self._level > 0 and self._position % (_FULL >> (self._level - 1)) == 0
 
     def refused(self, error: float | None = None) -> bool:
-        """Take smaller steps; False if there are none.
+        """Reduce the step; False if it is the smallest.
 
         Args:
             error: that of the step, None if there was no solution.

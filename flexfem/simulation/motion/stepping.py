@@ -38,14 +38,14 @@ from flexfem.solvers.policies import create_policy
 
 __all__ = ["HALVINGS", "Simulation"]
 
-#: Events within one largest step after which the run gives up.
+#: Number of events within one largest step after which the run fails.
 _MOST_EVENTS = 200
-#: A step shorter than this part of its neighbours leaves accelerations of round-off: they are
-#: computed anew after it.
+#: Relative size of a step below which its accelerations are round-off: they are computed again
+#: after it.
 _SHORT = 0.05
 #: Span over multiples of which drives are differentiated for forces, as a part of the largest step.
 _SPAN, _SPAN_ADAPTIVE = 1.0 / 8.0, 1.0 / 64.0
-#: Ends of a run that smaller steps do not avoid.
+#: Failures of a run that smaller steps do not avoid.
 _FINAL = (Status.EVENT, Status.LEFT)
 
 
@@ -56,14 +56,14 @@ class Simulation:
         system: the assembled system.
         steps, rejected: accepted (partial) steps and rejected ones.
         step_seconds: wall-clock time of each call of :meth:`advance`, s.
-        events: the model's events and what became of them.
-        slider_exit: whether sliders are on their carriers.
+        events: the model's events and their history.
+        slider_exit: check that sliders are on their carriers.
         controls: the model's controllers.
-        cautions: what the run warns of.
+        cautions: warnings of the run.
         breakpoints: jumps and kinks of loads and drives, at which steps end.
         observe: called after every accepted step that does not end a call of :meth:`advance`.
-        follow: called at accepted states within a step and before and behind jumps of loads, for
-            what sums up work.
+        follow: called at accepted states within a step and before and after jumps of loads, to sum
+            up work.
     """
 
     def __init__(
@@ -73,7 +73,7 @@ class Simulation:
         comm: MPI.Intracomm | None = None,
         restart: Restart | None = None,
     ) -> None:
-        """Build the system and start it consistently, or where a checkpoint left it (collective).
+        """Build the system and start it consistently, or from a checkpoint (collective).
 
         Raises:
             InputError: a mistake in the model, or a checkpoint that does not belong to it (a
@@ -98,7 +98,7 @@ class Simulation:
         self._tangent = TangentSolver(self.system)
         span = options.dt * (_SPAN_ADAPTIVE if options.adaptive else _SPAN)
         self._row_forces = AcceptedForces(self.system, self._tangent, span, options.t_end)
-        # held weakly: in a cycle they would outlive the simulation, with their communicators
+        # weak references: in a cycle they would outlive the simulation, with their communicators
         self.system.row_forces = weakref.proxy(self._row_forces)
         self.slider_exit = SliderExit(self.system, self.serial)
         self.controls.attach(self.system, self.serial)
@@ -108,7 +108,7 @@ class Simulation:
         self._policy: Policy = create_policy(
             options.iteration_matrix, self.system, newton, self._tangent, self._integrator.mechanics
         )
-        # steps to and from events have sizes of their own: no factors are worth keeping
+        # steps to and from events have other sizes: their factors would not be used again
         self._fresh: Policy = UpdatedPolicy(
             self.system, newton, self._tangent, self._integrator.mechanics
         )
@@ -118,7 +118,7 @@ class Simulation:
         self.observe: Callable[[], None] = _nothing
         self.follow: Callable[[], None] = _nothing
         self._error, self._limit = 0.0, _MOST_EVENTS
-        # what steps are made with, and that the next one is the first behind a jump
+        # scheme of the steps, and True if the next one is the first after a jump
         self._scheme, self._behind_jump = self._integrator, False
         if restart is not None:
             restart.restore(self, self.system)
@@ -155,7 +155,7 @@ class Simulation:
         return self._integrator.turn_limit
 
     def state(self) -> State:
-        """All that the next step depends on, and what was counted so far."""
+        """State on which the next step depends, and the counters so far."""
         counts = self.steps, self.rejected, self._error, self._behind_jump
         own = {
             "steps": np.array(counts, dtype=np.float64),
@@ -167,7 +167,7 @@ class Simulation:
         return State(own) | parts
 
     def restore(self, state: State) -> None:
-        """Go on from what :meth:`state` returned (collective)."""
+        """Restore a result of :meth:`state` (collective)."""
         self.steps, self.rejected = counts("steps", state.values["steps"][:2])
         self._error = float(state.values["steps"][2])
         self._behind_jump = bool(state.values["steps"][3])
@@ -189,7 +189,7 @@ class Simulation:
 
         Args:
             h: largest step; factors are kept for equal step sizes, so pass the same number.
-            t: time reached, where the caller knows it free of accumulated rounding.
+            t: time at the end, if the caller knows it without accumulated rounding.
         """
         begin, start, control = time.perf_counter(), self.time, self._control
         control.begin()
@@ -217,11 +217,11 @@ class Simulation:
         return status
 
     def _failed(self) -> bool:
-        """Return True if a user's function failed on a rank: no step helps (collective)."""
+        """Return True if a user-defined function failed on a rank, with any step (collective)."""
         return agreed(current(), self.system.comm) is not None
 
     def _smaller(self, status: Status) -> bool:
-        """Count a step in vain and go on with smaller ones; False if there are none."""
+        """Count a rejected step and reduce the step size; False if it is the smallest."""
         self.rejected += 1
         return self._control.refused(self._error if status is Status.INACCURATE else None)
 
@@ -239,11 +239,11 @@ class Simulation:
         return self._through_events(size, end)
 
     def _aim(self, end: float) -> None:
-        """Let the next step end just before a jump of loads and drives at time ``end`` (s)."""
+        """Make the next step end just before a jump of loads and drives at time ``end`` (s)."""
         self.system.lead = self.breakpoints.lead(end, before=True)
 
     def _checked(self, start: float, size: float, status: Status, policy: Policy) -> Status:
-        """Check the error of a step that was solved; after a failure its trial state is left."""
+        """Check the error of a solved step; after a failure its trial state is discarded."""
         self.system.lead = 0.0
         tolerance = self._control.tolerance
         if status is Status.OK and tolerance is not None:
@@ -272,13 +272,13 @@ class Simulation:
         return self._jump()
 
     def _jump_to(self, t: float) -> None:
-        """Set loads and drives to those at time ``t`` (s), or just behind if they jump there."""
+        """Set loads and drives to those at time ``t`` (s), or just after it if they jump there."""
         self.system.lead = self.breakpoints.lead(t, before=False)
         self.system.set_time(t)
         self.system.lead = 0.0
 
     def _jump(self) -> Status:
-        """Accelerations and multipliers of the accepted state with the loads behind a jump."""
+        """Compute accelerations and multipliers of the accepted state after a jump of loads."""
         system = self.system
         system.lead = self.breakpoints.lead(system.time, before=False)
         system.reset()
@@ -292,7 +292,7 @@ class Simulation:
         return status
 
     def _through_breakpoints(self, whole: float, end: float) -> Status:
-        """To time ``end`` in parts between jumps and kinks, then on with the usual scheme."""
+        """Step to time ``end`` in parts between jumps and kinks; restore the usual scheme."""
         self._scheme = self._integrator.begin_parts(self.system)
         self._last_part = [part.block.accelerations.copy() for part in self.system.parts], 0.0
         status = self._through_events(whole, end)
@@ -303,7 +303,7 @@ class Simulation:
         return status
 
     def _through_events(self, whole: float, end: float) -> Status:
-        """From the accepted state to time ``end`` in steps of their own, through events on the way.
+        """Step from the accepted state to time ``end`` through the events before it.
 
         They end at jumps and kinks of loads and drives. Steps that fail are halved, down to the
         smallest part of ``whole`` (s).
@@ -335,7 +335,7 @@ class Simulation:
         return Status.OK
 
     def _to_event(self, start: float, size: float, end: float) -> Status:
-        """One step of ``size`` (s), or to the first event within it, which is carried out."""
+        """Take one step of ``size`` (s), or to the first event within it, and carry that out."""
         system, events = self.system, self.events
 
         def trial(tau: float) -> Status:

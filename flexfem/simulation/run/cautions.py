@@ -21,11 +21,11 @@ class Cautions:
 
     Attributes:
         texts: all lines so far, for the summary.
-        found: names of the checks that have found something.
+        found: names of the checks with findings.
     """
 
     def __init__(self, comm: MPI.Intracomm, options: Settings) -> None:
-        """Begin without any; the first rank speaks, unless options are ``quiet``."""
+        """Begin without any; the first rank prints them, unless options are ``quiet``."""
         self._aloud = comm.rank == 0 and not options.quiet
         self._said = 0
         self.texts: list[str] = []
@@ -33,7 +33,7 @@ class Cautions:
 
     @classmethod
     def of_model(cls, serial: NumberedModel, options: Settings, system: System) -> Self:
-        """Note the findings of the checks of a model, and ranks in vain (collective).
+        """Collect the findings of the checks of a model, and warnings on idle ranks (collective).
 
         Args:
             serial: serial data of the model, the same on every rank.
@@ -43,17 +43,17 @@ class Cautions:
         made = cls(system.comm, options)
         findings = findings_of_run(serial, options)
         made.found = {finding.check for finding in findings}
-        # the run knows better with which velocities it starts
+        # the run compares the velocities at its start itself
         made.note(str(finding) for finding in findings if finding.check != "velocities")
         made.note(idle_or_crowded(system))
         return made
 
     def note(self, texts: Iterable[str]) -> None:
-        """Keep warnings, the same on every rank, until the next :meth:`say`."""
+        """Store warnings, the same on every rank, until the next :meth:`say`."""
         self.texts += texts
 
     def say(self, texts: Iterable[str] = ()) -> None:
-        """Warn of what was noted and of something more, the same on every rank."""
+        """Print the stored and further warnings, the same on every rank."""
         self.note(texts)
         for text in self.texts[self._said :] if self._aloud else ():
             launch.say(f"warning: {text}", error=True)

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Checkpoints of a run, and restart from them.
 
-What a checkpoint holds is said by ``state()`` of the simulation and of what it consists of; here
-are the checks that file and model belong together, and which files are kept.
+The contents of a checkpoint are given by ``state()`` of the simulation and of its parts; this
+module checks that file and model belong together, and keeps the latest files.
 """
 
 import re
@@ -31,14 +31,14 @@ from flexfem.system.system import System
 __all__ = ["Checkpoints", "Restart", "SavedState"]
 
 _NAME = re.compile(r"checkpoint_\d{6,}\.h5|\.checkpoint_\d{6,}\.h5\.tmp")
-#: Of the analyses that have checkpoints.
+#: Options of the analyses that have checkpoints.
 _Options = RunOptions | RelaxationOptions | StaticOptions
-#: Files of one run that are kept.
+#: Number of files of one run that are kept.
 _KEEP = 2
 
 
 class _Restorable(Protocol):
-    """A system, or what steps it, as seen from here."""
+    """Interface of a system, or of its simulation, for restarts."""
 
     def state(self) -> State: ...
 
@@ -46,7 +46,7 @@ class _Restorable(Protocol):
 
 
 class _Stateful(_Restorable, Protocol):
-    """A simulation, as seen from here."""
+    """Interface of a simulation for checkpoints."""
 
     system: System
 
@@ -56,14 +56,14 @@ class SavedState:
 
     Attributes:
         path: the file.
-        state: what the file holds, after :meth:`restore`.
+        state: contents of the file, after :meth:`restore`.
     """
 
     def __init__(self, path: Path, comm: MPI.Intracomm) -> None:
         """Check the file (collective).
 
         Raises:
-            InputError: it is no intact checkpoint of this version.
+            InputError: it is not an intact checkpoint of this version.
         """
         self._comm, self._file = comm, Checkpoint(path, comm)
         self.path, self.state = self._file.path, State()
@@ -78,7 +78,7 @@ class SavedState:
         """Return the entry of a name in the header.
 
         Raises:
-            InputError: nothing of this kind.
+            InputError: there is no such entry.
         """
         value = self._file.header.get(name)
         if not isinstance(value, kind) or isinstance(value, bool):
@@ -89,7 +89,7 @@ class SavedState:
         """Compare the model with the one that was run (collective).
 
         Args:
-            serial: serial data of the model, or the fingerprint of what is no multibody model.
+            serial: serial data of the model, or the fingerprint of other equations.
 
         Raises:
             InputError: they differ.
@@ -110,10 +110,10 @@ class SavedState:
         return self._file.refuse(why)
 
     def restore(self, target: _Restorable, system: System) -> None:
-        """Put a system, or what steps it, where the checkpoint left it (collective).
+        """Restore a system, or its simulation, from the checkpoint (collective).
 
         Raises:
-            InputError: the file lacks something.
+            InputError: the file is incomplete.
         """
         expected, self.state = target.state(), self._file.read(system.numberings())
         reason = expected.misfit(self.state) or system.doubts(self.state)
@@ -127,7 +127,7 @@ class SavedState:
 
 
 class Restart(SavedState):
-    """A checkpoint to go on from.
+    """A checkpoint from which a run is resumed.
 
     Attributes:
         grid: instants of the run that wrote it.
@@ -138,7 +138,7 @@ class Restart(SavedState):
         """Check the file named by the options (collective).
 
         Raises:
-            InputError: it is no intact checkpoint of this version, or does not fit the options.
+            InputError: it is not an intact checkpoint of this version, or does not fit the options.
         """
         assert options.restart is not None
         super().__init__(options.restart, comm)
@@ -168,14 +168,14 @@ class Restart(SavedState):
         """Check that the state is that of the step, or of a part of the next one.
 
         Raises:
-            InputError: it is not.
+            InputError: the state is another one.
         """
         low, high = self.grid.time(self.step), self.grid.time(self.step + 1)
         if not low - 1e-6 * self.grid.h <= t <= high:
             raise self._file.refuse(f"is at t = {t:g} s, which is not that of its step {self.step}")
 
     def _check_end(self, options: _Options) -> None:
-        """Refuse a run that has come to its end already; of load steps the state tells."""
+        """Refuse a run that is complete already; for load steps the state is checked."""
         if isinstance(options, StaticOptions):
             return
         if isinstance(options, RelaxationOptions):
@@ -189,20 +189,20 @@ class Restart(SavedState):
 
 
 class Checkpoints:
-    """Writes the checkpoints of one run; the last two are kept."""
+    """Writer of the checkpoints of one run, of which the last two are kept."""
 
     def __init__(
         self, simulation: _Stateful, serial: NumberedModel | Mapping[str, str],
         options: _Options, grid: TimeGrid, restart: Restart | None,
     ) -> None:  # fmt: skip
-        """Note what all checkpoints of the run have in common.
+        """Store the common data of all checkpoints of the run.
 
         Args:
-            simulation: whose state is written.
+            simulation: simulation whose state is written.
             serial: serial data of its model, or the fingerprint of what is no multibody model.
-            options: of the run; without an output folder nothing is ever written.
-            grid: its instants.
-            restart: where the run goes on from, if it does.
+            options: options of the run; without an output folder nothing is written.
+            grid: instants of the run.
+            restart: checkpoint from which the run was resumed, if any.
         """
         self._simulation, self._folder, self._serial = simulation, options.output, serial
         self._numberings: dict[str, Numbering] = {}
@@ -214,7 +214,7 @@ class Checkpoints:
         self._kept = [] if restart is None else [restart.path.absolute()]
 
     def _prepare(self) -> None:
-        """Make the data that only runs with checkpoints need (collective)."""
+        """Compute the data that only runs with checkpoints need (collective)."""
         system = self._simulation.system
         self._numberings = system.numberings()
         if system.comm.rank == 0:
@@ -228,10 +228,10 @@ class Checkpoints:
             records: state of the recorder.
 
         Returns:
-            The file, None without an output folder, or if the folder is another run's by now.
+            The file, None without an output folder, or if another run has taken the folder.
 
         Raises:
-            OSError: on all ranks, if it cannot be written; the files before are still there.
+            OSError: on all ranks, if it cannot be written; earlier files are kept.
         """
         comm = self._simulation.system.comm
         if self._folder is None or folder_is_lost(comm):
@@ -249,5 +249,5 @@ class Checkpoints:
 
 
 def _fingerprint(serial: NumberedModel | Mapping[str, str]) -> Mapping[str, str]:
-    """Return the texts that a checkpoint is compared by."""
+    """Return the texts by which a checkpoint is compared."""
     return serial if isinstance(serial, Mapping) else fingerprint(serial)

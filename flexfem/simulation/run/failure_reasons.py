@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Reasons of failed computations: what failed, where in the model, and advice.
+"""Reasons of failed computations: the failure, its place in the model, and advice.
 
-A reason is one line: what happened, when, where; what to try. The guide has a page on them.
+A reason is one line: failure, time, place; advice. The guide has a page on them.
 """
 
 from collections.abc import Iterable, Mapping
@@ -28,13 +28,13 @@ __all__ = [
     "with_hint",
 ]
 
-#: Failures whose last iteration tells where in the model they came from.
+#: Failures whose last iteration indicates a place in the model.
 ITERATED = (Status.NOT_CONVERGED, Status.DIVERGED)
 _STEP = (
     "reduce dt, use smoother drives, loads and contacts, and inspect the last fields to see where "
     "the failure starts"
 )
-#: What to try where a motion failed.
+#: Advice after a failure of a motion.
 MOTION: Mapping[Status, str] = {
     Status.NOT_CONVERGED: _STEP,
     Status.DIVERGED: _STEP,
@@ -42,12 +42,12 @@ MOTION: Mapping[Status, str] = {
     Status.SINGULAR: "check for redundant constraints there (redundant_constraints least_norm "
     "admits them), for bodies without mass, and for singular configurations of mechanisms",
 }
-#: The same where the equilibrium was not found in which it is to start.
+#: Advice if its equilibrium at the start was not found.
 START = (
     "the model may have no static equilibrium near its initial configuration (is a body "
     "unsupported?): run flexfem info, or use start given to begin with the initial velocities"
 )
-#: The same where a mechanism of energies, or other equations, failed.
+#: Advice for a mechanism of energies, or other equations.
 EQUATIONS: Mapping[Status, str] = {
     Status.NOT_CONVERGED: _STEP,
     Status.DIVERGED: _STEP,
@@ -58,7 +58,7 @@ _LOAD = (
     "increase load_steps, use arc_length to pass a limit point, or stabilise to find a stable "
     "equilibrium"
 )
-#: The same for statics.
+#: Advice for statics.
 STATICS: Mapping[Status, str] = {
     Status.NOT_CONVERGED: _LOAD,
     Status.DIVERGED: _LOAD,
@@ -71,14 +71,14 @@ _STABLE = (
     "increase load_steps or max_iterations, or reduce the loads: there may be no stable "
     "equilibrium for them"
 )
-#: The same for statics that are stabilised already.
+#: Advice for statics that are stabilised already.
 STABILISED: Mapping[Status, str] = {
     **STATICS,
     Status.NOT_CONVERGED: _STABLE,
     Status.DIVERGED: _STABLE,
     Status.SINGULAR: "constrain motions without stiffness by joints or springs",
 }
-#: What to try where a relaxation has not come to rest, and where it diverged.
+#: Advice for a relaxation that has not come to rest, and one that diverged.
 RELAXATION = (
     "increase max_iterations, continue with restart, or accept a larger tolerance",
     "increase margin, or reduce the contact stiffness",
@@ -86,15 +86,15 @@ RELAXATION = (
 
 
 def with_hint(reason: str, hint: str | None) -> str:
-    """A reason and what to try, on one line."""
+    """A reason and advice, on one line."""
     return f"{reason}; {hint}" if hint else reason
 
 
 def modes_hint(status: Status, spin: float) -> str:
-    """Return advice where the state about which modes are wanted was not found.
+    """Return advice if the state about which modes are requested was not found.
 
     Args:
-        status: why not.
+        status: reason of the failure.
         spin: speed of the steady rotation, rad/s; only without one there is a choice of states.
     """
     if status is Status.SINGULAR:
@@ -106,7 +106,7 @@ def modes_hint(status: Status, spin: float) -> str:
 
 
 def not_finite(serial: NumberedModel, times: Iterable[float]) -> str | None:
-    """The first drive that is not a number at one of the times; None if all are."""
+    """The first drive that is not finite at one of the times; None if all are."""
     times = list(times)
     for joint in serial.joints:
         if joint.driven:
@@ -130,7 +130,7 @@ def moves_most(serial: NumberedModel, system: System) -> str:
         if len(sizes):
             node = int(np.argmax(sizes))
             body = int(part.node_body[node])
-            # some nodes of floating bodies hold amplitudes
+            # some nodes of floating bodies are amplitudes
             placed = part.family.bodies_have_places
             x = tuple(block.frames0[node, :3].tolist()) if placed else ()
             worst.append((float(sizes[node]), -part.kind, -body, x))

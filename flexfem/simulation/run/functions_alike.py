@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Agreement of the user's functions between ranks: loads, laws and drives of joints.
+"""Consistency of user-defined functions between ranks: loads, laws and drives of joints.
 
-Loads and laws are evaluated on every rank, a drive by the ranks that hold its joint. Of a joint
-that several hold its owner counts as often as the others together and they count against it, so
-that one sum over all ranks vanishes; nobody needs the others' values as long as it does.
+Loads and laws are evaluated on every rank, a drive by the ranks of its joint. For a joint on
+several ranks the owner's value has the weight of all others together, with the opposite sign, so
+that one sum over all ranks vanishes; values are exchanged only if it does not.
 """
 
 from typing import Any
@@ -21,12 +21,12 @@ __all__ = ["NONE", "FunctionsAlike"]
 
 #: No outputs of controllers.
 NONE: FloatArray = np.empty(0)
-#: Values that differ by less than this part may be rounded by other computers.
+#: Relative difference of values between computers that may be rounding.
 _ALIKE = 1e-9
 
 
 class FunctionsAlike:
-    """Compares what the functions of a model give at its trial time.
+    """Comparison of the functions of a model at its trial time between ranks.
 
     Attributes:
         count: number of checksums.
@@ -50,10 +50,10 @@ class FunctionsAlike:
         )
 
     def checksums(self, outputs: FloatArray = NONE) -> FloatArray:
-        """Sums of what all ranks have alike and of what vanishes together, and how large they are.
+        """Sums of values common to all ranks and of those that cancel, and their magnitudes.
 
         Args:
-            outputs: of controllers.
+            outputs: outputs of controllers.
         """
         found = np.zeros(self.count)
         alike = self._alike(outputs)
@@ -69,7 +69,7 @@ class FunctionsAlike:
         return found
 
     def differ(self, every: FloatArray) -> bool:
-        """Return True if the checksums (ranks, count) of all ranks tell of different functions."""
+        """Return True if the checksums (ranks, count) of all ranks indicate different functions."""
         own, size = every[:, 0], every[:, 1]
         off, sizes = np.abs(every[:, 2::2].sum(axis=0)), every[:, 3::2].sum(axis=0)
         return bool(np.ptp(own) > _ALIKE * size.max() or (off > _ALIKE * sizes).any())
@@ -78,17 +78,17 @@ class FunctionsAlike:
         return np.concatenate([outputs, self._system.factors])
 
     def _drives(self) -> tuple[FloatArray, FloatArray, FloatArray]:
-        """For each row of drives that several ranks hold: its target, force law and directions."""
+        """For each row of drives on several ranks: its target, force law and directions."""
         rows, r = self._system.constraints, self._rows
         turned = rows.directions.reshape(len(rows.row_of_term), 9) @ _weights(np.arange(9))
         directions = np.bincount(rows.row_of_term, turned, minlength=rows.size)
         return rows.targets[r], rows.elastic[r] @ _weights(np.arange(5)), directions[r]
 
     def note(self, outputs: FloatArray = NONE) -> None:
-        """Let the run fail by the first function whose values ranks do not agree on (collective).
+        """Record the first function whose values differ between ranks as failed (collective).
 
         Args:
-            outputs: of controllers.
+            outputs: outputs of controllers.
         """
         comm, loads = self._system.comm, self._model.loads
         controllers = self._model.controllers if len(outputs) else []
@@ -104,7 +104,7 @@ class FunctionsAlike:
         self._note_drive(comm)
 
     def _note_drive(self, comm: MPI.Intracomm) -> None:
-        """The same for a drive of a joint; its values are those of its rows."""
+        """Record a drive of a joint whose rows differ between ranks."""
         rows, own = self._system.constraints, dict[int, FloatArray]()
         for i in self._shared:
             at = slice(rows.start[i], rows.start[i + 1])
@@ -130,7 +130,7 @@ class FunctionsAlike:
 
 
 def _weights(numbers: Any) -> FloatArray:
-    """A weight of its own for each number, so that equal sums are of equal values."""
+    """A different weight for each number, so that equal sums mean equal values."""
     weights: FloatArray = 1.5 + np.cos(numbers)
     return weights
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Frame of all runs: a folder of their own, and an orderly end whatever goes wrong."""
+"""Context of all runs: lock of the output folder, and an orderly end after any error."""
 
 import time
 from collections.abc import Callable, Iterator
@@ -19,21 +19,21 @@ from flexfem.options import Settings
 
 __all__ = ["agreed", "folder_is_lost", "guarded", "reason_of", "refuse"]
 
-#: Options that ranks may have for themselves, and kinds of values that are compared.
+#: Options that may differ between ranks, and types of values that are compared.
 _OWN, _PLAIN = ("quiet", "progress"), (bool, int, float, str)
-#: Seconds that ranks may need longer than another to find the same input wrong.
+#: Seconds by which ranks may differ in finding the same input error.
 _PATIENCE = 10.0
 
 
 @contextmanager
 def guarded(options: Settings, comm: MPI.Intracomm) -> Iterator[Faults]:
-    """Lock the output folder for a run and watch for what goes wrong in it (collective).
+    """Lock the output folder for a run and handle its errors (collective).
 
-    At its end, what functions of the user's and files have raised on a rank is raised on all.
+    At its end, errors of user-defined functions and files on one rank are raised on all.
 
     Raises:
-        InputError: options differ between ranks, another run has the folder, or a function of the
-            user's failed at the start.
+        InputError: options differ between ranks, another run has the folder, or a user-defined
+            function failed at the start.
         FunctionError: one failed later.
         OSError: the results cannot be written.
     """
@@ -58,7 +58,7 @@ def guarded(options: Settings, comm: MPI.Intracomm) -> Iterator[Faults]:
 
 
 def _all_come(comm: MPI.Intracomm) -> bool:
-    """Return False if ranks stay in what one has failed in alone (collective otherwise)."""
+    """Return False if other ranks remain in a call that failed on one (collective otherwise)."""
     barrier, end = comm.Ibarrier(), time.monotonic() + _PATIENCE
     while not barrier.Test():
         if time.monotonic() > end:
@@ -70,7 +70,7 @@ def _all_come(comm: MPI.Intracomm) -> bool:
 def _check_options(options: Settings, comm: MPI.Intracomm) -> None:
     """Refuse options that differ between ranks, which would compute different steps (collective).
 
-    What a rank prints is its own; folders and files may have other names on other computers.
+    Options of printing may differ; folders and files may have other names on other computers.
 
     Raises:
         InputError: names the option and its values, on all ranks.
@@ -116,19 +116,19 @@ def _own_folder(options: Settings, comm: MPI.Intracomm) -> Iterator[None]:
 
 
 def agreed(faults: Faults, comm: MPI.Intracomm) -> Exception | None:
-    """The first rank's error, None if all goes well on all ranks (collective)."""
+    """The error of the first rank that has one, None without errors (collective)."""
     found = [faults.error] if comm.size == 1 else comm.allgather(faults.error)
     return next((error for error in found if error is not None), None)
 
 
 def folder_is_lost(comm: MPI.Intracomm) -> bool:
-    """Return True if the output folder has become another run's (collective)."""
+    """Return True if another run has taken the output folder (collective)."""
     error = agreed(current(), comm)
     return isinstance(error, FolderLostError) and error.replaced
 
 
 def refuse(faults: Faults, comm: MPI.Intracomm) -> None:
-    """Raise what was noted while nothing is computed or written yet (collective).
+    """Raise recorded errors before anything is computed or written (collective).
 
     Raises:
         InputError: on all ranks.
@@ -139,6 +139,6 @@ def refuse(faults: Faults, comm: MPI.Intracomm) -> None:
 
 
 def reason_of(faults: Faults, comm: MPI.Intracomm, when: str, otherwise: Callable[[], str]) -> str:
-    """Return the error of a rank with its time, else the end of the run itself (collective)."""
+    """Return the error of a rank with its time, else the status of the run (collective)."""
     error = agreed(faults, comm)
     return otherwise() if error is None else f"{error}{when}"

@@ -17,16 +17,16 @@ __all__ = ["Agreement", "interruption"]
 
 
 class Agreement:
-    """Knowledge common to all ranks of signals and errors on some, and of progress shown by one.
+    """Exchange between ranks of signals and errors on some, and of requests to show progress.
 
     Attributes:
-        show: the first rank wants to show the state, for which it may need the others.
-        failed: a function of the user's, or a file, has failed on a rank, or functions that should
-            give the same on all ranks do not.
+        show: True if the first rank is to show the state, for which it may need the others.
+        failed: True if a user-defined function or a file has failed on a rank, or functions differ
+            between ranks that should be the same.
     """
 
     def __init__(self, comm: MPI.Intracomm, functions: FunctionsAlike | None = None) -> None:
-        """Make room for the messages; ``functions`` are compared as well."""
+        """Allocate the messages; ``functions`` are compared as well."""
         self._comm, self._functions = comm, functions
         self._own = np.zeros(3 if functions is None else 3 + functions.count)
         self._every = np.zeros((comm.size, len(self._own)))
@@ -37,9 +37,9 @@ class Agreement:
         """Number of the signal that a rank has received, 0 for none (collective).
 
         Args:
-            signals: of this rank.
-            due: this rank wants to show the state.
-            outputs: of controllers, which should be the same on all ranks.
+            signals: signals that this rank has received.
+            due: True if this rank is to show the state.
+            outputs: outputs of controllers, which should be the same on all ranks.
         """
         failed = self._faults.error is not None
         if self._comm.size == 1:
@@ -61,7 +61,7 @@ class Agreement:
 def interruption(
     signal: int, reason: str, checkpoint: Path | None = None, outcome: Outcome | None = None
 ) -> Interrupted:
-    """The exception that ends a run, and says how to go on from Python."""
+    """Exception that ends a run, with advice on how to resume it from Python."""
     more = "" if checkpoint is None else f', go on with restart="{checkpoint}"'
     stop = Interrupted(signal, reason + more, reason=reason, checkpoint=checkpoint)
     stop.outcome = outcome

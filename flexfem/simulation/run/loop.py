@@ -34,13 +34,13 @@ class Steps:
     """Steps of one analysis, taken and recorded one after the other by a :class:`Run`.
 
     Attributes:
-        system: the assembled system, or what else has a communicator ``comm``.
-        functions: compares what functions of the user's give on the ranks; None compares nothing.
-        cautions: what the run warns of.
+        system: the assembled system, or another object with a communicator ``comm``.
+        functions: comparison of user-defined functions between the ranks, or None.
+        cautions: warnings of the run.
         recorder: history, fields and progress.
-        checkpoints: writes the state between steps.
-        status: whether there is a start to step from.
-        done: the analysis has come to its end.
+        checkpoints: writer of the state between steps.
+        status: status of the start of the analysis.
+        done: True if the analysis is complete.
     """
 
     system: Any
@@ -53,7 +53,7 @@ class Steps:
 
     @property
     def completed(self) -> int | None:
-        """Number of the step that a checkpoint goes on from, None if none can be written."""
+        """Number of the last completed step for a checkpoint, None if none can be written."""
         raise NotImplementedError
 
     @property
@@ -72,7 +72,7 @@ class Steps:
         return NONE
 
     def record_start(self) -> None:
-        """Record the start of a run that does not go on from a checkpoint (collective)."""
+        """Record the start of a run that is not resumed from a checkpoint (collective)."""
         raise NotImplementedError
 
     def begin(self) -> None:
@@ -82,7 +82,7 @@ class Steps:
         """Take the next step and, unless it fails, record it (collective).
 
         Args:
-            stopping: whether a signal ends the run (collective), for steps that take long.
+            stopping: returns True if a signal ends the run (collective), for long steps.
         """
         raise NotImplementedError
 
@@ -90,21 +90,21 @@ class Steps:
         """Record the state before a step that has failed (collective)."""
 
     def finish(self) -> None:
-        """Compute what follows the last step of a run that came to its end (collective)."""
+        """Compute the results after the last step of a complete run (collective)."""
 
     def reason(self, status: Status) -> str:
-        """The status in words, "ok" for a run that came to its end (collective)."""
+        """The status in words, "ok" for a complete run (collective)."""
         raise NotImplementedError
 
     def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> None:
-        """Warn of what is known at the end only (collective); the history is the first rank's."""
+        """Add the warnings known at the end only (collective); the first rank has the history."""
 
     def common(self, case: str, reason: str) -> dict[str, Any]:
         """Entries of ``summary.json`` on sizes, counts and status."""
         return summary_of(self.system, case, reason)
 
     def summary(self) -> dict[str, Any]:
-        """Entries of ``summary.json`` that only this analysis has."""
+        """Entries of ``summary.json`` of this analysis only."""
         raise NotImplementedError
 
 
@@ -115,7 +115,7 @@ def carry_out(
     """Run an analysis to its end and write the results (collective).
 
     Args:
-        prepare: makes the steps of the analysis, from a checkpoint if there is one.
+        prepare: creates the steps of the analysis, from a checkpoint if there is one.
         options: of the analysis.
         comm: communicator of all ranks.
         case: name for the summary.
@@ -151,7 +151,7 @@ class Run:
         self, steps: Steps, options: _Options, case: str = "model",
         results: Results | None = None, begin: float = 0.0, start: int | None = None,
     ) -> None:  # fmt: skip
-        """Nothing is run yet.
+        """Store the steps; nothing is run yet.
 
         Args:
             steps: of the analysis.
@@ -159,7 +159,7 @@ class Run:
             case: name for the summary.
             results: function of the history's columns that returns the headline results.
             begin: reading of ``time.perf_counter`` when the run began, s.
-            start: step of the checkpoint that the run goes on from, None without one.
+            start: step of the checkpoint from which the run is resumed, None without one.
         """
         self._steps, self._options, self._case, self._results = steps, options, case, results
         self._begin, self._start = begin, start
@@ -194,7 +194,7 @@ class Run:
         while not (steps.done or early):
             status = steps.take(stopping)
             self._first = self._first or self._elapsed()
-            self._look(signals)  # functions that differ between ranks may be why a step fails
+            self._look(signals)  # a step may fail because functions differ between ranks
             failed = status is not Status.OK
             if failed:
                 steps.record_failure()
@@ -207,25 +207,25 @@ class Run:
         return status
 
     def _look(self, signals: StopSignals) -> None:
-        """Look for signals, and show progress where it is time to (collective)."""
+        """Check for signals, and show progress if it is due (collective)."""
         recorder, agreement = self._steps.recorder, self._agreement
         self.signal = agreement.on(signals, recorder.due, self._steps.outputs)
         if agreement.show:
             recorder.show()
 
     def _save(self, step: int) -> None:
-        """Write a checkpoint, if the disk takes it."""
+        """Write a checkpoint; an error of the disk is recorded."""
         with current().files():
             steps = self._steps
             self._checkpoint = steps.checkpoints.write(step, steps.recorder.state())
 
     def interrupted(self) -> Interrupted:
-        """Write what is left and the summary; the exception that ends the run (collective)."""
+        """Write the remaining records and the summary; return the exception (collective)."""
         reason = f"interrupted at {self._steps.at}"
         return interruption(self.signal, reason, self._checkpoint, self.finish(reason))
 
     def finish(self, reason: str) -> Outcome:
-        """Write what is left and the summary (collective)."""
+        """Write the remaining records and the summary (collective)."""
         steps, wall = self._steps, self._elapsed()
         steps.recorder.close()
         history = steps.recorder.history()

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Progress display of a run, evaluated when it is shown and not in every step."""
+"""Progress display of a run, evaluated only when it is shown."""
 
 from __future__ import annotations
 
@@ -16,25 +16,25 @@ __all__ = ["Monitor"]
 
 
 class Monitor:
-    """Energies and contacts of the accepted state, in words."""
+    """Energies and contacts of the accepted state, as text."""
 
     def __init__(
         self, system: System, model: Model, probes: ProbeRecorder, moving: bool
     ) -> None:  # fmt: skip
-        """Nothing is evaluated yet.
+        """Store the system without evaluating it.
 
         Args:
-            system: whose accepted state is shown.
+            system: system whose accepted state is shown.
             model: its model.
-            probes: its probes, of which one may know the energies already.
-            moving: there is kinetic energy.
+            probes: its probes, one of which may have evaluated the energies already.
+            moving: True if there is kinetic energy.
         """
         self._system, self._model, self._moving = system, model, moving
         self._probed = probes.energies
         self._meter: EnergyMeter | None = None
 
     def words(self) -> list[str]:
-        """Return the words to be shown, the same on every rank (collective)."""
+        """Return the text to be shown, the same on every rank (collective)."""
         system = self._system
         kinetic, strain, balance = self._energies()
         contacts = float(sum(group.closed for group in system.contacts))

@@ -26,7 +26,7 @@ class Outcome:
 
     Attributes:
         status: "ok" or the reason of failure.
-        summary: what ``summary.json`` holds.
+        summary: contents of ``summary.json``.
         history: columns of the history, angles unwrapped; empty on other ranks than the first.
     """
 
@@ -50,8 +50,8 @@ def conclude(
 ) -> Outcome:  # fmt: skip
     """Add the headline results to a summary and write it, if there is a folder (collective).
 
-    The history is empty on other ranks than the first. What went wrong since the run has ended is
-    its status, if that was well until then.
+    The history is empty on other ranks than the first. An error after the end of the run becomes
+    its status, if that was "ok" before.
     """
     faults = current()
     if history and results is not None:
@@ -70,7 +70,7 @@ def conclude(
 
 
 def _tell(summary: dict[str, Any], comm: MPI.Intracomm) -> None:
-    """Let the status say what went wrong on a rank (collective)."""
+    """Set the status to the error of a rank (collective)."""
     error = agreed(current(), comm)
     later = summary["status"] == "ok" or isinstance(error, FunctionError)
     if error is not None and later and str(error) not in summary["status"]:

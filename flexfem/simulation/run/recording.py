@@ -28,7 +28,7 @@ from flexfem.system.system import System
 
 __all__ = ["Recorder", "Records", "closing_table", "last_record"]
 
-#: Relative difference of times that are the same.
+#: Relative difference below which times are equal.
 _SAME = 1e-9
 
 
@@ -36,7 +36,7 @@ def last_record(state: State, columns: int) -> FloatArray:
     """Time and columns of the last record before a checkpoint.
 
     Raises:
-        InputError: the checkpoint does not hold them.
+        InputError: the checkpoint does not contain them.
     """
     row = state.values.get("history")
     if row is None or row.shape != (1 + columns,) or not 0.0 <= row[0] < np.inf:
@@ -45,35 +45,35 @@ def last_record(state: State, columns: int) -> FloatArray:
 
 
 class Records(Protocol):
-    """History, fields and progress of a run, as the run loop knows them."""
+    """Interface of history, fields and progress of a run for the run loop."""
 
     @property
     def due(self) -> bool:
-        """This rank shows progress, and it is time for :meth:`show`."""
+        """True if this rank shows progress and :meth:`show` is due."""
 
     def show(self) -> None:
-        """Show progress with what is known of the accepted state (collective)."""
+        """Show progress with data of the accepted state (collective)."""
 
     def state(self) -> State:
-        """Return the state the records go on from; the table is on disk first (collective).
+        """Return the state from which records resume, after flushing the table (collective).
 
         Raises:
-            OSError: on all ranks; the disk does not take it.
+            OSError: on all ranks; the disk write failed.
         """
 
     def close(self) -> None:
-        """Write what is left (collective)."""
+        """Write the remaining records (collective)."""
 
     def history(self) -> dict[str, FloatArray]:
         """Columns recorded so far, on the first rank."""
 
     def release(self) -> None:
-        """Close the table with what it has, on this rank alone, after an unexpected error."""
+        """Close the table as it is, on this rank alone, after an unexpected error."""
 
 
 @contextmanager
 def closing_table(recorder: Records) -> Iterator[None]:
-    """Close the table of a run whatever ends it; other ranks may not know, so nobody is asked."""
+    """Context that closes the table of a run after any error, without communication."""
     try:
         yield
     finally:
@@ -91,20 +91,20 @@ class Recorder:
         """Open the files (collective).
 
         Args:
-            system: whose accepted states are recorded.
+            system: system whose accepted states are recorded.
             serial: serial data of its model.
-            settings: where to write, and whether to show progress.
-            every: fields are written every that many steps.
+            settings: output folder, and options of progress.
+            every: number of steps between two outputs of fields.
             end: time (s) or load factor at the end.
-            resume: what :meth:`state` returned where an earlier run is continued: its records up
-                to there are kept. None begins anew.
+            resume: result of :meth:`state` of an earlier run that is resumed: its records up to
+                there are kept. None begins a new table.
             unit: of ``end``; empty for a load factor.
-            measures: columns that come with each record, before those of the probes.
-            varies: the size of the steps, which is shown then.
+            measures: further columns of each record, before those of the probes.
+            varies: True if the step size varies, which is then shown.
 
         Raises:
-            InputError: a probe has a column of these names, or fails, or what the earlier run left
-                cannot be continued; it is left as it was.
+            InputError: a probe has a column of these names, or fails, or the files of the earlier
+                run cannot be continued; they are not changed.
         """
         self._system, self._every = system, every
         self._probes = ProbeRecorder(system, serial)
@@ -116,7 +116,7 @@ class Recorder:
         self._angles = AngleColumns(self._columns, self._probes.unwrap)
         self._rows: list[FloatArray] = []
         self._time, self._h, self._varies = 0.0, 0.0, varies  # of the last record
-        self._unseen = True  # nothing was shown yet
+        self._unseen = True  # no progress shown yet
         self._measured, self._first_measure = np.empty(0), (*measures, "")[0]
         self._faults = current()
         self._probes.check(system.time)
@@ -124,13 +124,13 @@ class Recorder:
         self._monitor = Monitor(system, serial.model, self._probes, moving=unit == "s")
         self._table: HistoryWriter | None = None
         self._fields: FieldOutput | None = None
-        self._broken = False  # the table lacks rows
+        self._broken = False  # rows are missing in the table
         row = np.zeros(1) if resume is None else last_record(resume, len(self._columns))
         if resume is not None:
             self._probes.restore(resume.values.get("sums", np.empty(0)))
         start = None if resume is None else float(row[0])
         if settings.output is not None:
-            # an InputError leaves everything as it was: the table is cut last
+            # an InputError must not change files: the table is cut last
             self._fields = FieldOutput(settings.output, system, serial, start)
             self._table = HistoryWriter(
                 settings.output / "history.csv", self._columns, system.comm, resume=start
@@ -145,7 +145,7 @@ class Recorder:
         )
 
     def _continue(self, row: FloatArray) -> None:
-        """Go on after the rows of an earlier run, or begin with the state it left."""
+        """Continue the rows of an earlier run, or begin with its state."""
         self._time, self._angles.previous = float(row[0]), row[1:].copy()
         comm, error = self._system.comm, None
         if comm.rank == 0 and self._table is not None:
@@ -164,10 +164,10 @@ class Recorder:
         raise_together(comm, error)
 
     def record(self, step: int, last: bool = False, measures: FloatArray | None = None) -> None:
-        """Note the accepted state of a step, and the measures that come with it."""
+        """Record the accepted state of a step, with its measures."""
         self._keep(measures)
         due = step % self._every == 0 or last
-        if due or self._probes.full:  # the table is never behind the fields
+        if due or self._probes.full:  # the table never has fewer records than the fields
             self._flush()
         if due:
             self._write_fields(step)
@@ -180,14 +180,14 @@ class Recorder:
 
     @property
     def due(self) -> bool:
-        """This rank shows progress, and it is time for :meth:`show`."""
+        """True if this rank shows progress and :meth:`show` is due."""
         return self._progress.due
 
     def show(self) -> None:
-        """Show progress with what is known of the accepted state (collective)."""
+        """Show progress with data of the accepted state (collective)."""
         begin, first = time.perf_counter(), self._unseen
         words, self._unseen = self._monitor.words(), False
-        # the first time loads compiled code
+        # the first call loads compiled code
         self._show(words, 0.0 if first else time.perf_counter() - begin)
 
     def _show(self, words: Sequence[str], cost: float = 0.0) -> None:
@@ -201,7 +201,7 @@ class Recorder:
         )
 
     def record_values(self, step: int, values: FloatArray) -> None:
-        """Note columns, given on the first rank, and the fields of the trial state."""
+        """Record columns, given on the first rank, and the fields of the trial state."""
         self._flush()
         system = self._system
         self._h, self._time = system.time - self._time, system.time
@@ -214,7 +214,7 @@ class Recorder:
             self._fields.write(system.time, step)
 
     def record_between(self, measures: FloatArray | None = None) -> None:
-        """Note the accepted state of a part of a step in the history."""
+        """Record the accepted state of a part of a step in the history."""
         self._keep(measures)
         if self._probes.full:
             self._flush()
@@ -225,11 +225,11 @@ class Recorder:
         return self._probes.energies is not None
 
     def follow(self) -> None:
-        """Take in the work up to an accepted state that is not recorded."""
+        """Sum the work up to an accepted state that is not recorded."""
         self._probes.follow()
 
     def record_last(self, step: int, measures: FloatArray | None = None) -> None:
-        """Note the state reached before a step that failed, which may lie within the step."""
+        """Record the last accepted state before a failure, which may be within the step."""
         system = self._system
         system.reset()
         system.interface.update()
@@ -240,13 +240,13 @@ class Recorder:
             self._write_fields(step - 1)
 
     def state(self) -> State:
-        """Return the state the records go on from; the table is on disk first (collective).
+        """Return the state from which records resume, after flushing the table (collective).
 
-        No checkpoint is ever ahead of the table. Time and probes of the last record, angles
-        continued, are known to the first rank.
+        No checkpoint is ever ahead of the table. Time and probes of the last record, with
+        continuous angles, are on the first rank.
 
         Raises:
-            OSError: on all ranks; the disk does not take it.
+            OSError: on all ranks; the disk write failed.
         """
         error: Exception | None = None
         try:
@@ -278,7 +278,7 @@ class Recorder:
             self._recover(self._table)
 
     def _write(self, t: float, row: FloatArray) -> None:
-        """Append a row to the table, as long as the disk takes them."""
+        """Append a row to the table, unless a disk write has failed."""
         try:
             if self._table is not None:
                 self._table.write(t, row)
@@ -288,14 +288,14 @@ class Recorder:
             self._drop_table()
 
     def _drop_table(self) -> None:
-        """Close the table, which gets no more rows; what the disk did not take is lost."""
+        """Close the table after a failed disk write; buffered rows are lost."""
         table, self._table = self._table, None
         with suppress(OSError):
             if table is not None:
                 table.close()
 
     def _recover(self, table: HistoryWriter) -> None:
-        """Write the table anew where it was removed; the run ends then."""
+        """Write the table again if it was removed; the run ends then."""
         replaced = table.path.exists()
         self._faults.note(FolderLostError(table.path.parent, replaced))
         if replaced:
@@ -306,12 +306,12 @@ class Recorder:
             table.write_anew(self._rows)
 
     def release(self) -> None:
-        """Close the table with what it has, on this rank alone, after an unexpected error."""
+        """Close the table as it is, on this rank alone, after an unexpected error."""
         self._progress.close()
         self._drop_table()
 
     def close(self) -> None:
-        """Write what is left."""
+        """Write the remaining records."""
         self._flush()
         self._show(())
         self._progress.close()

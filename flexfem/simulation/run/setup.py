@@ -32,8 +32,8 @@ def set_up(
         model: the model, the same on every rank.
         comm: communicator, all ranks by default.
         split_above: elements above which one beam may be split over ranks.
-        check: raises a ValueError for serial data that will not do.
-        outputs: of the model's controllers at a time (s); zero by default.
+        check: raises a ValueError for unsuitable serial data.
+        outputs: outputs of the model's controllers at a time (s); zero by default.
         kernels: "fast" or "ufl", see ``flexfem.analyses.analysis.KERNELS``.
 
     Raises:
@@ -60,10 +60,10 @@ def set_up(
 
 
 def _check_functions(model: Model, comm: MPI.Intracomm) -> None:
-    """Call the functions of loads once: where one fails, nothing is built yet (collective).
+    """Call the functions of loads once, to find failures before anything is built (collective).
 
     Raises:
-        InputError: names load and function; those of joints are called where these are made.
+        InputError: names load and function; functions of joints are called when these are built.
     """
     with watched() as faults:
         for load in model.loads:

@@ -1,11 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Instants of a run: the same after a restart, whatever its new end."""
+"""Instants of a run, the same after a restart with any new end."""
 
 from dataclasses import dataclass
 
 __all__ = ["TimeGrid"]
 
-#: Less than this part of a step is round-off.
+#: Part of a step below which a difference of times is round-off.
 _ROUND_OFF = 1e-6
 
 

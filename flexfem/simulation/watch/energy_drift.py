@@ -12,9 +12,9 @@ from flexfem.model.probes.measured import EnergyProbe
 __all__ = ["energy_drift"]
 
 #: Part of the largest energy above which growth is reported. Sound runs stay below a quarter of
-#: this; what impacts and jumps make of coarse steps is some times as much.
+#: this; impacts and jumps in coarse steps give some times as much.
 _PART = 0.02
-#: Energies, J, that are round-off.
+#: Energies, J, below which a value is round-off.
 _NOTHING = 1e-12
 _ENERGIES = ("kinetic", "strain", "gravity", "work")
 

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Monitor of every motion: energy balance, rotations, jumps, inverted elements, values not finite.
+"""Monitor of all motions: energy balance, rotations, jumps, inverted elements, not finite values.
 
 The work of loads and drives is summed up in every step, by few numbers; energies are summed over
-the model only at some of them, which are counted, not timed, so that runs and ranks agree.
+the model only at some of them, chosen by count and not by time, so that runs and ranks agree.
 """
 
 from __future__ import annotations
@@ -23,25 +23,25 @@ from flexfem.system.system import System
 
 __all__ = ["EnergyWatch"]
 
-#: Energies are looked at in every so many steps, in the first ones more often.
+#: Number of steps between two evaluations of energies, fewer in the first ones.
 _EVERY = 256
-#: Part of the largest energy that may come from nowhere, see ``energy_drift``, without drives and
-#: with them. Their work is that of multipliers, which swing where steps are coarse: what they may
-#: miss by it counts as well (``DriveChanges.work``), but in gains not more than the last part.
+#: Admissible spurious energy over the largest energy, see ``energy_drift``, without drives and with
+#: them. Their work is that of multipliers, which oscillate in coarse steps: the possible error of
+#: it is added (``DriveChanges.work``), but for gains not more than the last part.
 _GAIN, _DRIVEN_GAIN, _MOST_GAIN = 0.02, 0.05, 0.3
-#: Part of the largest energy that a scheme may lose where nothing can take it. Of a load that is
-#: put on at once half of the work goes into vibrations, which unresolved ones may all lose.
+#: Admissible numerical dissipation over the largest energy in a conservative model. Half of the
+#: work of a suddenly applied load goes into vibrations, which may all be dissipated if unresolved.
 _LOSS = 0.75
-#: Turn of a node in a step, rad: see the check of models ``steps``.
+#: Rotation of a node in a step, rad: see the check of models ``steps``.
 _TURN = 0.5
-#: Energy, J, that is round-off.
+#: Energy, J, below which a value is round-off.
 _NOTHING = 1e-12
 _SMALLER = "reduce dt or tolerance, or use smoother initial velocities, drives and contacts"
 _DAMPED = "set rho_inf below 1 to damp what the steps do not resolve, or "
 
 
 class EnergyWatch:
-    """Watches the accepted states of one run, from its start or restart on."""
+    """Monitor of the accepted states of one run, from its start or restart on."""
 
     def __init__(
         self, system: System, serial: NumberedModel, h: float, *, probed: bool, fast: bool,
@@ -53,9 +53,9 @@ class EnergyWatch:
             system: at its consistent start.
             serial: serial data of its model.
             h: size of whole steps, s.
-            probed: gains of energy are told by an energy probe of the whole model.
-            fast: fast turns have been told at the start.
-            undamped: the integrator dissipates nothing.
+            probed: True if gains of energy are reported by an energy probe of the whole model.
+            fast: True if fast rotations were reported at the start.
+            undamped: True if the integrator dissipates nothing.
         """
         self._system, self._serial, self._h = system, serial, h
         self._probed, self._fast = probed, fast
@@ -69,7 +69,7 @@ class EnergyWatch:
             load.amplitude is None and not load.follower and not np.any(load.wrench[1])
             for load in model.loads
         )
-        # the work of steady forces needs no sum
+        # the work of constant forces needs no sum
         self._varying = not steady
         driven = np.array([j.joint.driven for j in rows.joints], dtype=np.bool_)[rows.joint_of_row]
         spring = (rows.elastic[:, 0] == LawKind.SPRING) & ~driven & (rows.owned > 0.0)
@@ -94,7 +94,7 @@ class EnergyWatch:
         return takes or viscous or bool(system.contacts)
 
     def follow(self) -> None:
-        """Take in the work up to an accepted state."""
+        """Sum the work up to an accepted state."""
         if not (self._driven or self._varying):
             return
         if self._driven:
@@ -112,11 +112,11 @@ class EnergyWatch:
         return self._work + self._drives.work.item(0)
 
     def step(self, events: int, last: bool) -> None:
-        """Take in the end of a whole step (collective at some).
+        """Evaluate the end of a whole step (collective at some).
 
         Args:
-            events: how many have happened so far; energies count anew behind one.
-            last: no other step follows.
+            events: number of events so far; the balance begins again after one.
+            last: True for the last step.
         """
         self.follow()
         self._count += 1
@@ -130,13 +130,13 @@ class EnergyWatch:
             self._sample()
 
     def fail(self) -> None:
-        """Look a last time, at the last good state of a run that fails (collective)."""
+        """Evaluate the last accepted state of a run that fails (collective)."""
         self._sample(failed=True)
 
     def _sample(self, *, failed: bool = False) -> None:
-        """Look at all energies and at the fastest turn (collective).
+        """Evaluate all energies and the fastest rotation (collective).
 
-        Forces of a step that has ``failed`` may be anything.
+        Forces of a step that has ``failed`` are not used.
         """
         system, rows = self._system, self._system.constraints
         kinetic, strain, gravity = self._meter.stored().tolist()
@@ -158,8 +158,8 @@ class EnergyWatch:
     def _note(self, shares: FloatArray) -> None:
         """Compare energies (kinetic, strain, gravity's, work) with those at the start.
 
-        The next one is the largest work so far: what comes and goes between two looks counts, too.
-        The last one is what the work of drives may miss.
+        The next one is the largest work so far, which includes work that cancels between two
+        evaluations. The last one is the possible error of the work of drives.
         """
         t = self._system.time
         if not np.isfinite(shares).all():
@@ -176,7 +176,7 @@ class EnergyWatch:
         self._loss = max(self._loss, self._base - balance - doubt)
 
     def _note_turns(self) -> None:
-        """The largest turn of a node of this rank in a step so far."""
+        """Update the largest rotation of a node of this rank in a step."""
         for part in self._system.parts:
             spins = part.block.velocity[: part.block.owned, 3:]
             if part.block.dirichlet is not None and part.block.width == 6:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Inverted elements: solutions of the equations that no body can move to.
+"""Inverted elements: solutions of the equations that are not physical.
 
-Linear laws resist compression to nothing with a finite force. Beyond it equations may have
-solutions again, of an arm that turns faster than it can bear for example.
+Linear laws resist compression to zero length with a finite force. Beyond it the equations may have
+further solutions, e.g. of an arm that rotates faster than it can bear.
 """
 
 from dataclasses import dataclass
@@ -24,7 +24,7 @@ class InsideOut:
 
     Attributes:
         stretch: its size relative to that at the start, see ``ElementFamily.stretches``.
-        kind, body: of what it is a part.
+        kind, body: family and body of which it is a part.
     """
 
     stretch: float
@@ -38,7 +38,7 @@ class InsideOut:
         for part in system.parts:
             if part.elements is None or not len(part.elements.body):
                 continue
-            # of bodies that are alike round-off must not choose
+            # round-off must not choose between equal bodies
             stretches = np.round(part.elements.stretches(part.block.frames), _DIGITS)
             least = float(stretches.min())
             if least <= 0.0:
@@ -47,7 +47,7 @@ class InsideOut:
         return min(found, default=None)
 
     def text(self, serial: NumberedModel) -> str:
-        """Body and stretch in words."""
+        """Body and stretch as text."""
         return (
             f"{owner_of(serial.body(self.kind, self.body))}: an element is inverted "
             f"(its size is {self.stretch:.3g} times that at the start)"

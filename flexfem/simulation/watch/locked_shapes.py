@@ -15,7 +15,7 @@ __all__ = ["locked_shapes"]
 
 
 def locked_shapes(serial: NumberedModel, system: System) -> list[str]:
-    """A line for each beam that is too stiff as it is bent now, on every rank (collective)."""
+    """A line for each beam that locks in its present shape, on every rank (collective)."""
     curves = serial.curves
     if curves is None:
         return []

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Steps in which flexible bodies rotate so far that unresolved vibrations grow.
 
-See ``GeneralizedAlpha.turn_limit``. What grows does so until steps fail, and shorter ones in their
-places leave vibrations behind that nothing has excited.
+See ``GeneralizedAlpha.turn_limit``. They grow until steps fail, and the shorter steps that replace
+these keep vibrations without physical excitation.
 """
 
 from math import exp, floor, log10
@@ -18,40 +18,40 @@ from flexfem.system.system import BlockPart, System
 
 __all__ = ["UnresolvedTurns"]
 
-#: Turns are looked at in every so many steps.
+#: Number of steps between two evaluations of rotations.
 _EVERY = 8
 #: Vibrations grow by ``exp(_RATE (turn - limit))`` a step at least: 1.1 to 1.6 in linear analyses
-#: of a stiff direction that turns, with turns up to twice the limit and rho_inf from 0.5 to 0.95.
+#: of a rotating stiff direction, with rotations up to twice the limit and rho_inf from 0.5 to 0.95.
 _RATE = 1.3
-#: Growth from which steps that fail are put down to it. Rounding has grown to something by e^20,
-#: what starts and drives excite by less.
+#: Growth from which failed steps are attributed to it. Round-off becomes visible by e^20,
+#: excitation by starts and drives by less.
 _GROWN = exp(3.0)
 
 
 class UnresolvedTurns:
-    """Watches how far flexible bodies turn in whole steps, until one fails."""
+    """Monitor of the rotations of flexible bodies in whole steps, until one fails."""
 
     def __init__(
         self, system: System, serial: NumberedModel, options: RunOptions, limit: float
     ) -> None:
-        """Begin with nothing grown.
+        """Begin with zero growth.
 
         Args:
-            system: at its start.
+            system: the system, at its start.
             serial: serial data of its model.
             options: those of the run.
-            limit: of the integrator, rad.
+            limit: that of the integrator, rad.
         """
         self._system, self._serial, self._options, self._limit = system, serial, options, limit
         self._parts = [] if options.adaptive else [p for p in system.parts if _stiff(p)]
         self._grown = [np.zeros(part.block.owned) for part in self._parts]
         self._last = [np.zeros(part.block.owned) for part in self._parts]
-        # without what the vibrations themselves turn in the end
+        # without the rotations of the vibrations themselves at the end
         self._turns = [np.zeros(part.block.owned) for part in self._parts]
         self._count, self._failed_at, self._rejected = 0, system.time, 0
 
     def step(self, rejected: int) -> None:
-        """Take in the end of a whole step; so many steps were rejected so far."""
+        """Evaluate the end of a whole step; ``rejected``: number of rejected steps so far."""
         if self._rejected or rejected:
             self._rejected = rejected
             return
@@ -99,7 +99,7 @@ def _stiff(part: BlockPart) -> bool:
 
 
 def _spins(part: BlockPart) -> FloatArray:
-    """Angular velocities (n, 3) of owned nodes, zero where they are held."""
+    """Angular velocities (n, 3) of owned nodes, zero where rotations are fixed."""
     spins: FloatArray = part.block.velocity[: part.block.owned, 3:]
     if part.block.dirichlet is not None:
         spins = spins * ~part.block.dirichlet[: part.block.owned, 3:]

@@ -27,7 +27,8 @@ from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = ["Bodies", "FlexibleBodies", "KeptFactor", "RigidBodies"]
 
-#: Unknowns from which a body has factors of its own: a solve takes a multiple of its call then.
+#: Number of unknowns from which a body has its own factors: a solve then takes much longer than its
+#: call.
 _ALONE = 600
 
 
@@ -37,7 +38,7 @@ class Bodies:
 
     Attributes:
         part: the part.
-        own: nodes, columns and responses, as compiled loops take them.
+        own: nodes, columns and responses in the format of the compiled loops.
     """
 
     part: BlockPart
@@ -45,7 +46,7 @@ class Bodies:
 
     @property
     def reads(self) -> int:
-        """Numbers of the responses that :meth:`respond` reads, if they are kept."""
+        """Number of entries of the responses that :meth:`respond` reads, if these are stored."""
         own = self.own
         per_range = own.ranges[:, 1] - own.ranges[:, 0]
         body = np.repeat(np.arange(len(own.node_start) - 1), np.diff(own.range_start))
@@ -59,10 +60,10 @@ class Bodies:
 
 @dataclass(frozen=True)
 class Piece:
-    """Bodies that are factorised together, with factors that couple to no others.
+    """Bodies that are factorised together, not coupled to others.
 
     ``bodies`` are their numbers in the group, ``nodes`` their owned nodes; ``right`` and
-    ``solution`` (n, width) hold what solvers take one after the other.
+    ``solution`` (n, width) are contiguous arrays for the solvers.
     """
 
     bodies: IntArray
@@ -73,10 +74,10 @@ class Piece:
 
 @dataclass(frozen=True)
 class KeptFactor:
-    """Factors of the flexible bodies of a part for one step size, one a piece.
+    """Factors of the flexible bodies of a part for one step size, one for each piece.
 
-    ``solvers`` solve with them for the steps; ``nodes`` are the arrays of ``Mechanics.origin`` that
-    they were computed from; ``direct`` tells that there are no responses, see :class:`Bodies`.
+    ``solvers`` solve with them for the steps; ``nodes`` are the arrays of ``Mechanics.origin`` from
+    which they were computed; ``direct`` is True if there are no responses, see :class:`Bodies`.
     """
 
     factors: list[Factor]
@@ -88,7 +89,7 @@ class KeptFactor:
 
 
 class RigidBodies:
-    """Rigid bodies of one part: their matrices are inverted anew in every iteration.
+    """Rigid bodies of one part: their matrices are inverted in every iteration.
 
     Attributes:
         group: the bodies with their responses.
@@ -97,7 +98,7 @@ class RigidBodies:
     _inverses: FloatArray
 
     def __init__(self, system: System, group: Bodies, mechanics: Mechanics) -> None:
-        """Take the bodies and the equations."""
+        """Store the bodies and the equations."""
         self._system, self.group, self._mechanics = system, group, mechanics
 
     def invert(self, shifts: Shifts) -> bool:
@@ -125,7 +126,7 @@ class FlexibleBodies:
 
     Attributes:
         group: the bodies with their responses.
-        split: a body is on several ranks: matrices are factorised by all of them together.
+        split: True if a body is on several ranks, which then factorise matrices together.
         pieces: those of this rank; their factors can be renewed one by one.
     """
 
@@ -143,14 +144,14 @@ class FlexibleBodies:
         self._chained = elements is None or elements.chained
         self.split: bool = block.has_ghosts
         self.pieces = self._divide()
-        # one piece takes right-hand sides and steps where they are
+        # one piece uses right-hand sides and steps in place
         self._whole = len(self.pieces) == 1 and block.width == 6
         local = group.part.interface_nodes[group.own.columns[:, 0]]
         self._held = np.flatnonzero(local >= 0)
         self._ends = local[self._held], group.own.columns[self._held, 1]
 
     def _divide(self) -> list[Piece]:
-        """Each large body on its own, all others together; one piece if a body is on two ranks."""
+        """Pieces: each large body alone, the others together; one if a body is on two ranks."""
         group, block = self.group, self.group.part.block
         rows = block.width * np.diff(group.own.node_start)
         large = (rows >= _ALONE) & (not self.split)
@@ -177,7 +178,7 @@ class FlexibleBodies:
 
         Args:
             shifts: those of the matrices.
-            request: of the elements.
+            request: request to the elements.
             chosen: Numbers of this rank's pieces; the others keep the factors in use. None for all
                 of them, on all ranks.
         """
@@ -196,14 +197,14 @@ class FlexibleBodies:
         return self._kept
 
     def _replace(self, factors: Mapping[int, Factor], origin: Mapping[str, FloatArray]) -> None:
-        """Keep new factors of some pieces, and what they were computed from."""
+        """Store new factors of some pieces, and the nodal arrays from which they were computed."""
         for k, factor in factors.items():
             self._kept.factors[k], self._kept.solvers[k] = factor, self._solver(k, factor)
             for name, values in origin.items():
                 self._kept.nodes[name][self.pieces[k].nodes] = values[self.pieces[k].nodes]
 
     def _keep(self, factors: list[Factor], origin: Mapping[str, FloatArray]) -> KeptFactor:
-        """Room for what belongs to the factors of all pieces (collective)."""
+        """Allocate the storage of the factors of all pieces (collective)."""
         group = self.group
         reads = np.array([group.reads, sum(factor.entries for factor in factors)])
         self._system.comm.Allreduce(MPI.IN_PLACE, reads)
@@ -236,7 +237,7 @@ class FlexibleBodies:
         )  # fmt: skip
 
     def _respond(self, piece: Piece, factor: Factor) -> None:
-        """Compliances, and responses if they are kept, of the bodies of a piece.
+        """Compute compliances, and responses if they are stored, of the bodies of a piece.
 
         Collective if a body is on several ranks.
         """
@@ -248,7 +249,7 @@ class FlexibleBodies:
         place = np.full(part.block.owned, -1)
         place[piece.nodes] = np.arange(len(piece.nodes))
         rhs, solution = piece.right, piece.solution
-        # columns of the inverse do for compliances, and are solved for faster than its rows
+        # columns of the inverse suffice for compliances, and are faster to solve for than its rows
         solve = factor.solver(rhs, solution, transposed=not self._kept.direct)
         for c in range(most):
             bodies = piece.bodies[widths > c]
@@ -263,9 +264,9 @@ class FlexibleBodies:
             self._store(bodies, c, solution, place)
 
     def respond(self, y: FloatArray) -> None:
-        """See :meth:`Bodies.respond`; of a body on several ranks each writes a part (collective).
+        """See :meth:`Bodies.respond`; for a body on several ranks each writes a part (collective).
 
-        The steps of the nodes are lost.
+        The steps of the nodes are overwritten.
         """
         if not self._kept.direct:
             self.group.respond(y)
@@ -290,23 +291,23 @@ class FlexibleBodies:
             step[piece.nodes] = piece.solution
 
     def use(self, kept: KeptFactor) -> None:
-        """Take factors that were computed before."""
+        """Use factors that were computed before."""
         self._kept = kept
         self.group.own.responses, self.group.own.compliances = kept.responses, kept.compliances
 
     def worst(self, missed: FloatArray, limit: float) -> list[int]:
-        """Pieces in which the square of a vector (n_owned, width) exceeds a limit."""
+        """Pieces in which the squared norm of a vector (n_owned, width) exceeds a limit."""
         squares = (missed**2).sum(axis=1)
         return [k for k, p in enumerate(self.pieces) if float(squares[p.nodes].sum()) > limit]
 
     def rows(self, pieces: Sequence[int]) -> int:
-        """Unknowns of pieces."""
+        """Number of unknowns of pieces."""
         return sum(self.pieces[k].right.size for k in pieces)
 
     def _store(self, bodies: IntArray, c: int, solution: FloatArray, place: IntArray) -> None:
         """Column ``c`` of responses, row ``c`` of compliances; without responses column ``c``.
 
-        ``place`` says where in the solution the owned nodes are.
+        ``place``: position of the owned nodes in the solution.
         """
         group = self.group
         for b in bodies:

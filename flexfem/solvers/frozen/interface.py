@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Interface system of the frozen solver: a dual Schur complement over all bodies.
 
-``S = G~ A^-1 G^T + compliance``. A body touches it through the active components of its interface
+``S = G~ A^-1 G^T + compliance``. A body is coupled to it by the active components of its interface
 nodes, its columns.
 """
 
@@ -24,7 +24,7 @@ __all__ = ["MultiplierSystem", "Responding"]
 
 
 class Responding(Protocol):
-    """Bodies that respond to their right-hand sides at the interface."""
+    """Interface of bodies with responses at the interface to right-hand sides."""
 
     def respond(self, y: FloatArray) -> None:
         """Write ``J A^-1 r`` into interface nodes and components (n, 6)."""
@@ -32,11 +32,11 @@ class Responding(Protocol):
 
 
 class MultiplierSystem:
-    """Schur complement of the multipliers, and what the bodies of each part have to do with it.
+    """Schur complement of the multipliers, and the columns of the bodies of each part in it.
 
     Attributes:
         groups: bodies of each part, with their columns.
-        keepable: all rows are linear or rigid: factors may serve several iterations.
+        keepable: True if all rows are linear or rigid: factors may then serve several iterations.
     """
 
     def __init__(self, system: System) -> None:
@@ -115,7 +115,7 @@ class MultiplierSystem:
         return sides, np.bincount(body, minlength=count).astype(np.int64)
 
     def _ranges(self, sides: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
-        """Columns that sides act on, in ranges of consecutive ones, and where each body's begin."""
+        """Columns on which sides act, in consecutive ranges, and the first range of each body."""
         ranges, counts = [np.empty((0, 2), dtype=np.int64)], []
         for a, b in pairwise(start):
             nodes = np.unique(sides[a:b, 2])
@@ -150,7 +150,7 @@ class MultiplierSystem:
         )
 
     def follow_sliders(self) -> None:
-        """Take the nodes that sliders act on now; the bodies stay the same."""
+        """Update the nodes on which sliders act; the bodies are the same."""
         rows = self._system.constraints
         if rows.lines.version == self._version:
             return
@@ -161,10 +161,10 @@ class MultiplierSystem:
             own.ranges, own.range_start = self._ranges(own.sides, own.side_start)
 
     def factor(self, regular: bool) -> bool:
-        """Assemble and factorise; False on all ranks where it is singular on one (collective).
+        """Assemble and factorise; False on all ranks if it is singular on one (collective).
 
         Args:
-            regular: what this rank knows already: its rigid bodies have inverses.
+            regular: False if a rigid body of this rank has a singular matrix.
         """
         rows = self._system.constraints
         for group in self.groups:
@@ -181,8 +181,8 @@ class MultiplierSystem:
 
         Args:
             values: right-hand sides (r,) of this rank's rows.
-            bodies: those with right-hand sides; the others respond as they did last.
-            beyond: the solution is one beyond the steps that the interface holds.
+            bodies: those with right-hand sides; the responses of the others are the last ones.
+            beyond: True for a correction of the steps already applied at the interface.
         """
         rows = self._system.constraints
         for one in bodies:
@@ -196,5 +196,5 @@ class MultiplierSystem:
         return self._correction
 
     def forget_responses(self) -> None:
-        """Let bodies that are not asked respond with nothing."""
+        """Set the responses of bodies without right-hand sides to zero."""
         self._response[:] = 0.0

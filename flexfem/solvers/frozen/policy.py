@@ -23,37 +23,37 @@ from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = ["AutoPolicy", "FrozenPolicy"]
 
-#: Contraction above which ``auto`` renews the factors, unless the step solved the linearised
-#: equations as it was: what contracts slowly then is Newton's method itself, where contacts open
-#: and close for example. To renew those of some bodies costs less and pays at less.
+#: Contraction above which ``auto`` renews the factors, unless the step solved the exact linearised
+#: equations: Newton's method itself is then slow, e.g. when contacts open and close. To renew the
+#: factors of some bodies only is cheaper and pays at less.
 _SLOW = 0.5
-#: Contraction above which steps are refined by the action of the exact tangent: ``frozen`` keeps
-#: close to the iterations of a fresh matrix, ``auto`` takes the cheaper plain steps while they do.
+#: Contraction above which steps are refined by the action of the exact tangent: ``frozen`` needs
+#: about as many iterations as a fresh matrix, ``auto`` takes the cheaper plain steps while they
+#: converge.
 _REFINE_FROZEN, _REFINE_AUTO = 0.005, 0.1
-#: What the frozen operator missed, relative to the step, below which refinement is given up again,
-#: as a part of the former.
+#: Relative defect of the frozen operator below which refinement ends, as a part of the former.
 _RELAX = 0.2
-#: The multipliers' system is kept within a step while iterations contract like this, or, where
-#: steps are refined, while they are smaller than this, m or rad.
+#: Contraction up to which the multipliers' system is kept within a step, and, for refined steps,
+#: their size up to which it is kept, m or rad.
 _WELL, _NEAR = 0.02, 0.01
-#: The second step is no measure of the contraction where it is below so many tolerances: what
-#: stiff directions turn is of second order in the first one, and gone in the third.
+#: Number of tolerances below which the second step is no measure of the contraction: rotations of
+#: stiff directions are of second order in the first step, and vanish in the third.
 _CLOSE = 100.0
 
 
 class _Attempt:
-    """The iterations of one step: what the next one asks of the solver, and what it found.
+    """Iterations of one step: the request of the next one to the solver, and its results.
 
     Attributes:
-        refine: correct steps by the exact tangent's action.
-        defect: relative size of what the frozen operator missed in the last refined step.
+        refine: True to correct steps by the exact tangent's action.
+        defect: relative error of the frozen operator in the last refined step.
     """
 
     def __init__(
         self, frozen: FrozenSolver, slow: float | None, limit: float, tolerance: float,
         refine: bool, defect: float,
     ) -> None:  # fmt: skip
-        """Take the contractions at which factors are renewed (``slow``), steps refined (``limit``).
+        """Store the contractions that renew factors (``slow``) and refine steps (``limit``).
 
         Iterations stop at ``tolerance``; ``refine`` and ``defect`` are those of the last step.
         """
@@ -74,10 +74,10 @@ class _Attempt:
     def observe(
         self, iteration: int, size: float, contraction: float, strains: PartStrains
     ) -> None:
-        """See ``Observer``; all ranks decide alike.
+        """See ``Observer``; the decision is the same on all ranks.
 
-        What kept factors of the multipliers' system miss after a step is of second order in its
-        size (m, rad), and refinement corrects it.
+        The error of kept factors of the multipliers' system after a step is of second order in its
+        size (m, rad), and is corrected by refinement.
         """
         frozen, tolerance = self._frozen, self._tolerance
         near = size <= _NEAR if self.refine else contraction < _WELL and size * size <= tolerance
@@ -96,7 +96,7 @@ class _Attempt:
 
 
 class FrozenPolicy:
-    """Factors kept for each step size; the fresh matrix is the fallback."""
+    """Policy that keeps factors for each step size; a fresh matrix is the fallback."""
 
     #: contraction at which the factors are refreshed within a step
     slow: float | None = None
@@ -113,7 +113,7 @@ class FrozenPolicy:
         self._fallback = UpdatedPolicy(system, options, tangent, mechanics)
         self._frozen = FrozenSolver(system, mechanics)
         self._again: SolveAgain = self._frozen.again
-        # what the next step begins with
+        # initial values of the next step
         self._refine, self._defect = False, 0.0
 
     @property
@@ -165,7 +165,7 @@ class FrozenPolicy:
 
 
 class AutoPolicy(FrozenPolicy):
-    """Frozen factors, refreshed where the iteration contracts slowly."""
+    """Policy that keeps factors, and renews them if the iteration contracts slowly."""
 
     slow = _SLOW
     limit = _REFINE_AUTO

@@ -31,9 +31,10 @@ class Refined:
     """Result of the refinement of a step.
 
     Attributes:
-        defect: Size of what the frozen operator missed, relative to the step.
-        exact: The step solves the linearised equations: fresh factors would not do better.
-        missed: What the frozen operator missed, a vector of this rank.
+        defect: Error of the frozen operator, relative to the step.
+        exact: True if the step solves the linearised equations, so that fresh factors would not
+            help.
+        missed: Error of the frozen operator, a vector of this rank.
     """
 
     defect: float
@@ -45,11 +46,11 @@ class Refinement:
     """Corrections of frozen steps by the action of the consistent tangent.
 
     Attributes:
-        sizes: (n_parts + 1,) where the unknowns of each part begin in vectors.
+        sizes: (n_parts + 1,) first unknown of each part in vectors.
     """
 
     def __init__(self, system: System, mechanics: Mechanics) -> None:
-        """Take the system whose equations ``mechanics`` are solved."""
+        """Store the system whose equations ``mechanics`` are solved."""
         self._system, self._mechanics = system, mechanics
         self.sizes = starts([p.block.sizes[0] for p in system.parts])
 
@@ -64,14 +65,14 @@ class Refinement:
 
         Args:
             shifts: factors of the scheme.
-            strains: of each part, whose stresses the tangent takes.
-            correction: of the multipliers (r,), by the frozen solve; the blocks hold their steps
-                and the residuals that these were solved for.
-            solve: frozen solve, beyond the steps that the interface holds: blocks' steps for their
-                residuals and given values (r,) of the rows; returns the multipliers' correction.
+            strains: strains of each part whose stresses are used in the tangent.
+            correction: correction of the multipliers (r,) by the frozen solve; the blocks have
+                their steps and the residuals of this solve.
+            solve: frozen solve for a correction of the steps: blocks' steps for their residuals and
+                given values (r,) of the rows; returns the multipliers' correction.
 
         Returns:
-            The multipliers' correction, the blocks' steps being corrected, and how it went.
+            The multipliers' correction, after that of the blocks' steps, and a :class:`Refined`.
         """
         system, mechanics, count = self._system, self._mechanics, self.sizes[-1]
         rows = system.constraints

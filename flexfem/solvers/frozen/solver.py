@@ -2,17 +2,17 @@
 """Newton steps with frozen body factors and a dual Schur complement on the interface.
 
 In local frames the iteration matrix ``A`` of a flexible body hardly changes, so its factors are
-kept. Joints touch few nodes, where the response ``Z = A^-1 J^T`` of each body is known once and for
-all, so that a step costs one residual, one product ``Z^T r``, a small system
-``S dL = Phi - G~ A^-1 r`` with ``S = G~ A^-1 G^T + compliance``, and one solve with the factors.
-Where Z has more numbers than the factors, it is not kept, and a step costs two solves.
-Rigid bodies are always exact: their 6x6 matrices are inverted at every step.
+kept. Joints act on few nodes, for which the response ``Z = A^-1 J^T`` of each body is computed
+once, so that a step costs one residual, one product ``Z^T r``, a small system ``S dL = Phi - G~
+A^-1 r`` with ``S = G~ A^-1 G^T + compliance``, and one solve with the factors. If Z has more
+entries than the factors, it is not stored, and a step costs two solves. Rigid bodies are always
+exact: their 6x6 matrices are inverted at every step.
 
-A rank eliminates the multipliers that only it evaluates. What remains between ranks is summed by
-one reduction and solved on all of them alike.
+A rank eliminates the multipliers that only it evaluates. The complement shared by ranks is summed
+by one reduction and solved on all of them.
 
-Where old factors contract slowly, steps can be refined by the action of the exact tangent, which
-needs no new factors either.
+If old factors contract slowly, steps can be refined by the action of the exact tangent, without new
+factors.
 """
 
 from collections.abc import Sequence
@@ -33,15 +33,16 @@ from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = ["FrozenSolver", "Worst"]
 
-#: Step sizes whose factors are kept, the latest used: each costs the memory of all factors.
+#: Number of step sizes whose factors are kept, the latest used: each needs the memory of all
+#: factors.
 _KEPT = 6
-#: Bodies whose part of the square of what the frozen operator missed is above this are the worst.
+#: Part of the squared error of the frozen operator above which a body is one of the worst.
 _SHARE = 0.01
 
 
 @dataclass(frozen=True)
 class _Kept:
-    """Factors of all flexible bodies for one step size, one entry a part.
+    """Factors of all flexible bodies for one step size, one entry for each part.
 
     ``numbers`` are those of ``Mechanics.origin``.
     """
@@ -55,9 +56,9 @@ class Worst:
     """Bodies with factors to be renewed.
 
     Attributes:
-        pieces: numbers of this rank's pieces of every flexible part, which may be none, or None
-            where there are none on any rank.
-        share: their part of all unknowns on all ranks.
+        pieces: numbers of this rank's pieces of every flexible part, maybe empty, or None if there
+            are none on any rank.
+        share: their share of all unknowns on all ranks.
     """
 
     pieces: list[list[int] | None]
@@ -67,12 +68,12 @@ class Worst:
 class FrozenSolver:
     """Newton steps with kept factors of the flexible bodies.
 
-    Steps of several sizes, halved ones for example, keep their factors side by side. What a solve
-    does is said by its arguments; residuals are left as they are.
+    Factors of several step sizes, e.g. of halved steps, are kept at the same time. A solve depends
+    on its arguments only; residuals are not changed.
 
     Attributes:
-        shifts: those of the factors in use, None before the first factorisation.
-        keepable: factors of the multipliers' system may serve several iterations.
+        shifts: factors of the scheme of the factors in use, None before the first factorisation.
+        keepable: True if factors of the multipliers' system may serve several iterations.
     """
 
     def __init__(self, system: System, mechanics: Mechanics = END_POINT) -> None:
@@ -94,7 +95,7 @@ class FrozenSolver:
         self._refinement = Refinement(system, mechanics)
 
     def use(self, shifts: Shifts, strains: PartStrains) -> None:
-        """Take the kept factors of a step size, or factorise at the trial state (collective)."""
+        """Use the kept factors of a step size, or factorise at the trial state (collective)."""
         kept = self._kept.pop(shifts, None)
         if kept is None:
             self.factor(shifts, strains)
@@ -109,7 +110,7 @@ class FrozenSolver:
 
         Args:
             shifts: factors of the scheme.
-            strains: of each part, whose stresses count; None for the present ones.
+            strains: strains of each part whose stresses are used; None for the present ones.
         """
         self.shifts = shifts
         if not self._flexible:
@@ -131,7 +132,7 @@ class FrozenSolver:
         self._kept[shifts] = _Kept(parts, numbers.copy())
 
     def _requests(self, shifts: Shifts, strains: PartStrains | None) -> list[TangentRequest]:
-        """Of the matrices of the flexible parts, without compression, which comes and goes."""
+        """Requests for the matrices of the flexible parts, without transient compression."""
         pairs = zip(self.system.parts, strains or self.system.present, strict=True)
         return [
             shifts.request(own, drop_compression=True)
@@ -140,7 +141,7 @@ class FrozenSolver:
         ]
 
     def worst(self, refined: Refined | None) -> Worst:
-        """Bodies that hold most of what the frozen operator missed in a step (collective).
+        """Bodies with most of the error of the frozen operator in a step (collective).
 
         All of them, if the step was not refined.
         """
@@ -165,7 +166,7 @@ class FrozenSolver:
         return Worst(pieces, float(rows[0].sum() / rows[1].sum()))
 
     def renew(self, worst: Worst, strains: PartStrains | None = None) -> None:
-        """Factorise these bodies anew at the trial state, with the shifts in use (collective)."""
+        """Factorise these bodies again at the trial state, with the shifts in use (collective)."""
         assert self.shifts is not None
         if worst.share == 1.0:
             self.factor(self.shifts, strains)
@@ -194,9 +195,9 @@ class FrozenSolver:
         return State(values, rows, optional=frozenset(values))
 
     def restore(self, state: State) -> None:
-        """Take back what :meth:`state` returned; factorises anew (collective).
+        """Restore a result of :meth:`state`, by new factorisations (collective).
 
-        The system's state is lost. What another solver left changes nothing.
+        The system's state is overwritten. Results of other solvers have no effect.
         """
         if "frozen_shifts" not in state.values:
             return
@@ -207,7 +208,7 @@ class FrozenSolver:
                 self.factor(Shifts(float(v), float(a), float(scale), float(stiffness), bool(local)))
 
     def _recall(self, state: State, first: str, numbers: FloatArray) -> None:
-        """Put all flexible parts where arrays whose names begin with ``first`` were kept."""
+        """Restore all flexible parts from arrays whose names begin with ``first``."""
         for flexible in self._flexible:
             part = flexible.group.part
             rows = state.rows[part.block.name]
@@ -222,13 +223,14 @@ class FrozenSolver:
 
         Args:
             shifts: factors of the scheme.
-            strains: of each part, whose stresses the exact tangent takes.
-            keep_interface: keep the factors of the multipliers' system.
-            refine: correct the step by the exact tangent's action; the residuals are lost.
+            strains: strains of each part whose stresses are used in the exact tangent.
+            keep_interface: True to keep the factors of the multipliers' system.
+            refine: True to correct the step by the exact tangent's action; residuals are
+                overwritten.
 
         Returns:
             Success, the step of the multipliers (r,) - both it and the blocks' steps are to be
-            subtracted - and how refinement went.
+            subtracted - and the result of the refinement.
         """
         rows = self.system.constraints
         self._multipliers.follow_sliders()
@@ -244,12 +246,12 @@ class FrozenSolver:
     def constrain(self, shifts: Shifts, keep: bool, flexible: bool) -> tuple[bool, FloatArray]:
         """Multipliers as of :meth:`step`, and the steps of rigid bodies (collective).
 
-        Flexible bodies stay where they are.
+        Flexible bodies are not moved.
 
         Args:
             shifts: of the factors in use.
-            keep: the factors of the multipliers' system are still good.
-            flexible: flexible bodies have residuals, too.
+            keep: True to keep the factors of the multipliers' system.
+            flexible: True if flexible bodies have residuals, too.
         """
         rows = self.system.constraints
         self._multipliers.follow_sliders()
@@ -283,7 +285,7 @@ class FrozenSolver:
 
         Args:
             values: of this rank's rows, shape (r,).
-            beyond: the solution is one beyond the steps that the interface holds.
+            beyond: True for a correction of the steps already applied at the interface.
 
         Returns:
             Correction of the multipliers (r,), always the same array.
@@ -301,7 +303,7 @@ class FrozenSolver:
     def _load(
         self, values: FloatArray, bodies: Sequence[RigidBodies | FlexibleBodies], *, beyond: bool
     ) -> FloatArray:
-        """Right-hand sides of all bodies: residuals and the forces of the multipliers' correction.
+        """Write the right-hand sides of bodies: residuals, forces of the multipliers' correction.
 
         Returns:
             The correction (r,).

@@ -15,7 +15,7 @@ from flexfem.kernels.compiled import kernel
 
 __all__ = ["band_factor", "band_solve"]
 
-#: A pivot smaller than this part of the largest of its row before elimination is zero.
+#: Pivot relative to the largest entry of its row before elimination that counts as zero.
 _ZERO = 1e-14
 
 
@@ -23,7 +23,7 @@ _ZERO = 1e-14
 def band_factor(index: IntArray, values: FloatArray, band: FloatArray) -> bool:
     """Factorise the matrix with ``values`` at ``index`` of the flattened storage.
 
-    Doubles add up. Returns False when a pivot vanishes.
+    Duplicate entries are summed. Returns False if a pivot vanishes.
     """
     flat = band.reshape(-1)
     flat[:] = 0.0

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """GMRES with a few basis vectors, for operators that are close to the identity.
 
-Inner products are the caller's: those of frozen steps leave out the multipliers, which several
-ranks may hold, and take one reduction a vector, with the norm. PETSc's GMRES has neither. By itself
+Inner products are an argument: those of frozen steps omit the multipliers, which several ranks may
+    have, and need one reduction a vector, together with the norm. PETSc's GMRES has neither. By
+    itself
 it is faster on one rank, 11 against 45 us for three vectors of 54 unknowns and 58 against 99 us of
 5000; an application takes more (``tests/benchmarks/gmres_against_petsc.py``).
 """
@@ -16,8 +17,8 @@ from flexfem._types import FloatArray
 
 __all__ = ["minimal_residual"]
 
-#: A vector that loses more than this of its square in one orthogonalisation takes a second one
-#: (Daniel, Gragg, Kaufman, Stewart 1976).
+#: Part of its square by which one orthogonalisation may reduce a vector; beyond it a second one
+#: follows (Daniel, Gragg, Kaufman, Stewart 1976).
 _LOST = 0.99
 
 
@@ -42,11 +43,11 @@ def minimal_residual(
         most: largest number of applications of B.
 
     Returns:
-        The solution, not finite where residual or operator are not, which is left to the caller;
-        whether it is as accurate as required.
+        The solution, not finite if residual or operator are not, which the caller must check; True
+        if it is as accurate as required.
     """
     if norm <= tolerance or norm == 0.0 or not isfinite(norm):
-        # one sweep of the fixed point, as good as B is close to one
+        # one fixed-point iteration, accurate if B is close to the identity
         return residual.copy(), isfinite(norm)
     basis, triangle = np.empty((most + 1, len(residual))), np.zeros((most, most))
     np.divide(residual, norm, out=basis[0])
@@ -83,7 +84,7 @@ def _orthogonalise(
     """Make the last row orthogonal to those before it, which are orthonormal.
 
     Returns:
-        Its components along them, and the length that is left.
+        Its components along them, and its remaining length.
     """
     basis, vector = rows[:-1], rows[-1]
     column, left = np.zeros(len(basis)), 0.0

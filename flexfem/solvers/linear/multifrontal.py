@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Multifrontal LU factors of sparse matrices (Duff and Reid, 1983), without pivoting.
 
-Rows that are eliminated together, and the rows that they touch, make a dense matrix, a front. What
-its elimination leaves on the other rows is added to the front that eliminates the first of them.
-Rows that are not to be eliminated make the last front, which becomes their Schur complement.
+Rows that are eliminated together, and the rows to which they are coupled, form a dense matrix, a
+front. The Schur complement of its other rows is added to the front that eliminates the first of
+them. Rows that are not to be eliminated form the last front, which becomes their Schur complement.
 
 Rows shared between ranks need this complement. PETSc's LU computes none, and petsc4py has no call
 for that of MUMPS. Where no rows are shared, a factorisation and two solves take 71, 252, 1040 and
@@ -21,12 +21,12 @@ from flexfem.kernels.compiled import inlined, kernel, subroutine
 
 __all__ = ["Fronts"]
 
-#: A pivot smaller than this part of the largest of its row before elimination is zero.
+#: Pivot relative to the largest entry of its row before elimination that counts as zero.
 _ZERO = 1e-14
 
-#: Fronts whose other rows differ by up to so many become one, which eliminates up to so many rows,
-#: or up to this part of the others: zeros cost less than further passes over the rest, until the
-#: pivots' rows cost more.
+#: Limits for merging fronts: difference of their other rows, number of eliminated rows, and the
+#: part of these in the others: zeros cost less than further passes over the rest, until the pivots'
+#: rows cost more.
 _MORE, _MOST, _PART = 8, 18, 0.2
 
 
@@ -36,12 +36,12 @@ class _Tree(NamedTuple):
     Attributes:
         sizes: (f,) rows of each front.
         pivots: (f,) number of them, the first ones, that it eliminates.
-        parents: (f,) parent front that takes the complement, -1 without one.
-        start: (f + 1,) where the rows of each front begin.
+        parents: (f,) parent front, to which the complement is added, -1 without one.
+        start: (f + 1,) first row of each front.
         rows: rows of all fronts.
         into: place of each of them in the front's parent.
-        at: (f + 1,) where the factors of each front begin.
-        entry_start: (f + 1,) where the entries of each front begin.
+        at: (f + 1,) first entry of the factors of each front.
+        entry_start: (f + 1,) first matrix entry of each front.
         entries: entries of the matrix by front.
         to: position of each of them in its front.
     """
@@ -62,7 +62,7 @@ class Fronts:
     """Factors of a matrix of which some rows are eliminated.
 
     Attributes:
-        complement: (n, n) Schur complement of the rows that are left, after :meth:`factor`.
+        complement: (n, n) Schur complement of the remaining rows, after :meth:`factor`.
     """
 
     def __init__(self, i: IntArray, j: IntArray, order: IntArray, size: int) -> None:
@@ -90,29 +90,29 @@ class Fronts:
         self.complement = np.zeros((size - count, size - count))
 
     def factor(self, values: FloatArray) -> bool:
-        """Factorise the matrix of the given entries, doubles add up; False if a pivot vanishes."""
+        """Factorise the matrix of these entries, duplicates summed; False if a pivot vanishes."""
         regular: bool = _factor(
             self._tree, values, self._front, self._stack, self._values, self.complement
         )
         return regular
 
     def reduce(self, x: FloatArray) -> None:
-        """Eliminate from a right-hand side: the rows that are left get that of the complement."""
+        """Eliminate from a right-hand side: the remaining rows get that of the complement."""
         _reduce(self._tree, self._values, self._work, x)
 
     def complete(self, x: FloatArray) -> None:
-        """Solve for the eliminated rows after :meth:`reduce`; the others hold their solution."""
+        """Solve for the eliminated rows after :meth:`reduce`; the others contain their solution."""
         _complete(self._tree, self._values, self._work, x)
 
 
 def _elimination(
     i: IntArray, j: IntArray, count: int, size: int
 ) -> tuple[list[IntArray], IntArray]:
-    """Rows that each eliminated row touches then, with neighbours in the tree side by side.
+    """Rows coupled to each eliminated row at its elimination, in a postorder of the tree.
 
     Returns:
-        Sorted later rows of each eliminated row, and which row each of them was, both in a new
-        order of the eliminated rows that has children before their parents.
+        Sorted later rows of each eliminated row, and the old numbers of the eliminated rows, both
+        in a new order of these with children before their parents.
     """
     later: list[set[int]] = [set() for _ in range(size)]
     for a, b in zip(np.minimum(i, j).tolist(), np.maximum(i, j).tolist(), strict=True):
@@ -138,9 +138,9 @@ def _elimination(
 
 
 def _fronts(touched: list[IntArray], size: int) -> tuple[list[IntArray], list[int]]:
-    """Rows of every front, and the number that it eliminates; the last has the rows that are left.
+    """Rows of every front, and the number that it eliminates; the last has the remaining rows.
 
-    A row joins the front of the row before it where that one touches hardly less.
+    A row is merged into the front of the row before it if both have nearly the same rows.
     """
     fronts, pivots = [], []
     first = 0
@@ -199,7 +199,7 @@ def _tree(
 
 
 def _deepest(tree: _Tree) -> int:
-    """Entries of all that fronts leave for their parents, at the time when it is the most."""
+    """Largest size of the stack of complements during the elimination, in entries."""
     waiting: dict[int, int] = {}
     most = 0
     for f, parent in enumerate(tree.parents.tolist()):
@@ -217,7 +217,7 @@ def _factor(
 ) -> bool:  # fmt: skip
     """Eliminate the pivots of all fronts.
 
-    A front keeps the rows of its pivots, then their columns in its other rows.
+    The factors of a front are the rows of its pivots, then their columns in its other rows.
     """
     waiting = np.empty(tree.sizes.size, dtype=np.int64)
     depth = top = 0

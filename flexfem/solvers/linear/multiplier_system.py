@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Interface system: the dual Schur complement of the multipliers, distributed over the ranks.
 
-Every rank holds entries between the rows that it evaluates. It eliminates the rows of its own; the
+Every rank has the entries between the rows that it evaluates. It eliminates its unshared rows; the
 complement on the rows shared with other ranks is summed by one reduction and solved everywhere.
 """
 
@@ -21,7 +21,7 @@ from flexfem.solvers.linear.multifrontal import Fronts
 
 __all__ = ["InterfaceSystem"]
 
-#: Up to this half bandwidth a banded factorisation beats one by fronts.
+#: Half bandwidth up to which a banded factorisation is faster than a multifrontal one.
 _WIDEST = 64
 
 
@@ -43,7 +43,7 @@ class _Elimination(Protocol):
         ...
 
     def complete(self, x: FloatArray) -> None:
-        """Solve for the first rows after :meth:`reduce`; the others hold their solution."""
+        """Solve for the first rows after :meth:`reduce`; the others contain their solution."""
         ...
 
 
@@ -55,7 +55,7 @@ def _scatter_add(index: IntArray, select: IntArray, values: FloatArray, out: Flo
 
 
 class _Band:
-    """First rows in the order of reverse Cuthill and McKee, which makes chains and trees narrow."""
+    """Elimination in the order of reverse Cuthill and McKee: narrow bands for chains and trees."""
 
     def __init__(self, i: IntArray, j: IntArray, order: IntArray, half: int, size: int) -> None:
         """Entries (i, j), order of the first rows, their half bandwidth then, number of rows."""
@@ -106,7 +106,7 @@ class _Band:
 
 
 def _elimination(i: IntArray, j: IntArray, count: int, size: int) -> _Elimination:
-    """Elimination of the first rows; a narrow band where their order allows one."""
+    """Elimination of the first rows, banded if their order gives a narrow band."""
     inner = (i < count) & (j < count)
     first, second = i[inner], j[inner]
     order = _ordering("rcm", first, second, count)
@@ -116,7 +116,7 @@ def _elimination(i: IntArray, j: IntArray, count: int, size: int) -> _Eliminatio
     if half <= _WIDEST:
         return _Band(i, j, order, half, size)
     # minimum degree: for some thousand rows of trees, lattices and grids less fill than dissection;
-    # the other rows end in a full matrix, so that those that touch them come late
+    # the other rows form a full matrix, so that rows coupled to them come late
     others = np.arange(count, size)
     full = np.repeat(others, len(others)), np.tile(others, len(others))
     order = _ordering("qmd", np.concatenate([i, full[0]]), np.concatenate([j, full[1]]), size)
@@ -144,7 +144,7 @@ class InterfaceSystem:
             comm: communicator.
             i: row of every entry, numbered on this rank.
             j: its column.
-            interior: number of rows of this rank alone; they come first.
+            interior: number of rows of this rank alone, the first ones.
             shared: number of each other row among the shared rows of all ranks.
             shared_size: number of shared rows of all ranks.
         """
@@ -163,7 +163,7 @@ class InterfaceSystem:
 
         Args:
             values: one number per entry of the pattern.
-            regular: False if this rank has found its part singular.
+            regular: False if this rank's part is singular.
         """
         regular = self._own.factor(values) and regular
         if self._comm.size == 1 and not self._sharing:

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled parts of the frozen solver: compliances, interface products, Schur complement entries.
 
-A body touches the interface through columns, one for each active component of each of its interface
-nodes. ``Z = A^-1 J^T`` holds the body's response to unit forces there, ``C = J Z`` its compliance.
+A body is coupled to the interface by columns, one for each active component of each of its
+interface nodes. ``Z = A^-1 J^T`` is the body's response to unit forces there, ``C = J Z`` its
+compliance.
 """
 
 import numpy as np
@@ -36,12 +37,13 @@ class BodyColumns(Record):
         node_column: (nodes,) first column of each interface node within its body.
         node_active: (nodes,) number of columns of each interface node.
         sides: (k, 3) term, side and interface node of the forces on the bodies, equal interface
-            nodes side by side.
+            nodes consecutively.
         side_start: (bodies + 1,).
-        ranges: (j, 2) columns (first, end) that are acted on; a slider visits the others later.
+        ranges: (j, 2) columns (first, end) on which forces act; a slider may reach the others
+            later.
         range_start: (bodies + 1,).
-        responses: rows of ``A^-T J^T`` of all bodies, or nothing where another solve with the
-            factors costs less than they do.
+        responses: rows of ``A^-T J^T`` of all bodies, or empty if another solve with the factors is
+            cheaper.
         response_start: (bodies + 1,).
         compliances: matrices ``J A^-1 J^T``.
         compliance_start: (bodies + 1,).
@@ -117,7 +119,7 @@ def schur(memory: Memory, rows: Memory) -> None:
             force = force_jacobian[sides[j, 0], sides[j, 1]]
             first, active = node_column[sides[j, 2]], node_active[sides[j, 2]]
             i = begin
-            while i < end:  # sides on one interface node after the other
+            while i < end:  # sides ordered by interface nodes
                 node, run = sides[i, 2], i
                 while i < end and sides[i, 2] == node:
                     i += 1
@@ -186,7 +188,7 @@ def rigid_responses(memory: Memory, inverses: FloatArray) -> None:
 
 @kernel
 def largest_entry(x: FloatArray) -> float:
-    """Largest absolute value, 0 if there is none; NaN stays."""
+    """Largest absolute value, 0 for an empty array; NaN is preserved."""
     largest = 0.0
     for value in x:
         size = abs(value)

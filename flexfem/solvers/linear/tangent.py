@@ -2,7 +2,7 @@
 """The consistent tangent as a block matrix (MATNEST), solved directly.
 
 ``[[s (K + c C + m M) + H(L), G^T], [G, -compliance]]`` with H the derivative of the constraint
-forces; all blocks keep their pattern, so that only numbers are set in an iteration.
+forces; all blocks have a constant pattern, so that only values are set in an iteration.
 """
 
 from mpi4py import MPI
@@ -32,10 +32,10 @@ _STIFF = 1e20
 
 
 class TangentSolver:
-    """Newton steps with a fresh matrix and a fresh factorisation each.
+    """Newton steps, each with a new matrix and a new factorisation.
 
     Attributes:
-        matrix: the nest of all blocks.
+        matrix: block matrix (nest) of all blocks.
         multiplier_step: (r,) multipliers' part of the last solution, for all rows of this rank.
     """
 
@@ -48,7 +48,7 @@ class TangentSolver:
         self._create()
 
     def _create(self) -> None:
-        """Create patterns of all blocks for the nodes that joints act on now (collective)."""
+        """Create patterns of all blocks for the present nodes of joints (collective)."""
         system = self.system
         comm, rows = system.comm, system.constraints
         destroy_dropped(comm)  # older patterns
@@ -106,7 +106,7 @@ class TangentSolver:
     def assemble(
         self, shifts: Shifts, strains: PartStrains | None = None, mechanics: Mechanics = END_POINT
     ) -> None:
-        """Set the numbers of all blocks at the trial state (collective).
+        """Set the values of all blocks at the trial state (collective).
 
         Args:
             shifts: factors of the scheme.
@@ -148,7 +148,7 @@ class TangentSolver:
         if self.system.comm.allreduce(closed, op=MPI.LOR):
             touching = [i for i, part in enumerate(parts) if part.contacts is not None]
         elif not self._totals:
-            return  # the nest may stay, and with it the order of elimination
+            return  # the nest may be kept, and with it the order of elimination
         mats = [[entry.mat for entry in line] for line in self._grid]
         self._solver.reset()
         self.matrix.destroy()
@@ -169,7 +169,7 @@ class TangentSolver:
         ]
 
     def row_sums(self) -> list[FloatArray]:
-        """(n_owned, width) sums of the sizes of the entries in each row, multipliers left out.
+        """(n_owned, width) sums of the absolute entries in each row, without multipliers.
 
         They are zero for fixed unknowns.
         """
@@ -254,7 +254,7 @@ def with_contacts(
 ) -> PETSc.Mat:
     """A part's own matrix with its contacts at the state evaluated last (collective).
 
-    With another part, the block of the part's rows and that one's columns.
+    With another part, the block of the part's rows and the other's columns.
     """
     assert part.contacts is not None
     second = part if other is None else other
@@ -291,9 +291,9 @@ def part_values(
 
     Args:
         system: at the trial state.
-        part: part of the system that has the matrix.
+        part: part of the system of the matrix.
         shifts: factors of the scheme.
-        request: of its elements, None for that of ``shifts`` at the present stresses.
+        request: request to its elements, None for that of ``shifts`` at the present stresses.
         mechanics: the equations.
     """
     width = part.block.width
@@ -316,7 +316,7 @@ def _held_unknowns(block: FrameBlock) -> IntArray:
 
 
 class JointPattern:
-    """Places of the constraints' derivatives in the nest; owners of multipliers set them."""
+    """Positions of the constraints' derivatives in the nest; owners of multipliers set them."""
 
     def __init__(self, system: System) -> None:
         """Find parts and numbers of all joints' nodes."""

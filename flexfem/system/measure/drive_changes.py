@@ -12,14 +12,14 @@ from flexfem.kernels.compiled import kernel, subroutine
 
 __all__ = ["DriveChanges", "isolated"]
 
-#: A change is a jump if it is so many times those before and after it.
+#: Ratio of a change to those before and after it above which it is a jump.
 _TIMES = 5.0
-#: Jump of a rate relative to the largest one that is worth a word: what is prescribed point by
-#: point bends less in each of them.
+#: Jump of a rate relative to the largest rate above which it is reported: motions prescribed point
+#: by point have smaller ones at each point.
 _PART = 0.5
 #: Rows of the history of a row: its last sum, and the changes of the last four steps.
 _WIDTH = 5
-#: What is known of a jump: 1 of the value or 2 of the rate, its size and the step's end.
+#: Record of a jump: 1 for the value or 2 for the rate, its size and the end of the step.
 _KIND, _SIZE, _TIME = range(3)
 
 
@@ -34,7 +34,7 @@ def _work(
     rows: IntArray, forces: FloatArray, sums: FloatArray, mean: bool, last: FloatArray,
     work: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the work that rows do on bodies; ``last`` (2, k) forces and sums, brought up to date."""
+    """Add the work that rows do on bodies; ``last`` (2, k) forces and sums are updated."""
     for k in range(rows.size):
         r = rows[k]
         way, change = sums[r] - last[1, k], 0.5 * (forces[r] - last[0, k])
@@ -48,7 +48,7 @@ def _notice(
     sums: FloatArray, least: FloatArray, t: float, h: float, steps: int,
     past: FloatArray, largest: FloatArray, jumps: FloatArray,
 ) -> None:  # fmt: skip
-    """Shift in the change of the last step, and note a jump that it lets us see."""
+    """Append the change of the last step to the history, and record a jump that it shows."""
     for k in range(sums.size):
         d = past[k]
         d[1], d[2], d[3] = d[2], d[3], d[4]
@@ -69,20 +69,19 @@ class DriveChanges:
     """The driven rows that this rank owns.
 
     Attributes:
-        work: (2,) what they have done on bodies so far, J, and half of what it would differ by with
-            the forces at the ends of the steps in place of those at their starts, taken as absolute
-            values: as much may be missing where forces swing from step to step.
-        rows: (k,) their numbers; a drive that turns directions instead of moving targets is not
-            among them.
-        complete: whether all driven rows are.
+        work: (2,) their work on bodies so far, J, and half of its absolute difference to the work
+            with the forces at the ends of the steps instead of those at their starts: the possible
+            error if forces oscillate from step to step.
+        rows: (k,) their numbers, without drives that rotate directions instead of moving targets.
+        complete: True if all driven rows are included.
     """
 
     def __init__(self, rows: Constraints, size: float) -> None:
         """Read the accepted state.
 
         Args:
-            rows: of all joints.
-            size: of the model, m.
+            rows: rows of all joints.
+            size: size of the model, m.
         """
         self._table = rows
         driven = rows.working & (rows.owned > 0.0)
@@ -92,10 +91,10 @@ class DriveChanges:
         self.rows: IntArray = np.flatnonzero(driven & ~turning).astype(np.int64)
         angles = np.zeros(rows.size, dtype=np.bool_)
         angles[rows.row_of_term[rows.kinds == RowKind.ANGLE]] = True
-        # what moves the model by less than a ten-thousandth is no jump
+        # a motion of less than a ten-thousandth of the model's size is not a jump
         self._least: FloatArray = 1e-4 * np.where(angles[self.rows], 1.0, size)
         self._held: BoolArray = rows.elastic[self.rows, 0] == LawKind.RIGID
-        # what is held takes its target; forces act whatever the value
+        # constraint equations are at their targets; forces act at any value
         self._all_held = bool(self._held.all())
         self._angles = angles
         values = self._values()[self.rows]
@@ -107,7 +106,7 @@ class DriveChanges:
         self.work = np.zeros(2)
 
     def _values(self) -> FloatArray:
-        """(r,) sums of the rows, right for the driven ones."""
+        """(r,) sums of the rows, valid for the driven ones only."""
         return self._table.targets if self._all_held else self._table.sums()
 
     def follow(self) -> None:
@@ -116,18 +115,18 @@ class DriveChanges:
         _work(self.rows, rows.forces, self._values(), rows.mean_forces, self._last, self.work)
 
     def forget(self) -> None:
-        """Do not compare with steps before: an event may have changed what is held."""
+        """Discard the history of steps: an event may have changed locked rows."""
         self._steps = 0
 
     def notice(self, t: float, h: float) -> None:
-        """Look for jumps after a whole step of size ``h`` (s) that ended at ``t`` (s)."""
+        """Detect jumps after a whole step of size ``h`` (s) that ended at ``t`` (s)."""
         self._steps += 1
         _notice(
             self._last[1], self._least, t, h, self._steps, self._past, self._largest, self._jumps
         )  # fmt: skip
 
     def jumps(self) -> list[tuple[int, str]]:
-        """Number of the joint and words on its jump, of all that have jumped on this rank."""
+        """Numbers of the joints that have jumped on this rank, each with a text on the jump."""
         found = []
         for k in np.flatnonzero(self._held & (self._jumps[:, _KIND] > 0.0)):
             kind, size, t = self._jumps[k].tolist()

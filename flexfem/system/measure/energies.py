@@ -18,13 +18,13 @@ from flexfem.system.system import System
 
 __all__ = ["Energies", "EnergyMeter", "refresh_rows", "work_of_loads"]
 
-#: rows are evaluated as they are, not as part of a time step
+#: Factors with which rows are evaluated at a state, not as part of a time step.
 _UNSCALED = np.array([1.0, 1.0])
 
 
 @dataclass(frozen=True)
 class Energies:
-    """Energies, J: what :class:`flexfem.EnergyProbe` records."""
+    """Energies, J: the columns of :class:`flexfem.EnergyProbe`."""
 
     kinetic: float
     strain: float
@@ -36,13 +36,13 @@ class Energies:
 
 @dataclass(frozen=True)
 class _State:
-    """Quantities that work is computed from, at one instant.
+    """Quantities at one instant from which work is computed.
 
     Attributes:
-        loads: (k, 12) force, moment, place and angular velocity of each load, inertial axes.
+        loads: (k, 12) force, moment, position and angular velocity of each load, inertial axes.
         viscous, stretching: (j, 6) viscous stress of the elements, and the rate of their strain.
         forces: (r,) of all rows.
-        rates: (r,) of the rows that do work, by the motion of the sides that they work on.
+        rates: (r,) rates of the rows that do work, by the motion of their working sides.
         sprung, pulls: (r,) energy stored in rows, and the elastic part of their forces.
         all_rates: (r,) of all rows.
     """
@@ -63,29 +63,29 @@ def refresh_rows(system: System) -> None:
 
 
 def _springs(rows: Constraints) -> tuple[FloatArray, FloatArray]:
-    """Stored energy and elastic force of every row, (r,) each; zero for rigid and open ones."""
+    """Stored energy and elastic force of every row, (r,) each; zero for rigid and released ones."""
     energies, pulls = np.empty((2, rows.size))
     elastic_part(rows.elastic, rows.active, rows.sums() - rows.targets, energies, pulls)
     return energies, pulls
 
 
 class EnergyMeter:
-    """Energies on this rank; work and dissipation are summed up from call to call.
+    """Meter of energies on this rank; work and dissipation are summed from call to call.
 
-    Create it at the start and call :meth:`update` after every accepted step. The work of a step is
-    the mean of a force before and after times its displacement; of moments, drives and dampers it
-    is the mean times the mean rate times the step. Both are of second order. Where forces of rows
-    are means over the step (``Constraints.mean_forces``), they count as such.
+    It is created at the start, and :meth:`update` is called after every accepted step. The work of
+    a step is the mean of a force before and after times its displacement; of moments, drives and
+    dampers it is the mean times the mean rate times the step. Both are of second order. Where
+    forces of rows are means over the step (``Constraints.mean_forces``), they count as such.
 
-    Forces of rows are the multipliers of the integrator, not ``System.reported_forces``: they go
-    with the velocities that the kinetic energy is of. A body turned by 10 rad in 20 steps gains
-    4395 J; its balance is off by 25 J with them, by 100 J with the reported ones (stabilised index
+    Forces of rows are the multipliers of the integrator, not ``System.reported_forces``: they
+    belong to the velocities of the kinetic energy. A body rotated by 10 rad in 20 steps gains 4395
+    J; its balance is off by 25 J with them, by 100 J with the reported ones (stabilised index
     2: 0.6 and 28 J), and where rates of drives jump, their impulses are in these forces alone.
 
     Attributes:
         SHARES: length of :meth:`state`.
-        whole: all bodies are meant.
-        latest: (6,) what :meth:`update` returned last; zero before.
+        whole: True for all bodies.
+        latest: (6,) last result of :meth:`update`; zero before.
     """
 
     SHARES = 7
@@ -110,7 +110,7 @@ class EnergyMeter:
             if mask.any()
         ]
         rows, sides = system.constraints, self._chosen.sides
-        # rows that also act on a body left out
+        # rows that also act on a body that is not chosen
         crossing = np.bincount(rows.row_of_term, ~sides.all(axis=1), rows.size) > 0.0
         owned = rows.owned > 0.0
         driven = rows.working
@@ -127,7 +127,7 @@ class EnergyMeter:
         self._initial = float(self._stored(self._state.sprung).sum())
 
     def update(self) -> FloatArray:
-        """Take in the accepted state and return this rank's share (6,) of :class:`Energies`."""
+        """Update for the accepted state and return this rank's share (6,) of :class:`Energies`."""
         system = self._system
         h, self._time = system.time - self._time, system.time
         refresh_rows(system)
@@ -143,21 +143,21 @@ class EnergyMeter:
         return self.latest
 
     def state(self) -> FloatArray:
-        """(7,) this rank's shares of what is summed up and of what was there at the start."""
+        """(7,) this rank's shares of the sums and of the values at the start."""
         sums = self._work, self._dissipation, self._growth, self._initial
         return np.array([*sums, *self._start])
 
     def restore(self, shares: FloatArray) -> None:
-        """Take back what :meth:`state` returned; only its sum over the ranks matters."""
+        """Restore a result of :meth:`state`; only its sum over the ranks matters."""
         self._work, self._dissipation, self._growth, self._initial = shares[:4].tolist()
         self._start = shares[4:].copy()
 
     def total(self) -> Energies:
-        """Take in the accepted state and sum over all ranks (collective)."""
+        """Update for the accepted state and sum over all ranks (collective)."""
         return Energies(*self._system.comm.allreduce(self.update()).tolist())
 
     def _read(self) -> _State:
-        """The present state of all that does work."""
+        """The present state of all loads, viscous elements and rows."""
         system, rows = self._system, self._system.constraints
         viscosity = [np.empty((2, 0, 6))]
         for part in system.parts:
@@ -170,7 +170,7 @@ class EnergyMeter:
         )  # fmt: skip
 
     def loads(self) -> FloatArray:
-        """(k, 12) force, moment, place and angular velocity of each load, inertial axes."""
+        """(k, 12) force, moment, position and angular velocity of each load, inertial axes."""
         factors = self._system.factors
         states = [
             forces.states(block, factors)[mask]
@@ -210,7 +210,7 @@ class EnergyMeter:
         return self._chosen.motion()[motion.FIRST : motion.LINEAR]
 
     def _let_gravity_grow(self) -> None:
-        """Leave out what the potential changes as gravity does, which is no work."""
+        """Subtract the change of the potential with the growth of gravity, which is not work."""
         gravity, before = self._system.gravity, self._centre
         if not np.array_equal(gravity, self._gravity):
             self._centre = self._first_moment()
@@ -219,7 +219,7 @@ class EnergyMeter:
             self._gravity = gravity.copy()
 
     def _loss(self, before: _State, after: _State, h: float) -> float:
-        """Energy taken by dampers and by the damping of beams."""
+        """Energy dissipated by dampers and by the damping of beams."""
         force = self._mean_force(before, after) - 0.5 * (before.pulls + after.pulls)
         rate = 0.5 * (before.all_rates + after.all_rates)
         total = h * float((force * self._dampers) @ rate)
@@ -234,7 +234,7 @@ class EnergyMeter:
         return total
 
     def _contact_loss(self) -> float:
-        """Energy that contacts have lost since the last call, those of all bodies only."""
+        """Energy dissipated by contacts since the last call, zero unless all bodies are chosen."""
         before, self._lost = self._lost, sum(contacts.lost for contacts in self._system.contacts)
         return self._lost - before if self.whole else 0.0
 
@@ -245,7 +245,7 @@ class EnergyMeter:
         return 0.5 * (before.forces + after.forces)
 
     def _drive(self, before: _State, after: _State, h: float) -> float:
-        """Work of drives, and of bodies left out, over a step: rows pull against their rates."""
+        """Work over a step of drives and of other bodies, by the forces and rates of rows."""
         rate = 0.5 * (before.rates + after.rates)
         return -h * float(self._mean_force(before, after) @ rate)
 

@@ -32,7 +32,7 @@ class MarkerStates:
         self._start = [serial.marker_pose(m).rotation for m in markers]
         self._bare = without_spin(serial, markers)
         self._ground = np.zeros((len(markers), _WIDTH))
-        # a marker on the ground is its offset on a node that stays at the origin
+        # a marker on the ground is its offset from a fixed node at the origin
         if system.comm.rank == 0:
             for k, marker in enumerate(markers):
                 if isinstance(marker, Ground):
@@ -86,8 +86,8 @@ class MarkerStates:
 def without_spin(serial: NumberedModel, markers: Sequence[Observed]) -> BoolArray:
     """Return flags of markers at nodes without rotations: of shells, of elements in UFL.
 
-    Their axes turn with the elements around them at the end of a step, but no angular velocity of
-    theirs is known: it is nan, not a made-up zero.
+    Their axes rotate with the elements around them at the end of a step, but their angular velocity
+        is unknown: it is nan, not zero.
     """
     return np.array(
         [isinstance(m, Marker) and not serial.family_of(m.body).axes for m in markers],

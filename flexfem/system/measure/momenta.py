@@ -16,13 +16,12 @@ __all__ = ["ChosenBodies", "MomentumMeter"]
 
 
 class ChosenBodies:
-    """Some bodies, as masks over what acts on them.
+    """Some bodies, as masks over elements, masses, forces and rows.
 
     Attributes:
         cells: mask over the elements of this rank for each part, empty for rigid bodies.
         masses, forces: one mask for each part; line_forces: masks over those inside elements.
-        sides: (t, 2) whether the sides of the rows' terms are at chosen bodies; the ground counts
-            as one.
+        sides: (t, 2) True for sides of the rows' terms at chosen bodies, the ground included.
     """
 
     def __init__(self, system: System, model: Model, names: Sequence[str] | None) -> None:
@@ -31,7 +30,7 @@ class ChosenBodies:
         Args:
             system: the system.
             model: its model.
-            names: of bodies, None for all.
+            names: names of bodies, None for all.
         """
         self._parts = system.parts
         member = {
@@ -57,7 +56,7 @@ class ChosenBodies:
         self.sides: BoolArray = np.array([*of_interface, True])[system.constraints.term_nodes]
 
     def loads(self, part: int) -> list[tuple[NodeForces | InnerForces, BoolArray]]:
-        """Forces on a part, and which of them act on chosen bodies."""
+        """Forces on a part, and masks of those that act on chosen bodies."""
         forces = self._parts[part]
         inside = zip(forces.line_forces, self.line_forces[part], strict=True)
         return [(forces.forces, self.forces[part]), *inside]

@@ -110,7 +110,7 @@ def _inside(
 ) -> tuple[FloatArray, FloatArray]:
     """State (18,) of a marker inside an element on the rank that holds it, else zero.
 
-    Also, on all ranks, the local twist of the place by those of its nodes (collective).
+    Also, on all ranks, the local twist of the point by those of its nodes (collective).
     """
     k = len(place.nodes)
     J, state = np.zeros((6, 6 * k + 1)), np.zeros(18)
@@ -158,7 +158,7 @@ def _moved(state: FloatArray, step: FloatArray, moving: bool) -> FloatArray:
 
 
 def _state(row: FloatArray, start: FloatArray, rotates: bool) -> MarkerState:
-    """State of a marker; where nodes do not rotate, none of its turns has a derivative."""
+    """State of a marker; derivatives by rotations are zero if nodes do not rotate."""
     R = row[3:12].reshape(3, 3)
     unknown = np.full(3, np.nan)
     return MarkerState(

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Recording of the model's probes.
 
-Each rank keeps for some steps the motion of its own probe markers, and its share of what its
-sensors measure; then the first rank receives all at once and evaluates the columns. What is sent is
-a few numbers per probe, not the model.
+Each rank buffers for some steps the motion of its own probe markers, and its share of the
+measurements of sensors; then the first rank receives all at once and evaluates the columns. The
+messages have a few numbers per probe.
 """
 
 from collections.abc import Iterator
@@ -47,7 +47,7 @@ def _record(
         p0 = v[0] + v[4] * o[2] - v[5] * o[1]
         p1 = v[1] + v[5] * o[0] - v[3] * o[2]
         p2 = v[2] + v[3] * o[1] - v[4] * o[0]
-        # its rate there, and what comes from the turning axes
+        # its rate there, and the term of the rotating axes
         a0 = w[0] + w[4] * o[2] - w[5] * o[1] + v[4] * p2 - v[5] * p1
         a1 = w[1] + w[5] * o[0] - w[3] * o[2] + v[5] * p0 - v[3] * p2
         a2 = w[2] + w[3] * o[1] - w[4] * o[0] + v[3] * p1 - v[4] * p0
@@ -63,7 +63,7 @@ class ProbeRecorder:
     """Buffer of the probes' markers and measurements.
 
     Attributes:
-        columns: names of all columns; unwrap: those that are angles.
+        columns: names of all columns; unwrap: names of those that are angles.
     """
 
     def __init__(self, system: System, serial: NumberedModel, depth: int = 64) -> None:
@@ -124,10 +124,10 @@ class ProbeRecorder:
         return total
 
     def restore(self, state: FloatArray) -> None:
-        """Take back what :meth:`state` returned.
+        """Restore a result of :meth:`state`.
 
         Raises:
-            InputError: it is not what the probes of this model remember.
+            InputError: it is not a state of the probes of this model.
         """
         count = len(self._meters) * EnergyMeter.SHARES
         if state.shape != (count,) or not np.isfinite(state).all():
@@ -143,16 +143,16 @@ class ProbeRecorder:
 
     @property
     def full(self) -> bool:
-        """The buffer must be emptied before the next record."""
+        """True if the buffer must be emptied before the next record."""
         return len(self._times) == len(self._buffer)
 
     def follow(self) -> None:
-        """Let energies take in the work up to an accepted state that is not recorded."""
+        """Sum the work up to an accepted state that is not recorded."""
         for meter in self._meters:
             meter.update()
 
     def record(self, t: float) -> None:
-        """Keep the accepted state at time ``t``."""
+        """Buffer the accepted state at time ``t``."""
         row = self._buffer[len(self._times)]
         self._record_markers(row)
         if self._sensors:
@@ -174,7 +174,7 @@ class ProbeRecorder:
             self._record_sliders(row)
 
     def _record_sliders(self, row: FloatArray) -> None:
-        """Sections where sliders are, their arc lengths and rates."""
+        """Sections at sliders, their arc lengths and rates."""
         motion, places = self._sliders.motion(), self._sliders.places
         unmoved = np.tile(se3.frame(np.zeros(3), np.eye(3)), (len(places), 1))
         frames, twists = motion[:, :12].copy(), motion[:, 12:18].copy()
@@ -195,7 +195,7 @@ class ProbeRecorder:
         return iter([(t, self._evaluate(t, row, numbers)) for t, row, numbers in rows])
 
     def _gathered(self, count: int) -> tuple[FloatArray, FloatArray]:
-        """Markers and measurements of records, none but on the first rank (collective)."""
+        """Markers and measurements of records, on the first rank only (collective)."""
         mine = self._places, self._buffer[:count, self._places], self._shares[:count]
         parts = self._comm.gather(mine) if self._comm.size > 1 else [mine]
         if parts is None:

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Sensors of probes that are not functions of markers.
 
-Probes of single families have theirs. A sensor gives the share of this rank in the columns of its
-probe; the shares of all ranks add up.
+Sensors of probes of single families are in these. A sensor returns the share of this rank in the
+columns of its probe; the columns are the sums over all ranks.
 """
 
 import numpy as np
@@ -24,8 +24,8 @@ __all__ = ["create_sensor"]
 class _ReactionSensor:
     """Force and moment of a joint on the body of its marker b, on the rank that owns the joint.
 
-    Of the parts of a joint of lines it is the resultant, about the first part's marker there: a
-    node of the line, or the marker of a body.
+    For a joint of lines it is the resultant of its parts, about the first part's marker: a node of
+    the line, or the marker of a body.
     """
 
     def __init__(self, system: System, probe: ReactionProbe) -> None:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Sections of carriers at which sliders are, for probes and events."""
+"""Sections of carriers at sliders, for probes and events."""
 
 from collections.abc import Sequence
 
@@ -16,8 +16,8 @@ class Sliders:
     """Sliding markers whose joints this rank owns.
 
     Attributes:
-        places: (n,) which of the given markers these are.
-        exist: there are sliding markers, here or on other ranks.
+        places: (n,) their numbers among the given markers.
+        exist: True if there are sliding markers, here or on other ranks.
     """
 
     def __init__(self, system: System, markers: Sequence[Observed]) -> None:

@@ -16,7 +16,7 @@ from flexfem.system.system import System
 
 __all__ = ["strain_rates"]
 
-#: Central differences move the nodes by this part of a motion whose largest entry is 1.
+#: Step of central differences along a motion whose largest entry is 1.
 _STEP = 1e-6
 
 
@@ -29,7 +29,7 @@ def strain_rates(
     Nodes are moved by ``sum_j motion_j q_j`` and the strains measured on both sides.
 
     Args:
-        system: in the state the motions belong to, which it is left in.
+        system: in the state the motions belong to, which is restored.
         serial: serial data of its model.
         split: from an array of this rank's unknowns to (n_owned, width) of each part.
         motions: (k, n_local) local twists of this rank's nodes.
