@@ -120,7 +120,7 @@ def iterate(
 def _largest(
     comm: MPI.Intracomm, largest: float, change: FloatArray, success: bool
 ) -> tuple[float, float, float]:
-    """Largest steps of blocks and multipliers over all ranks, and whether a rank failed."""
+    """Largest steps of blocks and multipliers over all ranks, and True if a rank failed."""
     values = (largest, largest_entry(change), 0.0 if success else 1.0)
     if comm.size == 1:
         return values

@@ -146,8 +146,9 @@ class Equilibrium:
         cut: factor by which a failed load step is best shortened.
         room: factor by which the last load step could have been longer, by its rotations.
         inertia: counter of unstable directions.
-        limits: stopping criteria. strains: of each part, continued along the last step of an
-            iteration, whose stresses the next matrix takes; those of the trial state otherwise.
+        limits: stopping criteria.
+        strains: those of each part whose stresses the next matrix uses: continued along the last
+            step of an iteration, or those of the trial state.
     """
 
     def __init__(
