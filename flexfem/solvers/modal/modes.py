@@ -43,7 +43,7 @@ _ITERATIONS, _FIRST = 500, 50
 #: Least inverted eigenvalue of dense problems, times the largest frequency squared, that is not
 #: zero.
 _FINITE = 3e-3
-#: Number of shifts, and the factor of the iteration's tolerance from one to the next.
+#: Number of shifts, factor of the iteration's tolerance from one to the next, least tolerance.
 _PASSES, _TIGHTER, _FINEST = 4, 1e-2, 1e-15
 #: The next shift where nothing but zeros is found.
 _LOWER = 1e-2

@@ -19,7 +19,7 @@ _SLOWEST = 1e-6
 _MOST = 1.9
 #: Part of the change of forces in a step that accelerated relaxation removes.
 _SMOOTH = 0.5
-#: Steps in a row in which forces work against the motion, after which it drops the momentum.
+#: Number of successive steps with forces against the motion after which the momentum is dropped.
 _ROW = 3
 
 

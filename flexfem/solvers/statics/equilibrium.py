@@ -31,7 +31,7 @@ __all__ = ["Equilibrium", "Limits", "Loading", "Snapshot", "settle"]
 _REST, _NO_RATES, _NO_LAW = np.zeros(7), np.zeros(2), np.zeros(3)
 #: Contraction above which steps below _NOISE tolerances are round-off.
 _STAGNATION, _NOISE = 0.7, 1e3
-#: Rotation of the first iteration, relative to the limit, for which a load step is cut.
+#: Target rotation of the first iteration of a load step that was cut, relative to the limit.
 _CUT = 0.8
 #: Stiffness of a damper, which resists no displacement, relative to the largest in the model.
 _DAMPER = 1e-20
