@@ -45,8 +45,8 @@ class Constraints(NumberedRows):
 
     Its arrays are updated in place and never replaced, since ``own`` passes them to compiled loops.
 
-    ``targets``, ``active``, ``held``, ``angles`` and ``forces`` are the state of the rows that a
-    checkpoint holds.
+    ``targets``, ``active``, ``held``, ``angles`` and ``forces`` are the state of the rows in a
+    checkpoint.
 
     Attributes:
         interface: nodes to which joints are attached.
@@ -110,7 +110,7 @@ class Constraints(NumberedRows):
         self.own.relaxation = value
 
     def state(self) -> State:
-        """State of the rows at the accepted step: forces, targets, active and held rows."""
+        """State of the rows at the accepted step: forces, targets, active and locked rows."""
         active, held = self.active.astype(np.float64), self.held.astype(np.float64)
         rows = {"forces": self.forces, "targets": self.targets, "active": active, "held": held}
         values = {"relaxation": np.array([self.relaxation])}

@@ -2,5 +2,5 @@
 """Families of bodies, a folder each: layout, elements, loads and measures of one kind of body.
 
 The contract is ``flexfem.layout.family.Family``; ``family`` in each folder keeps it, ``elements``
-holds the elements of a rank. What several families need is in ``common``.
+has the elements of a rank. Common parts of several families are in ``common``.
 """

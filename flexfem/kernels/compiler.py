@@ -130,7 +130,7 @@ class _Library(JITCodeLibrary):
         Args:
             codegen: numba's code generator.
             name: of the library.
-            called: whether Python calls the function.
+            called: True if Python calls the function.
             large: True if callers use its machine code, None to decide by its size.
         """
         super().__init__(codegen, name)

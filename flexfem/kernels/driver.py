@@ -249,7 +249,7 @@ def _gather(
 def _put_section(
     kernel: CellKernel, cells: Cells, section: int, lane: int, data: FloatArray
 ) -> None:
-    """Write the data of a section, only if it differs from that of the last cell."""
+    """Write the data of a section, which is needed only when the section changes."""
     for s in range(kernel.section.shape[0]):
         first, count, at = kernel.section[s, 0], kernel.section[s, 1], kernel.section[s, 2]
         for i in range(count):

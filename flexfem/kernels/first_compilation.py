@@ -42,7 +42,7 @@ class _Listener(event.Listener):
 
 @contextmanager
 def told_of_compilation(tell: Callable[[str], None]) -> Iterator[None]:
-    """Context in which ``tell`` gets a line, once, if numba compiles for more than a second.
+    """Context in which ``tell`` is called once, with a line, if numba compiles for over a second.
 
     Loading from the cache on disk is not counted.
     """

@@ -22,7 +22,8 @@ from numba.core.typing import make_concrete_template, signature
 __all__ = ["HERE_ALONE", "Demand", "call_on_demand", "demanded", "demands_of"]
 
 #: Name of a variable in code with an address that is valid in this process only: numba writes no
-#: function with such a variable to disk. The files of ``compiler`` list what else must be loaded.
+#: function with such a variable to disk. The files of ``compiler`` list the other functions to be
+#: loaded.
 HERE_ALONE = "numba.dynamic.globals.flexfem"
 
 #: Prefix of the names that loops call for an address.

@@ -33,7 +33,8 @@ __all__ = ["sweep_spin"]
 
 #: Share of one sense of whirl above which a mode is classified as a whirl.
 _PURE = 0.9
-#: Modes computed beyond those asked for, a multiple: in rotating axes the order changes with speed.
+#: Modes computed beyond those requested, as a multiple: in rotating axes the order changes with
+#: speed.
 _MORE = 2
 #: Begin of the status of a run that a signal has ended.
 _INTERRUPTED = "interrupted after the spin"

@@ -273,7 +273,7 @@ class StaticSteps(Steps):
         return h * float(min(max((_EASY / iterations) ** 0.5, 0.5), 2.0))
 
     def _advance(self, h: float, stopping: Callable[[], bool]) -> tuple[Status, float, bool]:
-        """One accepted step of at most ``h``, its size, and whether the run has ended."""
+        """Take one step of at most ``h``; returns status, size, and True at the end of the run."""
         path, before = self.path, self._beyond() if self._options.stop_column != _NONE else 0.0
         self.followed.largest = max(self.followed.largest, h)
         smallest = self.followed.largest * 0.5**_HALVINGS
@@ -410,7 +410,7 @@ class StaticSteps(Steps):
         fields.close()
 
     def reason(self, status: Status) -> str:
-        """See :class:`Steps`; with the load factor, where, and what to try."""
+        """See :class:`Steps`; with the load factor, the place and advice."""
         t, options = self.equilibrium.loading.t, self._options
         if status is Status.OK:
             return "ok" if self._stopped else self._unreached()

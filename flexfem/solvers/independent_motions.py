@@ -10,7 +10,7 @@ state of the step with gradient G, the independent y determine all others,
 Fixed unknowns are in neither: in N they would have the large stiffness of Dirichlet conditions,
     compared with which that of slender bodies is lost in rounding.
 
-The equations of motion along Theta hold no multipliers, which are found afterwards (Maggi's
+The equations of motion along Theta have no multipliers, which are found afterwards (Maggi's
 equations; P. E. Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), section 13.2;
 T. R. Kane, D. A. Levinson, Dynamics (1985)). All arrays are the same on every rank.
 """

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Policies of the Newton method by name: when the iteration matrix is factorised.
 
-``updated`` takes a fresh matrix in every iteration, ``material`` the same without geometric
+``updated`` uses a new matrix in every iteration, ``material`` the same without geometric
 stiffness. ``frozen`` keeps the factors of the bodies for each step size. ``auto`` does the same,
-but refreshes them where the iteration contracts slowly. All fall back to the exact fresh matrix for
+but renews them if the iteration contracts slowly. All fall back to the exact fresh matrix for
 a step on which they fail; a further failure is left to the driver, which halves the step.
 """
 

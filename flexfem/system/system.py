@@ -147,7 +147,7 @@ class BlockPart:
 
     @cached_property
     def dirichlet_entries(self) -> BoolArray:
-        """Flags of entries of elements, masses and forces in a held (Dirichlet) row or column."""
+        """Flags of entries of elements, masses and forces in a row or column of a fixed unknown."""
         held = self.block.dirichlet
         assert held is not None
         own = np.concatenate([self.masses.nodes, self.forces.nodes]).astype(np.int64)[:, np.newaxis]

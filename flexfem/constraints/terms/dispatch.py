@@ -89,7 +89,7 @@ def step_vectors(
 ) -> float:
     """Value of a function at one end of a step; the vectors of its products in ``out`` (5, 3).
 
-    ``out`` holds the arm between the markers, R_a u, R_a p, R_a (u x p) and R_b v.
+    ``out`` has the arm between the markers, R_a u, R_a p, R_a (u x p) and R_b v.
     """
     u, v, p = triple(d[0], 0), triple(d[1], 0), triple(d[2], 0)
     arm = add(triple(b, 0), -1.0, triple(a, 0))

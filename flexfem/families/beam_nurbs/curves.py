@@ -151,7 +151,7 @@ class NurbsLines:
 
 
 def elements_on_rank(curves: NurbsLines, block: FrameBlock) -> list[IntArray]:
-    """Numbers along each beam of the elements that this rank holds."""
+    """Numbers along each beam of the elements on this rank."""
     return [
         np.flatnonzero(block.owned_index(curves.nodes(beam)[:, -1]) >= 0)
         for beam in range(len(curves.beams))

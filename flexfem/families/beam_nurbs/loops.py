@@ -187,7 +187,7 @@ def _add_forces(
 
 @inlined
 def _add_changes(changes: FloatArray, moments: FloatArray, forces: FloatArray) -> None:
-    """Add what ``maps.force_changes_into`` writes to nodal forces (k, 6, L)."""
+    """Add a result of ``maps.force_changes_into`` to nodal forces (k, 6, L)."""
     k = forces.shape[0]
     for node in range(k):
         if node == k // 2:

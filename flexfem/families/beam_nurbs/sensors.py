@@ -21,7 +21,7 @@ __all__ = ["CurveStrainSensor"]
 
 
 class CurveStrainSensor:
-    """Strains and resultants at a fraction of a NURBS beam, on the rank that holds the element."""
+    """Strains and resultants at a fraction of a NURBS beam, on the rank of the element."""
 
     def __init__(self, part: BlockPart, serial: NumberedModel, probe: StrainProbe) -> None:
         """Find the element."""

@@ -19,7 +19,7 @@ __all__ = ["BeamElongation", "StrainSensor"]
 
 
 class StrainSensor:
-    """Strains and resultants of one SE(3) cell, on the rank that holds it."""
+    """Strains and resultants of one SE(3) cell, on its rank."""
 
     def __init__(self, part: BlockPart, serial: NumberedModel, probe: StrainProbe) -> None:
         """Find the cell."""

@@ -153,7 +153,7 @@ def _put_changes(
         by: (2, 2, 36) changes of the twists of frame and interface along their own steps, and those
             of their rates.
         stiffness: factor of the changes of position.
-        changes: what is written.
+        changes: result, see above.
     """
     X, g, units = room.X[c], room.g[c], room.units[c]
     v_frame, w_frame = room.base[12:18], room.base[18:]

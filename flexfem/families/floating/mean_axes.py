@@ -2,9 +2,9 @@
 """Compiled mean-axis frames of bodies, determined by their nodes and amplitudes.
 
 Conditions ``C eta = 0`` say that the body on average neither translates nor rotates relative to the
-frame (mean axes, Tisserand; Agrawal and Shabana, Comput. Struct. 21 (1985) 1303). They hold for
-rates and their rates alike, so that twist and acceleration of the frame follow from those of the
-nodes, and the forces on the frame are carried by multipliers of the conditions, which are
+frame (mean axes, Tisserand; Agrawal and Shabana, Comput. Struct. 21 (1985) 1303). They are valid
+for rates and their rates as well, so that twist and acceleration of the frame follow from those of
+the nodes, and the forces on the frame are carried by multipliers of the conditions, which are
 eliminated body by body.
 """
 

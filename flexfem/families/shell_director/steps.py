@@ -17,8 +17,8 @@ the nodes.
 All numbers are those of several triangles, see ``kernels.vectors``. Kernels take as constants the
 factors of the derivatives by positions and by velocities, and whether stresses are given; as
 coefficients strains at the start, given stresses of membrane and bending times what their points
-weigh, positions, rotations and twists of the nodes, and work space; and in place of coordinates
-what :func:`constant_data` returns.
+weigh, positions, rotations and twists of the nodes, and work space; and in place of coordinates the
+result of :func:`constant_data`.
 """
 
 from typing import Any

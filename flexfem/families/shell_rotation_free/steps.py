@@ -10,7 +10,7 @@ which ``f_1 = (l, 0, 0)`` and ``f_2 = (g, h, 0)``.
 All numbers are those of several triangles, see ``kernels.vectors``. Kernels take the constants p
 and q, the numbers of nodes of a patch and of those with derivatives, the factors of the derivatives
 by positions and by velocities, and whether stresses are given; as coefficients stiffness, given
-stresses, positions and steps; and in place of coordinates what :func:`constant_data` returns.
+stresses, positions and steps; and in place of coordinates the result of :func:`constant_data`.
 """
 
 import math

@@ -34,7 +34,7 @@ _BESIDE = 1e-12
 #: one; at which a continuous function between two breakpoints counts as jumping, since each may
 #: have been moved to the grid.
 _SAME, _ONE, _STEEP = 1e-6, 2e-6, 4e-6
-#: Number of steps for each breakpoint off the grid, of all functions together, and some more in
+#: Largest number of breakpoints off the grid per step, of all functions together, and some more in
 #: short runs: a step in parts costs as much as some ten others.
 _MOST_PER_STEP, _MORE = 0.25, 20
 #: Jump relative to the largest value, and change within a step by a change of slope, that matter.

@@ -199,7 +199,7 @@ class Checkpoints:
 
         Args:
             simulation: simulation whose state is written.
-            serial: serial data of its model, or the fingerprint of what is no multibody model.
+            serial: serial data of its model, or the fingerprint of other equations.
             options: options of the run; without an output folder nothing is written.
             grid: instants of the run.
             restart: checkpoint from which the run was resumed, if any.

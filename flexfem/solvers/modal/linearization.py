@@ -33,9 +33,9 @@ __all__ = ["Linearization", "Matrices"]
 _STIFFNESS = Shifts(velocity=0.0, acceleration=0.0, scale=1.0, local=True)
 _VELOCITY = Shifts(velocity=1.0, acceleration=0.0, scale=1.0, stiffness=0.0)
 _MASS = Shifts(velocity=0.0, acceleration=1.0, scale=1.0, stiffness=0.0)
-#: Force laws count as they are.
+#: Factors with which force laws are not scaled.
 _UNIT = np.array([1.0, 1.0])
-#: Evaluations until the force of friction is found.
+#: Largest number of evaluations for the force of friction.
 _SWEEPS = 25
 
 
@@ -63,7 +63,7 @@ class Linearization:
     Attributes:
         system: the system.
         unknowns: number of this rank's unknowns that belong to nodes.
-        size: of this rank's range; ``sizes`` local and global.
+        size: size of this rank's range; ``sizes`` local and global.
         multipliers: (r,) forces of all rows of this rank after :meth:`evaluate`, N or N m.
     """
 
@@ -91,7 +91,7 @@ class Linearization:
         self._scatter = PETSc.Scatter().create(self.vector(), index, self._here, None)
 
     def _number(self, first: int) -> None:
-        """First numbers of every rank's parts and rows, and where their own numbering starts."""
+        """First numbers of every rank's parts and rows, and the starts of their own numbering."""
         starts, own, at = [], [], first
         for part in self.system.parts:
             starts.append(at)
@@ -268,7 +268,7 @@ class Linearization:
         return np.concatenate([np.empty(0), *blocks])
 
     def damped(self) -> bool:
-        """Velocities act on the forces: something rotates or is damped (collective)."""
+        """True if forces depend on velocities: something rotates or is damped (collective)."""
         return bool(self.matrices().damping.norm(PETSc.NormType.FROBENIUS) > 0.0)
 
     def total(self, local: npt.NDArray[Any]) -> npt.NDArray[Any]:
@@ -301,7 +301,7 @@ class Linearization:
         Args:
             matrix: matrix, without its columns of multipliers.
             shapes: (k, n).
-            laws: with the forces of rows with laws, which act by the columns of this matrix.
+            laws: True to include the forces of rows with laws, by the columns of this matrix.
         """
         x, y, z = self.vector(), self.vector(), self.vector()
         out = np.zeros(shapes.shape, dtype=np.complex128)

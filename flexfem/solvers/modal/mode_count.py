@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-r"""Number of modes in a range: a count by inertia (Sylvester) that needs no eigenvalue.
+r"""Number of modes in a range by Sylvester's law of inertia, without eigenvalues.
 
 By Sylvester's law a symmetric matrix has as many negative eigenvalues as pivots, and
 ``[[P, G^T], [G, 0]]`` with m conditions has m more than P has on the motions that G admits. N is
@@ -22,8 +22,8 @@ the modes of positive energy between a and b less those of negative energy (Krei
   ``N(K + a^2 M) = 0`` is enough: then ``k > -a^2 m > -omega^2 m``. That admits rigid motions.
 - Otherwise, as in rotors above a critical speed, ``N(a) - N(b)`` with ``b -> infinity``, where P
   has n negative eigenvalues for n degrees of freedom, is ``n_up - n_down``, and there are n modes
-  at most: ``n_up <= N(a)/2``. Where so many of negative energy have been found, no other one is
-  there, and those of positive energy are counted. Where fewer have been found, a count that differs
+  at most: ``n_up <= N(a)/2``. If so many of negative energy have been found, there is no other one,
+      and those of positive energy are counted. If fewer have been found, a count that differs
   from the energies of those found still indicates missing modes, and one that agrees is
   inconclusive.
 
@@ -46,13 +46,13 @@ from flexfem.solvers.modal.shifted_inverse import real_form
 
 __all__ = ["count_below", "gyroscopic_count", "missing_modes"]
 
-#: Distances that differ less are those of a multiple eigenvalue.
+#: Difference of distances below which eigenvalues are a multiple one.
 _EQUAL = 1e-6
 #: Start of the count of a gyroscopic problem, relative to the slowest mode found.
 _LOW = 1e-3
 #: Growth of modes, relative to their frequency, that is round-off.
 _STEADY = 1e-6
-#: Energies of modes, relative, that have no sign.
+#: Relative energy of a mode below which its sign is unknown.
 _SIGN = 1e-6
 
 
@@ -72,11 +72,11 @@ def missing_modes(
     Args:
         pencil: the problem.
         solution: eigenpairs, nearest first, complete as far as is known.
-        count: number of those that matter.
+        count: number of the requested ones.
         target: rad/s.
 
     Returns:
-        Their number, and nothing; or None, and why they cannot be counted.
+        Their number, and an empty text; or None, and the reason why they cannot be counted.
     """
     if len(solution.values) == 0:
         return None, "no mode was found"
@@ -87,7 +87,7 @@ def missing_modes(
     limits = _range(solution, count, target)
     if pencil.damped:
         return _missing_gyroscopic(pencil, solution, limits, target)
-    low = limits.reach**2 - target**2  # real eigenvalues lie beside the target
+    low = limits.reach**2 - target**2  # real eigenvalues are not near the target
     high = count_below(pencil, (target + limits.reach) ** 2)
     more = None if high is None else high - (limits.last + 1)
     if more is not None and more != 0:
@@ -117,7 +117,7 @@ def _range(solution: Solution, count: int, target: float) -> _Range:
 def _missing_gyroscopic(
     pencil: Pencil, solution: Solution, limits: _Range, target: float
 ) -> tuple[int | None, str]:  # fmt: skip
-    """The same of a problem with a skew term in lambda; zeros are left out (collective)."""
+    """Missing modes of a problem with a skew term in lambda, without zeros (collective)."""
     found = np.flatnonzero(~solution.zero[: limits.last + 1])
     values = solution.values[found]
     omega = np.abs(values.imag)

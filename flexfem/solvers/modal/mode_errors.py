@@ -16,11 +16,11 @@ __all__ = ["ZERO", "ComplexArray", "Solution", "square_errors", "square_noise"]
 
 ComplexArray = npt.NDArray[np.complex128]
 
-#: Residuals may be this much larger than the iteration's own estimates.
+#: Factor by which residuals may exceed the iteration's own estimates.
 _LOOSE = 10.0
-#: Errors up to so many estimates of the round-off are round-off, but not above this residual.
+#: Number of estimates of round-off up to which errors are round-off, and the largest such residual.
 _ROUNDED, _ROUGH = 10.0, 1e-5
-#: Eigenvalues below so many estimates of the round-off of their own stiffness are zero.
+#: Number of estimates of the round-off of their own stiffness below which eigenvalues are zero.
 ZERO = 1e3
 #: Residual of zeros, relative to the largest eigenvalue, that is always too large.
 _NEAR_ZERO = 1e-6
@@ -28,18 +28,18 @@ _NEAR_ZERO = 1e-6
 
 @dataclass(frozen=True)
 class Solution:
-    """Eigenpairs as they were found, nearest first.
+    """Computed eigenpairs, nearest first.
 
     Attributes:
         values: (k,) lambda in the upper half plane or real, 1/s. Of undamped problems ``i omega``,
             or real where ``omega^2`` is negative.
         vectors: (k, n) of this rank's nodes.
-        zero: (k,) those that are zero within rounding.
+        zero: (k,) True for those that are zero within rounding.
         errors: (k,) of ``lambda^2``, to first order, by the residuals, 1/s^2.
         noise: (k,) estimate of the round-off in ``lambda^2``, 1/s^2.
         missing: modes among those found that were not found; None where they cannot be counted.
-        uncounted: why they cannot, empty where they are counted.
-        shift: where the problem was inverted, 1/s.
+        uncounted: reason why they cannot, empty if they are counted.
+        shift: shift of the inverted problem, 1/s.
     """
 
     values: ComplexArray
@@ -65,11 +65,11 @@ class Solution:
         return np.where(known, 0.5 * self.errors / np.where(known, size, 1.0), unknown)
 
     def doubtful(self, accuracy: float) -> BoolArray:
-        """(k,) those whose errors are neither below the tolerance nor round-off."""
+        """(k,) True for errors that are neither below the tolerance nor round-off."""
         squares = np.abs(self.values) ** 2
         softest = float(squares.min(initial=np.inf, where=~self.zero))
         ratio = np.maximum(squares / softest, 1.0)
-        # one shift for all keeps so many digits; the inverse has the noise of the softest
+        # digits kept by one shift for all; the inverse has the noise of the softest
         size = np.where(self.zero | (squares == 0.0), 1.0, squares)
         rounded = _ROUNDED * (
             np.finfo(float).eps * ratio.max(initial=1.0) + self.noise * ratio / size
@@ -101,13 +101,13 @@ def square_errors(
 ) -> FloatArray:
     """Errors (k,) of ``lambda^2`` to first order, 1/s^2 (collective).
 
-    The residual of the problem itself, ``P(lambda) u``, is measured by the motion that it would
-    make at the shift, ``r = P(sigma)^-1 P(lambda) u``, in the norm of the mass: that of an error d
-    of an undamped eigenvalue is ``2 |lambda d| / |lambda^2 - sigma^2|``. Measured as a force, the
-    stiffest motions would hide those that bend softly.
+    The residual of the problem itself, ``P(lambda) u``, is measured by the motion that it causes at
+    the shift, ``r = P(sigma)^-1 P(lambda) u``, in the norm of the mass: that of an error d of an
+    undamped eigenvalue is ``2 |lambda d| / |lambda^2 - sigma^2|``. Measured as a force, errors of
+    the stiffest motions would hide those of soft bending.
 
     Args:
-        inverse: at the shift.
+        inverse: inverse at the shift.
         values: (k,) lambda, 1/s.
         vectors: (k, n) on this rank's nodes.
     """

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""From eigenpairs to modes: zero frequencies, a basis that is unique, masses, comparison."""
+"""Modes from eigenpairs: zero frequencies, a unique basis, effective masses, comparison."""
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -18,7 +18,7 @@ from flexfem.solvers.modal.shifted_inverse import ShiftedInverse
 
 __all__ = ["Modes", "find"]
 
-#: Eigenvalues that agree to this are one with several vectors.
+#: Relative difference below which eigenvalues are one with several vectors.
 _EQUAL = 1e-7
 #: Size of a real or imaginary part, of vectors of size one, that is round-off.
 _PART = 1e-3
@@ -46,15 +46,15 @@ class Modes:
         masses: (k, 3) effective masses along the inertial axes, kg.
         residuals: (k,) of the eigenvalues, relative, to first order their errors; those of rigid
             motions relative to the largest eigenvalue.
-        doubtful: (k,) those whose residuals are neither below the tolerance nor round-off.
+        doubtful: (k,) True for residuals that are neither below the tolerance nor round-off.
         missing: number of modes nearer than the last that were not found, of rotating models
             without those that are zero; None where they cannot be counted.
-        uncounted: why they cannot: damping, or a stiffness that is not symmetric or, under
+        uncounted: reason why they cannot: damping, or a stiffness that is not symmetric or, under
             rotation, not positive; empty where they are counted.
-        zero_below: angular frequencies below this count as zero, rad/s.
+        zero_below: angular frequency below which modes count as zero, rad/s.
         state_error: largest residual, of those that are neither zero nor doubtful, where the
             equilibrium is one step of Newton's method more accurate; None unless it was checked.
-        unsettled: it is neither below the tolerance nor round-off.
+        unsettled: True if it is neither below the tolerance nor round-off.
     """
 
     linearization: Linearization
@@ -123,8 +123,8 @@ def find(
         count: number of modes.
         target: rad/s.
         accuracy: relative residual of the eigenvalues.
-        improve: moves the system to a state that is nearer to its equilibrium, False if it cannot;
-            None checks no other state.
+        improve: moves the system to a state nearer to its equilibrium, False if it cannot; None to
+            check no other state.
 
     Returns:
         At most ``count`` modes; fewer if the iteration has found fewer.
@@ -196,13 +196,13 @@ def _groups(solution: Solution) -> list[tuple[complex, IntArray]]:
 def _canonical(
     pencil: Pencil, members: ComplexArray, moved: ComplexArray, real: bool, limit: float
 ) -> ComplexArray:
-    """The basis of a span that is the same however the span was given.
+    """Canonical basis of a span, independent of the given vectors.
 
     The projections of fixed motions of the model onto the span, made orthonormal in the mass; they
     fix order, sign and phase.
     """
     lin = pencil.linearization
-    if real:  # each as large as it is a part of its vector, of which one may be round-off
+    if real:  # scaled by its part of the vector, since one of them may be round-off
         whole = lin.total(np.einsum("ki,ki->k", members.conj(), _times(pencil, members))).real
         members = members[whole > 0.0] / np.sqrt(whole[whole > 0.0])[:, np.newaxis]
         members = np.concatenate([members.real, members.imag]).astype(np.complex128)

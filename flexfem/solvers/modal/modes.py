@@ -33,22 +33,23 @@ __all__ = ["solve_pencil"]
 
 type _Found = tuple[ShiftedInverse, ComplexArray, ComplexArray]
 
-#: Unknowns and multipliers up to which every rank solves the problem densely: always, or when more
+#: Unknowns and multipliers up to which every rank solves the problem densely: always, or if more
 #: than a quarter of all modes is requested.
 _DENSE, _DENSE_FOR_MANY = 100, 400
 #: Least first shift of dense problems relative to the largest frequency, without a quadratic term.
 _DENSE_SHIFT = 1e-3
 #: Restarts of the iteration at the last shift that is tried, and at those before.
 _ITERATIONS, _FIRST = 500, 50
-#: Inverted eigenvalues of dense problems, times the largest frequency squared, that are not zero.
+#: Least inverted eigenvalue of dense problems, times the largest frequency squared, that is not
+#: zero.
 _FINITE = 3e-3
-#: Shifts that are tried, and how the tolerance of the iteration falls from one to the next.
+#: Number of shifts, factor of the iteration's tolerance from one to the next, least tolerance.
 _PASSES, _TIGHTER, _FINEST = 4, 1e-2, 1e-15
 #: The next shift where nothing but zeros is found.
 _LOWER = 1e-2
 #: Double zeros relative to the square of the shift.
 _DOUBLE = 1e-12
-#: Squares of vectors relative to the largest that are zero.
+#: Squared norm of a vector, relative to the largest, that counts as zero.
 _CONJUGATE = 1e-12
 
 
@@ -57,13 +58,13 @@ def solve_pencil(
 ) -> Solution:  # fmt: skip
     """Eigenpairs nearest to a frequency, with their errors (collective).
 
-    Where residuals of the first ``count`` are too large, the problem is inverted again at a
-    distance from zero that is that of these eigenvalues: eigenvalues far below the shift are lost
-    in rounding. Where modes are missing among those found, more are looked for.
+    If residuals of the first ``count`` are too large, the problem is inverted again at the distance
+        of these eigenvalues from zero: eigenvalues far below the shift are lost in rounding. If
+        modes are missing among those found, more are computed.
 
     Args:
         pencil: the problem.
-        count: number of eigenvalues, conjugate pairs counted once, whose residuals matter.
+        count: number of eigenvalues, conjugate pairs counted once, whose residuals are checked.
         more: number of eigenvalues beyond them.
         target: rad/s.
         accuracy: relative residual of the eigenvalues.
@@ -175,7 +176,7 @@ class _Companion:
     """
 
     def __init__(self, inverse: ShiftedInverse) -> None:
-        """Take the inverse at the shift."""
+        """Store the inverse at the shift."""
         self.inverse, self.unit = inverse, abs(inverse.shift)
         self.paired = inverse.shift.imag != 0.0
         self.shift = inverse.shift / self.unit if self.paired else 1.0
@@ -183,11 +184,11 @@ class _Companion:
 
     @property
     def size(self) -> int:
-        """Numbers of this rank in a vector."""
+        """Number of this rank's entries of a vector."""
         return (4 if self.paired else 2) * self._count
 
     def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
-        """Apply it (collective)."""
+        """Apply the operator (collective)."""
         given = self._split(x.getArray(readonly=True))
         u, w = given[: self._count], given[self._count :]
         matrices = self.inverse.pencil.matrices
@@ -248,7 +249,7 @@ def _solve_quadratic(
 
 
 def _start(operator: PETSc.Mat, companion: _Companion, rank: int) -> PETSc.Vec:
-    """Any vector that satisfies the constraints."""
+    """A start vector that satisfies the constraints."""
     start = operator.createVecRight()
     start.setArray(np.random.default_rng(rank).normal(size=companion.size))
     image = start.duplicate()
@@ -261,7 +262,7 @@ def _start(operator: PETSc.Mat, companion: _Companion, rank: int) -> PETSc.Vec:
 def _proper(
     pencil: Pencil, values: list[complex], vectors: list[ComplexArray]
 ) -> tuple[ComplexArray, ComplexArray]:
-    """Leave out conjugates of eigenvalues, whose vectors are zero."""
+    """Eigenpairs without conjugates, whose vectors are zero."""
     shape = len(values), pencil.linearization.unknowns
     found = np.array(vectors, dtype=np.complex128).reshape(shape)
     sizes = pencil.linearization.total(np.einsum("ki,ki->k", found.conj(), found)).real

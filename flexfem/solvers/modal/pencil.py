@@ -31,10 +31,10 @@ class Pencil:
 
     Attributes:
         linearization: numbering of the unknowns.
-        matrices: at the state.
-        damped: there is a term in lambda: the problem is quadratic.
-        symmetric: the stiffness is symmetric.
-        gyroscopic: the term in lambda is skew: it does no work.
+        matrices: matrices at the state.
+        damped: True if there is a term in lambda: the problem is quadratic.
+        symmetric: True if the stiffness is symmetric.
+        gyroscopic: True if the term in lambda is skew: it does no work.
         fastest: estimate of the largest frequency, rad/s.
     """
 
@@ -69,7 +69,7 @@ class Pencil:
 
     @property
     def quadratic(self) -> bool:
-        """It is not linear in ``lambda^2`` with symmetric matrices."""
+        """True unless it is linear in ``lambda^2`` with symmetric matrices."""
         return self.damped or not self.symmetric
 
 
@@ -83,7 +83,7 @@ def _turned(matrix: PETSc.Mat, sign: float) -> float:
 
 
 def _hold(linearization: Linearization, matrices: Matrices) -> None:
-    """Give fixed unknowns no mass: their frequencies are infinite, as those of rows."""
+    """Set the mass of fixed unknowns to zero: their frequencies are infinite, as for rows."""
     masks = [
         np.zeros(p.block.sizes[0], dtype=np.bool_)
         if p.block.dirichlet is None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Linearised equations in few coordinates that satisfy the constraints."""
+"""Linearised equations in a few coordinates that satisfy the constraints."""
 
 from dataclasses import dataclass
 
@@ -34,7 +34,7 @@ class Reduction:
         driven_mass: (n, m), N.
         loads: (n, l), F: forces of the loads at amplitude one, then unit forces of the actuators.
         actuators: names of the actuators.
-        names: of the drives' coordinates.
+        names: names of the drives' coordinates.
     """
 
     basis: FloatArray
@@ -172,7 +172,7 @@ def _actuator_forces(linearization: Linearization, targets: FloatArray) -> Float
 
     Args:
         linearization: evaluated at the state.
-        targets: (k, rows) which of the rows that this rank owns it is.
+        targets: (k, rows) ones for the rows of each actuator that this rank owns.
     """
     system, rows = linearization.system, linearization.system.constraints
     owned = rows.numbers[rows.owned_rows]

@@ -43,7 +43,7 @@ _ITERATIONS = 30
 _HALVINGS = 8
 #: Change of a joint's coordinate (m, rad) under a rotation above which the joint prevents it.
 _TURNED = 1e-6
-#: Rotations at which joints are checked, rad: no fraction of a symmetry.
+#: Rotations at which joints are checked, rad, not multiples of likely symmetries.
 _TURNS = (0.7, 1.9)
 
 
@@ -80,7 +80,7 @@ def set_spin(system: System, rotation: Rotation) -> None:
 
 
 def hold(linearization: Linearization) -> bool:
-    """Find the multipliers at the present state (collective); False if the matrix is singular.
+    """Compute the multipliers at the present state (collective); False if the matrix is singular.
 
     ``[[M, G^T], [G, 0]] (w, dlambda) = -(r, 0)``: in an equilibrium w is zero and these are the
     joint forces; elsewhere they are those at the beginning of the motion.
@@ -112,7 +112,7 @@ def constraint_solver(
     index[: linearization.unknowns] = 1.0
     rows.setArray(rigid)
     nodes.setArray(index)
-    others.setArray(1.0 - index - rigid)  # rows with force laws stay out
+    others.setArray(1.0 - index - rigid)  # without rows with force laws
     matrix, upper = matrices.stiffness.copy(), matrices.stiffness.copy()
     matrix.diagonalScale(rows, None)
     upper.diagonalScale(nodes, rows)
@@ -147,9 +147,9 @@ def find_equilibrium(
 ) -> Status:
     """Move the system from its present state to the equilibrium (collective).
 
-    Starts from the present configuration with all loads and the whole spin; where Newton's method
-    fails, or finds an impossible state of a body, loads and spin grow in steps, each half as large
-    as the last failed one.
+    The iteration starts from the present configuration with all loads and the whole spin; if
+    Newton's method fails, or an element is inverted, loads and spin grow in steps, each half as
+    large as the last failed one.
 
     Args:
         linearization: of the system.
@@ -199,7 +199,7 @@ def improve_equilibrium(linearization: Linearization, rotation: Rotation) -> boo
 
 
 def _accept(linearization: Linearization, rotation: Rotation, multipliers: FloatArray) -> None:
-    """Evaluate the state that was reached, and remember it (collective)."""
+    """Evaluate and accept the present state (collective)."""
     system = linearization.system
     set_spin(system, rotation)
     linearization.evaluate(multipliers)
@@ -252,14 +252,14 @@ def _step(
 
 
 def _limited(step: FloatArray, largest: float) -> FloatArray:
-    """A step shortened so that no node rotates by more than about a radian."""
+    """A step, shortened so that no node rotates by more than about a radian."""
     return step if largest <= 1.0 else step / largest
 
 
 def _fixed(
     linearization: Linearization, matrices: Matrices, rotation: Rotation
 ) -> PETSc.Mat:  # fmt: skip
-    """The stiffness, made regular where the model may rotate about the axis or slide along it.
+    """The stiffness, made regular if the model may rotate about the axis or slide along it.
 
     Such a motion changes no force, so that a spring against it on one node, unstretched in the
     present state, picks one of the equal solutions and leaves the others' forces at zero.
@@ -298,7 +298,7 @@ def _first_rank(linearization: Linearization) -> int:
 
 
 def _is_free(linearization: Linearization, xi: FloatArray) -> bool:
-    """No row of a joint and no load stands against a rigid motion of the whole model."""
+    """True if no row of a joint and no load prevents a rigid motion of the whole model."""
     system, rows = linearization.system, linearization.system.constraints
     rates = rows.changes(se3.adjoint(se3.inverse(system.interface.frames)) @ xi)
     largest = float(np.abs(rates).max(initial=0.0))
@@ -306,9 +306,9 @@ def _is_free(linearization: Linearization, xi: FloatArray) -> bool:
 
 
 def check_steadiness(model: Model, system: System, rotation: Rotation) -> None:
-    """Raise where the model cannot rotate steadily about the axis (collective).
+    """Raise if the model cannot rotate steadily about the axis (collective).
 
-    Drives may stand against the rotation: they are taken as rotating with it.
+    Drives may prevent the rotation: they are assumed to rotate with it.
 
     Raises:
         InputError: gravity, a dead load or a joint to the ground is not the same after a rotation.
@@ -336,7 +336,7 @@ def _across(vector: FloatArray, axis: FloatArray) -> bool:
 
 
 def _line(rotation: Rotation) -> str:
-    """The axis in words."""
+    """The axis as text."""
     axis, centre = (", ".join(f"{x:g}" for x in v) for v in (rotation.axis, rotation.centre))
     return f"the axis ({axis}) through ({centre})"
 
@@ -354,7 +354,7 @@ def _standing(system: System, rotation: Rotation) -> tuple[str, float] | None:
             part.block.frames[:] = se3.compose(moved, kept)
         system.interface.update()
         rows.evaluate(np.array([1.0, 1.0]))
-        # dampers and friction feel no position
+        # dampers and friction do not depend on positions
         values.append(rows.sums() * (rows.rigid | rows.pulling))
     for part, kept in zip(system.parts, frames, strict=True):
         part.block.frames[:] = kept

@@ -58,7 +58,7 @@ def follow(steps: Sequence[Modes], count: int) -> list[IntArray]:
 def _scores(
     new: Modes, old: Modes, number: IntArray, conjugate: np.ndarray, expected: ComplexArray
 ) -> tuple[FloatArray, np.ndarray]:
-    """Scores (k, m) of the new modes as continuations, and whether as conjugates."""
+    """Scores (k, m) of the new modes as continuations, and True for those of conjugates."""
     plain, crossed = old.correlation(new), old.correlation(new.conjugate())
     count = len(number)
     score = np.full((count, len(new)), -1.0)

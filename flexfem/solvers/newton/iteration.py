@@ -36,7 +36,7 @@ SolveAgain = Callable[[FloatArray], bool]
 #: Steps growing by more than this beyond both before them mean divergence: one may be small because
 #: it was not solved for accurately.
 _DIVERGENCE = 2.0
-#: Below this multiple of the tolerance growing steps are round-off.
+#: Multiple of the tolerance below which growing steps are round-off.
 _NOISE = 10.0
 
 
@@ -81,14 +81,14 @@ def iterate(
 
     Args:
         system: at the predicted trial state; left at the solution.
-        shifts: of the time integrator.
+        shifts: factors of the time integrator.
         linear_step: solver of the linearised equations.
         options: tolerances.
         observe: called after every iteration; it may refresh the matrix.
-        equations: what is solved.
+        equations: the equations to be solved.
         again: second solver for equations that need one.
-        thin: begin with the stresses of the accepted state and continue them in thin elements only;
-            the others have the present ones.
+        thin: True to begin with the stresses of the accepted state and continue them in thin
+            elements only; the others have the present ones.
     """
     rows, strains = system.constraints, system.accepted_strains(thin=thin)
     previous, before = inf, inf
@@ -120,7 +120,7 @@ def iterate(
 def _largest(
     comm: MPI.Intracomm, largest: float, change: FloatArray, success: bool
 ) -> tuple[float, float, float]:
-    """Largest steps of blocks and multipliers over all ranks, and whether a rank failed."""
+    """Largest steps of blocks and multipliers over all ranks, and True if a rank failed."""
     values = (largest, largest_entry(change), 0.0 if success else 1.0)
     if comm.size == 1:
         return values

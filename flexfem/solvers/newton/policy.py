@@ -17,7 +17,7 @@ __all__ = ["MaterialPolicy", "Policy", "UpdatedPolicy"]
 
 
 class Policy(Protocol):
-    """Solves the equations of one step.
+    """Policy of the solution of the equations of one step.
 
     Attributes:
         tolerance: largest step of an iteration at which it stops, see ``NewtonOptions``.
@@ -35,8 +35,8 @@ class Policy(Protocol):
 
         Args:
             shifts: factors of the scheme.
-            restart: returns to the predicted state for a second attempt.
-            equations: what is solved; None for the mechanics that the policy was created with.
+            restart: function that returns to the predicted state for a second attempt.
+            equations: the equations to be solved; None for the mechanics of the policy.
         """
         ...
 
@@ -45,26 +45,26 @@ class Policy(Protocol):
         ...
 
     def state(self) -> State:
-        """Return the memory from step to step."""
+        """Return the state of the policy from step to step."""
         ...
 
     def restore(self, state: State) -> None:
-        """Take back what :meth:`state` returned (collective); spoils the system's trial state."""
+        """Restore a result of :meth:`state` (collective); overwrites the system's trial state."""
         ...
 
 
 class UpdatedPolicy:
-    """A fresh matrix and factorisation in every iteration.
+    """Policy with a new matrix and factorisation in every iteration.
 
-    It takes the stresses of the accepted state, continued along the steps: those of the prediction
-    and of iterates far from equilibrium have nothing to do with those of the solution.
+    It uses the stresses of the accepted state, continued along the steps: those of the prediction
+        and of iterates far from equilibrium are unrelated to those of the solution.
     """
 
     def __init__(
         self, system: System, options: NewtonOptions, tangent: TangentSolver,
         mechanics: Mechanics = END_POINT,
     ) -> None:  # fmt: skip
-        """Store what is needed; the iteration matrix is that of ``mechanics``."""
+        """Store the arguments; the iteration matrix is that of ``mechanics``."""
         self._system, self._options, self._tangent = system, options, tangent
         self._mechanics = mechanics
 
@@ -90,15 +90,15 @@ class UpdatedPolicy:
         return self._tangent.again(values)
 
     def state(self) -> State:
-        """Nothing is remembered."""
+        """Do nothing: the policy has no state."""
         return State()
 
     def restore(self, state: State) -> None:
-        """Nothing is remembered."""
+        """Do nothing: the policy has no state."""
 
 
 class MaterialPolicy(UpdatedPolicy):
-    """A fresh matrix without geometric stiffness in every iteration, to study what that is for.
+    """Policy with a new matrix without geometric stiffness in every iteration, for studies of it.
 
     Newton's method converges linearly then; the matrix with it is the fallback.
     """

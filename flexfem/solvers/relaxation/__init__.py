@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Dynamic relaxation: equilibria as the end of a damped motion in a time of its own."""
+"""Dynamic relaxation: equilibria as the end of a damped motion in fictitious time."""

@@ -17,9 +17,9 @@ __all__ = ["DAMPINGS", "Accelerated", "Damping", "Kinetic", "Motion", "Viscous"]
 _SLOWEST = 1e-6
 #: Largest viscous damping.
 _MOST = 1.9
-#: Part of the change of forces in a step that accelerated relaxation takes away.
+#: Part of the change of forces in a step that accelerated relaxation removes.
 _SMOOTH = 0.5
-#: Steps in a row in which forces work against the motion, after which it drops the momentum.
+#: Number of successive steps with forces against the motion after which the momentum is dropped.
 _ROW = 3
 
 
@@ -41,7 +41,7 @@ class Damping(Protocol):
 
     Attributes:
         stable: largest eigenvalue of ``M^-1 K`` below which all steps are stable.
-        slow: whether :meth:`learn` needs Rayleigh's quotient of the slow motion.
+        slow: True if :meth:`learn` needs Rayleigh's quotient of the slow motion.
         memory: two numbers on which the next factors depend besides the motion.
     """
 
@@ -54,11 +54,11 @@ class Damping(Protocol):
         ...
 
     def learn(self, quotient: float) -> None:
-        """Take Rayleigh's quotient of the motion since masses were renewed."""
+        """Update for Rayleigh's quotient of the motion since masses were renewed."""
         ...
 
     def stop(self) -> None:
-        """All velocities were set to zero."""
+        """Update after all velocities were set to zero."""
         ...
 
 
@@ -66,10 +66,10 @@ class Accelerated:
     """Momentum that grows until forces oppose the motion; quick vibrations are damped at once.
 
     Nesterov's accelerated gradient, with the momentum dropped where forces work against the motion
-    (O'Donoghue, Candes, Found. Comput. Math. 15 (2015) 715-732), for some steps in a row, since a
-    contact that closes is no reason to stop all. The part of the change of forces that steps take
-    away (there all of it) is a damping in proportion to the stiffness: what contacts and snapping
-    folds excite is damped within some steps, while slow motions continue.
+    (O'Donoghue, Candes, Found. Comput. Math. 15 (2015) 715-732), for several successive steps, so
+    that a contact that closes does not stop all motion. The part of the change of forces that steps
+    take away (there all of it) is a damping in proportion to the stiffness: vibrations excited by
+    contacts and snapping folds are damped within some steps, while slow motions continue.
     """
 
     stable, slow = 4.0 / (1.0 + 2.0 * _SMOOTH), False
@@ -97,7 +97,7 @@ class Accelerated:
 
 
 class Viscous:
-    """Critical damping of the motion at hand, ``c = 2 sqrt(lambda)`` with Rayleigh's quotient.
+    """Critical damping of the present motion, ``c = 2 sqrt(lambda)`` with Rayleigh's quotient.
 
     Underwood, in: Computational Methods for Transient Analysis, 1983; Papadrakakis, Comput. Methods
     Appl. Mech. Eng. 25, 1981.
@@ -125,7 +125,7 @@ class Viscous:
 
 
 class Kinetic:
-    """All is stopped at each peak of the kinetic energy.
+    """Kinetic damping: all velocities are set to zero at each peak of the kinetic energy.
 
     Cundall, 1976; Barnes, Int. J. Space Struct. 14, 1999.
     """

@@ -3,7 +3,7 @@
 
 The largest eigenvalue of ``M^-1 K`` is at most the largest sum of ``|K_ij| / m_i`` over a row
 (Gershgorin); steps are stable below a limit that depends on the damping. Masses in proportion to
-these sums bring every unknown near its own limit (Underwood, in: Computational Methods for
+these sums bring every unknown close to its own limit (Underwood, in: Computational Methods for
 Transient Analysis, 1983).
 """
 
@@ -34,8 +34,8 @@ def fictitious_masses(
     Args:
         tangent: exact matrix, rows and blocks evaluated.
         limit: largest admissible eigenvalue of ``M^-1 K``.
-        least: of a node's three masses for translations, and for rotations, none is below this
-            part of the largest; 1 makes them equal.
+        least: least ratio of a node's three masses for translations, and of those for rotations, to
+            the largest of them; 1 makes them equal.
         physical: masses that are multiplied by one factor instead; positive.
     """
     system = tangent.system
@@ -85,7 +85,7 @@ def _springs(system: System) -> list[FloatArray]:
     rows = system.constraints
     sizes = np.abs(rows.force_jacobian)
     whole = np.bincount(rows.row_of_term, sizes.sum(axis=(1, 2)), minlength=rows.size)
-    # a stop that is not touched yet has a slope of zero
+    # an open stop has a slope of zero
     stiffness = np.maximum(rows.elastic[:, 1], np.abs(rows.static_forces()[:, 1]))
     factor = np.where(rows.active, stiffness, 0.0) * whole
     every = []

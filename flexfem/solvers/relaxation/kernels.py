@@ -20,7 +20,7 @@ def measure(
     residual: FloatArray, previous: FloatArray, velocity: FloatArray, inverse: FloatArray,
     sums: FloatArray,
 ) -> None:  # fmt: skip
-    """Add to ``sums``.
+    """Add the work and energies of a step to ``sums``.
 
     Args:
         residual: (n, 6) or more rows, of which the first n count.
@@ -67,8 +67,8 @@ def measure_way(
 
     Args:
         residual: (n, 6) or more rows, of which the first n count.
-        first: (n, width) residual where the way begins.
-        way: (n, width) sum of the steps since.
+        first: (n, width) residual at the begin of the displacement.
+        way: (n, width) displacement: sum of the steps since then.
         inverse: (n, width) inverse masses, zero where an unknown is fixed.
         sums: (2,).
     """
@@ -96,7 +96,7 @@ def move(frames: FloatArray, step: FloatArray, width: int) -> None:
 
 @kernel
 def largest_into(step: FloatArray, largest: FloatArray) -> None:
-    """Raise (2,) to the largest translation and rotation of steps (n, width); NaN stays."""
+    """Raise (2,) to the largest translation and rotation of steps (n, width); NaN is preserved."""
     for i in range(step.shape[0]):
         for k in range(step.shape[1]):
             size = abs(step[i, k])

@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Joints in dynamic relaxation: forces of springs, projection onto the constraint equations.
 
-A step v is made to end on the constraints to first order, ``Phi + G v = 0``, by multipliers of
-``G M^-1 G^T``, M being diagonal.
+A step v is projected to satisfy the constraints to first order, ``Phi + G v = 0``, by multipliers
+of ``G M^-1 G^T``, M being diagonal.
 """
 
 import numpy as np
@@ -41,7 +41,7 @@ class RowProjection:
         self._work = [np.zeros_like(part.block.residual) for part in system.parts]
 
     def add_forces(self) -> None:
-        """Forces of all rows at the trial state are added to the residuals; rows are evaluated."""
+        """Add the forces of all rows at the trial state to the residuals; rows are evaluated."""
         rows = self._system.constraints
         if rows.size:
             pull = np.where(rows.active, rows.static_forces()[:, 0], 0.0)
@@ -49,7 +49,7 @@ class RowProjection:
         self._system.add_constraint_forces(rows.multipliers)
 
     def project(self, inverse: list[FloatArray], velocity: list[FloatArray], push: float) -> None:
-        """Change steps and velocities so that rigid rows hold; adds to multipliers (collective).
+        """Project steps and velocities onto the rigid rows; adds to multipliers (collective).
 
         Args:
             inverse: inverse masses (n_owned, width) of all blocks.

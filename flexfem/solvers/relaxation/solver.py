@@ -2,7 +2,7 @@
 """Dynamic relaxation: equilibrium as the end of a damped motion in fictitious time.
 
 Steps have the unit size, ``v <- keep v - smooth M^-1 (r - r_before) - push M^-1 r`` and
-``q <- q exp(v)``, with diagonal masses that have nothing to do with those of the model;
+``q <- q exp(v)``, with diagonal masses that are unrelated to those of the model;
 ``damping`` chooses the factors. No matrix is factorised, save the small one
 ``G M^-1 G^T`` of the rigid rows of joints, by which the steps are projected onto the constraints.
 """
@@ -28,9 +28,9 @@ from flexfem.system.mechanics import END_POINT
 
 __all__ = ["Progression", "Relaxation", "Scheme"]
 
-#: Rayleigh's quotient above which masses are too small, relative to that of stable steps.
+#: Rayleigh's quotient, relative to the limit of stable steps, above which masses are too small.
 _FAST = 0.25
-#: Steps in a row after which motions that are too fast are stopped; contacts that close take one.
+#: Number of successive steps after which too fast motions are stopped; a closing contact takes one.
 _ROW = 3
 
 
@@ -70,26 +70,26 @@ class Progression:
 
 
 class Relaxation:
-    """A system on its way to equilibrium.
+    """Dynamic relaxation of a system to equilibrium.
 
     Attributes:
         iteration: number of steps taken.
         renewals: number of computations of the masses.
-        progress: at the last evaluation.
+        progress: progress at the last evaluation.
     """
 
     def __init__(
         self, tangent: TangentSolver, size: float, scheme: Scheme, *, at_time: float = 0.0,
         fresh: bool = True,
     ) -> None:  # fmt: skip
-        """Put all nodes to rest (collective).
+        """Set all velocities to zero (collective).
 
         Args:
-            tangent: of the system, which is at its start.
-            size: of the model, m.
+            tangent: exact matrix of the system, which is at its start.
+            size: size of the model, m.
             scheme: masses and damping.
-            at_time: at which loads and drives are taken, s.
-            fresh: choose masses; False if :meth:`restore` follows.
+            at_time: time of loads and drives, s.
+            fresh: True to choose masses; False if :meth:`restore` follows.
         """
         self.system, self._tangent, self._size, self._scheme = tangent.system, tangent, size, scheme
         self.iteration = self.renewals = self.stops = 0
@@ -105,7 +105,7 @@ class Relaxation:
         self._way = [np.zeros(shape) for shape in shapes]
         self._sums = np.zeros(SUMS)
         self._damping: Damping = DAMPINGS[scheme.damping]()
-        self._quick = 0  # steps in a row whose motion was too fast
+        self._quick = 0  # successive steps with too fast a motion
         self._applied = self._first = 0.0  # norms of the applied forces and of the first residual
         self._started = self._evaluated = False  # for the present masses and positions
         for part in parts:
@@ -121,7 +121,7 @@ class Relaxation:
             self.renew()
 
     def renew(self) -> None:
-        """Masses for the present stiffness; axes of nodes rotate with the shells (collective)."""
+        """Compute masses for the present stiffness; nodal axes rotate with shells (collective)."""
         system = self.system
         for part, velocity in zip(system.parts, self._velocity, strict=True):
             block = part.block
@@ -214,7 +214,7 @@ class Relaxation:
         self.stops += 1
 
     def _begin_way(self) -> None:
-        """Take the residuals at hand, in new axes of the nodes, as those to compare with."""
+        """Store the present residuals, in new axes of the nodes, as reference values."""
         for part, previous, first, way in zip(
             self.system.parts, self._previous, self._first_residual, self._way, strict=True
         ):
@@ -222,10 +222,10 @@ class Relaxation:
             way[:] = 0.0
 
     def _rayleigh(self) -> float:
-        """Rayleigh's quotient of the way since masses were computed (collective).
+        """Rayleigh's quotient of the displacement since masses were computed (collective).
 
-        Over many steps quick vibrations cancel: the quotient is that of the slow motion, which
-        viscous damping is for.
+        Over many steps quick vibrations cancel: the quotient is that of the slow motion, by which
+            viscous damping is chosen.
         """
         sums = np.zeros(2)
         for part, first, way, inverse in zip(
@@ -285,7 +285,7 @@ class Relaxation:
         system.time = float(self.iteration)
 
     def state(self) -> State:
-        """All that the next steps depend on; positions as accepted last."""
+        """State on which the next steps depend, with the positions accepted last."""
         numbers = [
             self.iteration, self.renewals, self._applied, self._first, self._started, self._quick,
             *self._damping.memory,

@@ -5,7 +5,7 @@ The iteration is Riks' with Ramm's plane: the first step of length ds goes along
 and all further ones stay normal to it (Riks, Int. J. Solids Struct. 15 (1979) 529-551; Ramm, in:
 Nonlinear Finite Element Analysis in Structural Mechanics, Springer 1981, 63-89). Lengths are root
 mean squares over the nodes of displacements, relative to the size of the model, and of rotations
-in rad; the load has no part in them (Crisfield, Comput. Struct. 13 (1981) 55-62), so that its unit
+in rad; the load does not enter them (Crisfield, Comput. Struct. 13 (1981) 55-62), so that its unit
 does not matter. An iteration solves twice with one factorisation.
 """
 
@@ -77,7 +77,7 @@ class ArcLength:
         return max(size, turn)
 
     def step(self, ds: float) -> Status:
-        """Go a length along the direction and back to the path normal to it (collective)."""
+        """Take a predictor along the direction and correct normal to it (collective)."""
         equilibrium = self._equilibrium
         self._put(1.0)
         equilibrium.move(ds, self._multipliers, -self.slope)

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Linearised buckling: where the tangent, continued linearly along the load, becomes singular.
+"""Linearised buckling: loads at which the linearly extrapolated tangent becomes singular.
 
 With the matrices A_0 and A_1 of two equilibria at t_0 and t_1, ``A_0 x = mu (A_0 - A_1) x`` gives
-``t = t_0 + mu (t_1 - t_0)``. It is exact where the state before buckling changes little, as in a
-straight column; where it does not, the singular points of the exact path count.
+``t = t_0 + mu (t_1 - t_0)``. It is exact if the state before buckling changes little, as in a
+straight column; otherwise the singular points of the exact path are to be used.
 """
 
 from petsc4py import PETSc
@@ -17,7 +17,7 @@ from flexfem.system.mechanics import END_POINT
 
 __all__ = ["LinearBuckling"]
 
-#: Imaginary part relative to the size above which an eigenvalue is no buckling load.
+#: Relative imaginary part above which an eigenvalue is not a buckling load.
 _REAL = 1e-6
 
 
@@ -71,7 +71,7 @@ class LinearBuckling:
         return found
 
     def _pairs(self, solver: SLEPc.EPS, count: int) -> list[tuple[float, list[FloatArray]]]:
-        """Real ones of the converged pairs."""
+        """Converged pairs with real eigenvalues."""
         loading, found = self._equilibrium.loading, []
         vector, _ = self._first.createVecs()
         for i in range(min(solver.getConverged(), count)):

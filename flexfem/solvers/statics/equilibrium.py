@@ -29,9 +29,9 @@ __all__ = ["Equilibrium", "Limits", "Loading", "Snapshot", "settle"]
 
 #: Laws of a node at rest: no increment is predicted, no velocity remains.
 _REST, _NO_RATES, _NO_LAW = np.zeros(7), np.zeros(2), np.zeros(3)
-#: Steps that no longer shrink by more than this, below _NOISE tolerances, are round-off.
+#: Contraction above which steps below _NOISE tolerances are round-off.
 _STAGNATION, _NOISE = 0.7, 1e3
-#: Rotation of the first iteration aimed at where it was too large, relative to the limit.
+#: Target rotation of the first iteration of a load step that was cut, relative to the limit.
 _CUT = 0.8
 #: Stiffness of a damper, which resists no displacement, relative to the largest in the model.
 _DAMPER = 1e-20
@@ -51,7 +51,7 @@ class Limits:
         tolerance: largest entry of the last step: displacements and scaled multipliers relative to
             the size of the model, rotations in rad.
         max_iterations: iterations after which a load step counts as failed.
-        turn: largest rotation (rad) of one iteration; with more the load step is cut.
+        turn: largest rotation (rad) of one iteration, above which the load step is cut.
     """
 
     tolerance: float = 1e-8
@@ -61,7 +61,7 @@ class Limits:
 
 @dataclass(frozen=True)
 class Snapshot:
-    """A state to come back to: frames of each block, multipliers and load parameter."""
+    """A state to be restored: frames of each block, multipliers and load parameter."""
 
     frames: list[FloatArray]
     multipliers: FloatArray
@@ -75,7 +75,7 @@ class Loading:
 
     Attributes:
         t: the present parameter.
-        fraction: of all loads that acts, drives left out.
+        fraction: fraction of all loads that acts, without drives.
         span: its end, by which steps of differences are measured.
     """
 
@@ -87,7 +87,7 @@ class Loading:
         Args:
             system: system whose loads are set.
             growing: (n_loads,) loads in proportion to t.
-            gravity_grows: gravity is in proportion to t, too.
+            gravity_grows: True if gravity is in proportion to t, too.
             span: end of the parameter.
         """
         self._system, self._growing, self._gravity_grows = system, growing, gravity_grows
@@ -142,20 +142,20 @@ class Equilibrium:
         shifts: stiffness alone, with the scale of the residual.
         weights: (n_owned, width) of each block, scaled stiffness of its nodes at the start, the
             same for three directions.
-        iterations: of the last solution.
+        iterations: number of iterations of the last solution.
         cut: factor by which a failed load step is best shortened.
         room: factor by which the last load step could have been longer, by its rotations.
-        inertia: counts unstable directions.
-        limits: when iterations stop.
-        strains: of each part, continued along the last step of an iteration, whose stresses the
-            next matrix takes; those of the trial state otherwise.
+        inertia: counter of unstable directions.
+        limits: stopping criteria.
+        strains: those of each part whose stresses the next matrix uses: continued along the last
+            step of an iteration, or those of the trial state.
     """
 
     def __init__(
         self, system: System, tangent: TangentSolver, loading: Loading, size: float,
         limits: Limits, *, conservative: bool,
     ) -> None:  # fmt: skip
-        """Put all nodes to rest and choose the scale (collective).
+        """Set all velocities to zero and choose the scale (collective).
 
         Args:
             system: the system, at its start.
@@ -163,7 +163,7 @@ class Equilibrium:
             loading: its loads.
             size: of the model, m.
             limits: when iterations stop.
-            conservative: all loads have a potential, so that the matrix is symmetric.
+            conservative: True if all loads have a potential, so that the matrix is symmetric.
         """
         self.system, self.tangent, self.loading = system, tangent, loading
         self.size, self.limits = size, limits
@@ -212,7 +212,7 @@ class Equilibrium:
 
     @property
     def memory(self) -> FloatArray:
-        """Memory of earlier iterations, besides the state; empty for most."""
+        """Data of earlier iterations besides the state, empty for most classes."""
         return np.empty(0)
 
     @memory.setter
@@ -229,7 +229,7 @@ class Equilibrium:
         return Snapshot(frames, self.system.constraints.multipliers.copy(), self.loading.t)
 
     def restore(self, state: Snapshot) -> None:
-        """Come back to a state (collective)."""
+        """Restore a state (collective)."""
         self.put_back(state)
         self.react()
         self.loading.set(state.t)
@@ -260,7 +260,7 @@ class Equilibrium:
 
         Args:
             t: load parameter.
-            fraction: of all loads that acts, drives left out.
+            fraction: fraction of all loads that acts, without drives.
         """
         self.loading.set(t, fraction)
         return self.iterate(self._newton_step)
@@ -304,7 +304,7 @@ class Equilibrium:
         self.move(-1.0, change, load)
 
     def measure(self, change: FloatArray, success: bool = True) -> tuple[float, float, bool]:
-        """Size of the step in the blocks, its largest rotation (rad), failure on some rank."""
+        """Size of the step in the blocks, its largest rotation (rad), True after a failure."""
         steps = [part.block.owned_step for part in self.system.parts]
         local = np.array([
             max((largest_entry(s[:, :3].ravel()) for s in steps), default=0.0),
@@ -361,7 +361,7 @@ class Equilibrium:
 def settle(equilibrium: Equilibrium) -> Status:
     """Bring a system from its start to equilibrium under the loads at t = 0 (collective).
 
-    At once where that converges, else by growing the loads from nothing in adaptive steps.
+    The loads are applied at once if that converges, else grown from zero in adaptive steps.
     """
     start = equilibrium.keep()
     status = equilibrium.solve(0.0)

@@ -12,8 +12,8 @@ from flexfem.system.mechanics import END_POINT
 
 __all__ = ["LinearSolution", "solve_linear"]
 
-#: Displacement (relative) or rotation (rad) over which columns are differentiated: central
-#: differences are off by its square, rounding by 1e-16 over it.
+#: Displacement (relative) or rotation (rad) of central differences of columns: their error is of
+#: the order of its square, that of rounding 1e-16 over it.
 _SMALL = 1e-4
 #: Upper limit of the reported relative change by the next iteration.
 _MOST = 1e9
@@ -24,7 +24,7 @@ class LinearSolution:
     """Displacements and multipliers in proportion to the loads.
 
     Attributes:
-        start: the state that they are counted from.
+        start: the state to which they are relative.
         t: load parameter.
         steps: (n_owned, width) of each block, local twists; multipliers: those of the rows.
         size: largest displacement, relative to the model's size, or rotation, rad.

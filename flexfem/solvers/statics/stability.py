@@ -49,7 +49,7 @@ class Inertia:
         return int(self._factors.determinant * (-1.0) ** count < 0.0)
 
     def _assemble(self) -> None:
-        """One matrix of the nest; its symmetric part, which is all of it at an equilibrium."""
+        """One matrix of the nest; its symmetric part, the whole matrix at an equilibrium."""
         self._tangent.matrix.convert("aij", self._matrix)
         if self._conservative:
             self._matrix.transpose(self._transposed)
@@ -70,15 +70,15 @@ def softest_motion(
 ) -> tuple[float, list[FloatArray]]:
     """Eigenvalue nearest zero of ``A x = mu D x`` and its motion, by inverse iteration.
 
-    D holds the weights of the nodes and nothing for multipliers. Where several motions have the
+    D has the weights of the nodes, and zero for multipliers. Where several motions have the
     same eigenvalue, as those of a mechanism, the result mixes them all.
 
     Args:
-        tangent: with the matrix assembled; it is changed and factorised.
+        tangent: solver with the matrix assembled; it is changed and factorised.
         weights: (n_owned, width) of each block.
 
     Returns:
-        mu, infinite where joints hold everything, and the steps (n_owned, width) of each block, of
+        mu, infinite if joints fix everything, and the steps (n_owned, width) of each block, of
         length one in the norm of D.
     """
     parts, rows = tangent.system.parts, tangent.system.constraints
@@ -96,7 +96,7 @@ def softest_motion(
             return 0.0, motion
         steps = [part.block.owned_step.copy() for part in parts]
         growth = _product(tangent, motion, steps, weights)
-        if growth == 0.0:  # joints hold everything
+        if growth == 0.0:  # joints fix everything
             return np.inf, motion
         value = 1.0 / growth - _SHIFT
         motion = _normalised(tangent, steps, weights)

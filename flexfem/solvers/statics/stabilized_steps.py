@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Regularised (shifted) Newton method towards stable equilibria.
 
-The blocks' matrices get a multiple of their initial diagonals added, which leaves the equilibrium
-as it is: a step of Newton's method for a body in a viscous fluid. Where contacts close within a
-step, it is shortened to where they balance the driving forces, and no longer than they can follow.
+A multiple of their initial diagonals is added to the blocks' matrices, which does not change the
+equilibrium: a step of Newton's method for a body in a viscous fluid. If contacts close within a
+step, it is shortened to the point where they balance the driving forces.
 """
 
 from math import isfinite
@@ -18,25 +18,25 @@ from flexfem.system.mechanics import END_POINT
 
 __all__ = ["HeldEquilibrium"]
 
-#: Stabilisation relative to the initial diagonal: smallest and largest, and how it changes.
+#: Stabilisation relative to the initial diagonal: smallest, largest, and factors of its change.
 _SMALLEST, _LARGEST, _GROWTH, _DECAY = 1e-12, 1e6, 10.0, 0.1
 #: Force that the stabilisation may carry at the end, relative to the loads, and relative to the
 #: size of the model, which is round-off.
 _HIDDEN, _NOTHING = 1e-6, 1e-16
-#: Work of the forces at the end of a step over that at its start, below which the step went too
-#: far; the first part of it that is tried instead, and how often.
+#: Ratio of the work of the forces at the end of a step to that at its start below which the step is
+#: too large; the first factor by which it is shortened, and the number of trials.
 _TOO_FAR, _SHORTER, _TRIALS = -0.5, 0.9, 60
 
 
 class HeldEquilibrium(Equilibrium):
-    """Equilibrium found by steps with as much stabilisation as keeps them downhill and short."""
+    """Equilibrium by regularised steps that descend in energy and are short enough."""
 
     _hold = _used = _SMALLEST
     _load = 0.0
 
     @property
     def memory(self) -> FloatArray:
-        """(2,) what the next load step begins with: hardly any stabilisation at first."""
+        """(2,) stabilisation with which the next load step begins, nearly zero at first."""
         return np.array([self._hold, self._used])
 
     @memory.setter
@@ -97,8 +97,8 @@ class HeldEquilibrium(Equilibrium):
     def _advance(self, change: FloatArray, load: float) -> None:
         """Move by the blocks' steps, shortened where contacts close, and the multipliers' step.
 
-        The work that the forces do on the step is followed along it. A contact that pushes back is
-        almost linear in the overshoot, so that secants lead to where it holds the balance.
+        The work that the forces do on the step is followed along it. The force of a contact is
+        almost linear in the overshoot, so that secants converge to the balance.
         """
         system = self.system
         if not system.contacts:
@@ -107,7 +107,7 @@ class HeldEquilibrium(Equilibrium):
         steps = [part.block.owned_step.copy() for part in system.parts]
         start = self.keep()
         before = self._work(steps)
-        points: list[tuple[float, float]] = []  # factors that go too far, and works
+        points: list[tuple[float, float]] = []  # factors that are too large, and works
         factor = 1.0
         for _ in range(_TRIALS):
             self.move(-factor, change, 0.0)
@@ -133,7 +133,7 @@ class HeldEquilibrium(Equilibrium):
 
 
 def _secant(points: list[tuple[float, float]]) -> float:
-    """Next factor from those that went too far, and their works."""
+    """Next factor from those that were too large, and their works."""
     last, work = points[-1]
     if len(points) == 1:
         return _SHORTER * last

@@ -108,7 +108,7 @@ def _motion(
 def _inside(
     block: FrameBlock, place: ElementPlace, offset: FloatArray
 ) -> tuple[FloatArray, FloatArray]:
-    """State (18,) of a marker inside an element on the rank that holds it, else zero.
+    """State (18,) of a marker inside an element on the rank of that, else zero.
 
     Also, on all ranks, the local twist of the point by those of its nodes (collective).
     """
