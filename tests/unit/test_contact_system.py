@@ -135,16 +135,16 @@ def test_restart_goes_on_as_before():
     whole, _ = moved(model, 16, tolerance=1e-11)
     first, _ = moved(model, 10, tolerance=1e-11)
     state = first.system.state()
-    assert first.system.contacts[0].groups[0].triangles[0].held.pulls.any()
+    assert first.system.contacts[0].groups[0].triangles[0].closed.pulls.any()
     second, _ = moved(model, 0, tolerance=1e-11)
     second.system.restore(state)
     contacts, again = first.system.contacts[0], second.system.contacts[0]
     for before, after in zip(contacts.groups[0].triangles, again.groups[0].triangles, strict=True):
-        held, same = before.held, after.held
-        np.testing.assert_array_equal(same.slaves, held.slaves)
+        kept, same = before.closed, after.closed
+        np.testing.assert_array_equal(same.slaves, kept.slaves)
         # copies
-        np.testing.assert_array_equal(same.pulls, held.pulls)
-        np.testing.assert_array_equal(same.pushes, held.pushes)
+        np.testing.assert_array_equal(same.pulls, kept.pulls)
+        np.testing.assert_array_equal(same.pushes, kept.pushes)
     for one in (first, second):
         for _ in range(6):
             assert one.advance(2e-4) is Status.OK
