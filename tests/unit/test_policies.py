@@ -99,14 +99,14 @@ def test_exact_tangent_converges_quadratically(monkeypatch):
         _mechanism(), RunOptions(dt=5e-3, t_end=1.0, iteration_matrix="updated", tolerance=1e-11)
     )
     sizes: list[list[float]] = []
-    correct = EndPoint.correct
+    move = EndPoint.move
 
     def observed(mechanics: EndPoint, system: System, sign: float) -> float:
-        largest = system.comm.allreduce(correct(mechanics, system, sign), op=MPI.MAX)
+        largest = system.comm.allreduce(move(mechanics, system, sign), op=MPI.MAX)
         sizes[-1].append(largest)
         return largest
 
-    monkeypatch.setattr(EndPoint, "correct", observed)
+    monkeypatch.setattr(EndPoint, "move", observed)
     for _ in range(6):
         sizes.append([])
         assert simulation.advance(5e-3) is Status.OK

@@ -41,11 +41,11 @@ def guarded(options: Settings, comm: MPI.Intracomm) -> Iterator[Faults]:
     with _own_folder(options, comm), watched() as faults:
         try:
             yield faults
-        except InputError as error:
+        except InputError as refused:
             if _all_come(comm):
                 refuse(faults, comm)  # it is the reason, if there is one
             else:
-                error.alone = True
+                refused.alone = True
             raise
         except Interrupted as stop:
             if error := agreed(faults, comm):
