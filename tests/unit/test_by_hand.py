@@ -12,6 +12,9 @@ import pytest
 from flexfem.kernels.by_hand import by_hand
 from flexfem.kernels.driver import NO_NODES, cell_kernel, evaluate, plain_cells
 
+# kernels of one process; those of shells and beams are tested on all ranks
+pytestmark = pytest.mark.serial
+
 
 @by_hand
 def spring(tensor, coefficients, constants, coordinates):
