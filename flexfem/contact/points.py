@@ -2,7 +2,7 @@
 """Serial data of the points and triangles of all contacts, the same on every rank.
 
 Points are fixed to nodes: those of shells and beams, and the corners of rigid meshes, fixed to a
-    rigid body or the ground. Further points are between two of them, along beams.
+rigid body or the ground. Further points are between two of them, along beams.
 """
 
 from collections.abc import Sequence

@@ -16,10 +16,10 @@ lambda_0 = 0``, and so they are solved for the difference to lambda_0, without t
 ``lambda = lambda_0 + S^-1 (G w + gamma(q, v') - G M^-1 C (v' - v))``
 
 The difference is an acceleration times the mass at a joint: that of whole rigid bodies, but only of
-    the node of a flexible one, and of the order of the scheme's error. Velocities change for rigid
-    bodies alone, with C their gyroscopic terms: the damping of an element would give forces for a
-    change at one of its nodes. Without rigid bodies at a joint, the reported force is nearly
-    lambda_0, and vibrations of flexible bodies that the steps do not resolve remain in it.
+the node of a flexible one, and of the order of the scheme's error. Velocities change for rigid
+bodies alone, with C their gyroscopic terms: the damping of an element would give forces for a
+change at one of its nodes. Without rigid bodies at a joint, the reported force is nearly lambda_0,
+and vibrations of flexible bodies that the steps do not resolve remain in it.
 
 Masses of rigid bodies are exact. Those of flexible ones hardly change in the nodes' own axes: the
 factors are those of the start, which are the same after every restart and on any number of ranks,

@@ -60,7 +60,7 @@ class GeneralizedAlpha(Integrator):
     """Coefficients of the scheme.
 
     Derived classes have the same coefficients: those of steps are results of :func:`step_laws`,
-        whose argument is the spectral radius alone.
+    whose argument is the spectral radius alone.
 
     Attributes:
         rho_inf: spectral radius at infinite frequency, 0 (annihilates) to 1 (no dissipation).

@@ -12,8 +12,7 @@
     kernel = cell_kernel(spring.kernel([1]), 1, ["stiffness"], {}, {"stiffness": (0, 1)})
 
 The four arrays have one axis and no meaningful length: the function knows their sizes. It adds to
-    ``tensor`` and reads the others; its work space is a block of coefficients after those with
-    data.
+``tensor`` and reads the others; its work space is a block of coefficients after those with data.
 """
 
 from collections.abc import Callable, Sequence

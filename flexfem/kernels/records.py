@@ -4,7 +4,7 @@
 A call of a compiled loop costs some 35 ns for each array argument, and every function that passes
 arrays on is compiled with seven machine words for each of them. A record is passed as the address
 of a block of memory with the addresses and shapes of its arrays: one argument for any number of
-    arrays, from Python as well as between loops.
+arrays, from Python as well as between loops.
 
 A class derived from :class:`Record` lists the fields; in a loop :func:`unpack` returns its fields::
 

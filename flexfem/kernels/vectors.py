@@ -2,9 +2,9 @@
 """Numbers of ``LANES`` cells in one register, for hand-written kernels.
 
 Arithmetic in compiled loops takes them like floats: code for one cell evaluates ``LANES`` cells at
-    once, without relying on the compiler's vectoriser. :func:`load` reads
-and :func:`store` writes an entry of arrays in which the values of lane l of entry k are at
-``k LANES + l``, as in batched kernels.
+once, without relying on the compiler's vectoriser. :func:`load` reads and :func:`store` writes an
+entry of arrays in which the values of lane l of entry k are at ``k LANES + l``, as in batched
+kernels.
 """
 
 import math

@@ -19,7 +19,7 @@ class ElementFamily(Protocol):
 
     They may come in groups; "all cells" are those of one group after the other. Residuals are inner
     forces and inertia less gravity, in the axes of the nodes: of a block whose nodes have inertial
-        axes, (n, 6) arrays hold inertial components in their first three columns.
+    axes, (n, 6) arrays hold inertial components in their first three columns.
 
     Attributes:
         law_owner: name in messages of the first section with a user-defined law, None without one.

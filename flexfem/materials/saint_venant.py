@@ -291,7 +291,7 @@ def _at_vertex(before: _Side, after: _Side) -> FloatArray:
     """Stresses where two sides meet: none in corners that stick out.
 
     In sharp re-entrant ones theory has no bound: there the mean of the adjacent values on both
-        sides.
+    sides.
     """
     a, b = before.tangents[2], after.tangents[0]
     turn = float(a[0] * b[1] - a[1] * b[0])

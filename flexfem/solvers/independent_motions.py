@@ -8,7 +8,7 @@ state of the step with gradient G, the independent y determine all others,
 ``G u = b:   u = Theta y + Y (G Y)^-1 b,   Theta = N - Y (G Y)^-1 G N``.
 
 Fixed unknowns are in neither: in N they would have the large stiffness of Dirichlet conditions,
-    compared with which that of slender bodies is lost in rounding.
+compared with which that of slender bodies is lost in rounding.
 
 The equations of motion along Theta have no multipliers, which are found afterwards (Maggi's
 equations; P. E. Nikravesh, Computer-Aided Analysis of Mechanical Systems (1988), section 13.2;

@@ -2,7 +2,7 @@
 """The equations of a system for a time integrator, and their derivatives.
 
 Most schemes state equilibrium at the end of a step: :class:`EndPoint`. A scheme with other
-    equations derives a class from :class:`Mechanics`, which is an argument of solvers and policies.
+equations derives a class from :class:`Mechanics`, which is an argument of solvers and policies.
 """
 
 from abc import ABC, abstractmethod

@@ -138,8 +138,7 @@ def _apply_law(
     """Equation ``scale (F - L/s) = 0`` of row ``r`` with its derivatives.
 
     The scale is less than ``s`` and than one over the slopes of the force: the equation has the
-        magnitude of a rigid row's, both for stiff laws and for vanishing forces. The row's
-        couplings
+    magnitude of a rigid row's, both for stiff laws and for vanishing forces. The row's couplings
     begin at ``at``; ``out`` (4,) is work space.
     """
     squares, end, coupled, coupling = 0.0, at, own.coupled, own.coupling

@@ -8,9 +8,9 @@ minima whose normals differ by less than 60 degrees only the nearest is a contac
 is not doubled in a shallow valley; in a steep one a node touches both walls.
 
 The distance has a sign: that of the side of the surface on which the node was when it approached.
-    Of connected triangles only the nearest can have been passed through, so that other layers of a
-    folded sheet exert no force. Beyond the boundary of an open surface there is no side, and the
-    boundary is rounded.
+Of connected triangles only the nearest can have been passed through, so that other layers of a
+folded sheet exert no force. Beyond the boundary of an open surface there is no side, and the
+boundary is rounded.
 """
 
 import numpy as np

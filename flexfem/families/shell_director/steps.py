@@ -10,9 +10,8 @@ stresses.
 A node moves by ``R u`` and rotates by ``R <- R exp(theta)``; a director ``d = R d_0`` changes by
 ``P theta``, the columns of ``P`` being ``R (e_a x d_0)``. The unknowns of a triangle are the
 translations of its six nodes, then the rotations of the three that carry the directors: nine
-    vectors,
-with ``U_i`` the R of the first six and the P of the others. Forces are ``U_i^T f_i``, in axes of
-the nodes.
+vectors, with ``U_i`` the R of the first six and the P of the others. Forces are ``U_i^T f_i``, in
+axes of the nodes.
 
 All numbers are those of several triangles, see ``kernels.vectors``. Kernels take as constants the
 factors of the derivatives by positions and by velocities, and whether stresses are given; as

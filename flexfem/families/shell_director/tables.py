@@ -2,8 +2,7 @@
 """Strains of a director triangle as quadratic forms of its nodes, the same for all triangles.
 
 Reference triangle: corners (0, 0), (1, 0), (0, 1). Nodes 0, 1, 2 are the corners, node 3 + k is the
-    midpoint of the edge opposite to corner k, where director k is. With ``g_a`` the derivatives of
-    the
+midpoint of the edge opposite to corner k, where director k is. With ``g_a`` the derivatives of the
 position and ``d`` the director along the coordinates of the reference triangle, the covariant
 strains are the changes of ``g_a . g_b / 2``, ``g_a . d,b`` and ``g_a . d``: in relative positions
 ``q_i = x_i - x_0``, i = 1 to 5, and directors ``d_k`` they are sums of products ``q_i . q_j`` and

@@ -388,7 +388,7 @@ class DirectorTriangles:
         """Inertia of the directors (m, 3, 3, 3), kg m^2, in the axes of their frames.
 
         Linear functions that are one at the midpoint of an edge and zero at the others are
-            orthogonal: a third of each triangle rotates with each of its directors, as a rigid rod.
+        orthogonal: a third of each triangle rotates with each of its directors, as a rigid rod.
 
         Args:
             inertia: of each triangle, density times thickness^3 / 12, kg, (m,).

@@ -16,8 +16,7 @@ strain ``(e_0 + e_1)/2 + chi/2 (De - De_last)``. As ``2 a (a - b) = a^2 - b^2 + 
 
 ``E + chi/4 (Dr M Dr + De K De)`` loses ``chi/4`` times the same forms of the second differences in
 every step, whatever its size: with ``chi = 0`` the energy E is constant, and otherwise E stays
-    below a bound that never increases. The discrete derivatives vanish for rigid motions about the
-    mean
+below a bound that never increases. The discrete derivatives vanish for rigid motions about the mean
 positions, and so linear momentum is kept, and with ``chi = 0`` angular momentum too.
 
 Second order for every chi: the dissipation acts on second differences. A linear vibration of

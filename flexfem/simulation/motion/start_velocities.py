@@ -68,7 +68,7 @@ def _changed(
     """Change of each body with a node of this rank that has changed by more than ``least`` (m/s).
 
     It is that of the node with the largest change: its size, with rotations times the model's size,
-        and text.
+    and text.
     """
     ways, bodies = _ways(_now(part) - before, size), part.node_body[: part.block.owned]
     found: dict[_Body, tuple[float, str]] = {}

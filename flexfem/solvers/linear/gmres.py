@@ -2,8 +2,7 @@
 """GMRES with a few basis vectors, for operators that are close to the identity.
 
 Inner products are an argument: those of frozen steps omit the multipliers, which several ranks may
-    have, and need one reduction a vector, together with the norm. PETSc's GMRES has neither. By
-    itself
+have, and need one reduction a vector, together with the norm. PETSc's GMRES has neither. By itself
 it is faster on one rank, 11 against 45 us for three vectors of 54 unknowns and 58 against 99 us of
 5000; an application takes more (``tests/benchmarks/gmres_against_petsc.py``).
 """

@@ -59,8 +59,8 @@ def solve_pencil(
     """Eigenpairs nearest to a frequency, with their errors (collective).
 
     If residuals of the first ``count`` are too large, the problem is inverted again at the distance
-        of these eigenvalues from zero: eigenvalues far below the shift are lost in rounding. If
-        modes are missing among those found, more are computed.
+    of these eigenvalues from zero: eigenvalues far below the shift are lost in rounding. If modes
+    are missing among those found, more are computed.
 
     Args:
         pencil: the problem.

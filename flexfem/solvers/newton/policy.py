@@ -57,7 +57,7 @@ class UpdatedPolicy:
     """Policy with a new matrix and factorisation in every iteration.
 
     It uses the stresses of the accepted state, continued along the steps: those of the prediction
-        and of iterates far from equilibrium are unrelated to those of the solution.
+    and of iterates far from equilibrium are unrelated to those of the solution.
     """
 
     def __init__(

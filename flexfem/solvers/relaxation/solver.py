@@ -225,7 +225,7 @@ class Relaxation:
         """Rayleigh's quotient of the displacement since masses were computed (collective).
 
         Over many steps quick vibrations cancel: the quotient is that of the slow motion, by which
-            viscous damping is chosen.
+        viscous damping is chosen.
         """
         sums = np.zeros(2)
         for part, first, way, inverse in zip(

@@ -87,7 +87,7 @@ def without_spin(serial: NumberedModel, markers: Sequence[Observed]) -> BoolArra
     """Return flags of markers at nodes without rotations: of shells, of elements in UFL.
 
     Their axes rotate with the elements around them at the end of a step, but their angular velocity
-        is unknown: it is nan, not zero.
+    is unknown: it is nan, not zero.
     """
     return np.array(
         [isinstance(m, Marker) and not serial.family_of(m.body).axes for m in markers],
