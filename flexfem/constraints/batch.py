@@ -279,8 +279,9 @@ class Constraints(NumberedRows):
         differing: BoolArray = np.zeros(self.size, dtype=np.bool_)
         for i, joint in self._drives():
             own = slice(self.start[i], self.start[i + 1])
-            if joint.targets(times[0]) is not None:
-                targets[:, own] = [joint.targets(t) for t in times]
+            alone = [joint.targets(t) for t in times]
+            if alone[0] is not None:
+                targets[:, own] = alone
                 continue
             seen = [joint.rows(t) for t in times]
             targets[:, own] = [[row.target for row in rows] for rows in seen]

@@ -15,9 +15,11 @@ from flexfem.core.nodes.step_kernels import StepNodes
 from flexfem.families.beam_se3.group import BeamGroup
 from flexfem.forms.beam_energy import beam_energy_forms
 from flexfem.kernels.driver import (
+    ALL_COLUMNS,
     CellKernel,
     Nodal,
     add_forces,
+    add_products,
     cell_kernel,
     evaluate,
     plain_cells,
@@ -94,6 +96,12 @@ class EnergyBeams:
         """Add ``scale`` times the mean force over the step to the residual of the nodes."""
         memories = self._force.memory, self._cells.memory, state.memory
         add_forces(*memories, _constants(state), scale, state.residual)
+
+    def add_action(self, tangents: FloatArray, state: StepNodes, scale: float) -> None:
+        """Add ``scale`` times the derivatives of :meth:`tangent` times steps to the residual."""
+        matrices = tangents.reshape(-1, 144)
+        steps, forces = state.step, state.residual
+        add_products(ALL_COLUMNS, self._cells.memory, matrices, steps, scale, False, forces)
 
     def tangent(self, state: StepNodes, scale: float) -> FloatArray:
         """``scale`` times the derivatives (m, 12, 12) along local twists at the end."""

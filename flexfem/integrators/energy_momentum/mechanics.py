@@ -282,13 +282,11 @@ class StepMechanics(Mechanics):
         factor: float,
     ) -> None:  # fmt: skip
         """See :class:`flexfem.system.mechanics.Mechanics`; stresses are means over the step."""
-        assert part.elements is not None
+        mine = self._parts[id(part)]
+        assert mine.beams is not None
         if self._cells is None:
             self._cells = self.cells(system, part, shifts, request)
-        ((nodes, _),) = part.elements.couplings
-        steps = part.block.step[nodes].reshape(-1, 12, 1)
-        action = factor * (self._cells.reshape(-1, 12, 12) @ steps)
-        np.add.at(part.block.residual, nodes, action.reshape(-1, 2, 6))
+        mine.beams.add_action(self._cells, mine.state, factor)
 
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
