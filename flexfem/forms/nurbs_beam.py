@@ -72,6 +72,19 @@ class NurbsForms:
 
 
 @dataclass(frozen=True)
+class NurbsStrain:
+    """Form of strains (6,) and their rates (6,).
+
+    Attributes:
+        strain: the form.
+        coefficients: as of :class:`NurbsForms`, those that it needs.
+    """
+
+    strain: ufl.Form
+    coefficients: dict[str, ufl.Coefficient]
+
+
+@dataclass(frozen=True)
 class _Quaternion:
     """Scalar and vector part."""
 
@@ -267,12 +280,12 @@ def _kind(vectors: bool) -> type[_Kinematics]:
 
 
 @cache
-def strain_form(vectors: bool = False) -> tuple[ufl.Form, dict[str, ufl.Coefficient]]:
-    """Form that writes strains (6,) and their rates (6,), and its coefficients as above."""
+def strain_form(vectors: bool = False) -> NurbsStrain:
+    """Form that writes strains (6,) and their rates (6,)."""
     mesh = interval_mesh()
     names = ("unknowns", "rates", "start")
     fields = {name: f for name, f in _coefficients(mesh, None).items() if name in names}
     at = _kind(vectors).of(fields["unknowns"])
     strain, rate = _joined(*at.strain()) - fields["start"], at.rate(fields["rates"])
     entries = [part[i] for part in (strain, rate) for i in range(6)]
-    return written(mesh, entries), fields
+    return NurbsStrain(written(mesh, entries), fields)

@@ -10,6 +10,7 @@ module of the package that their file imports, directly or indirectly, has chang
 import hashlib
 import os
 import re
+import time
 from collections.abc import Callable
 from functools import cache
 from pathlib import Path
@@ -24,7 +25,7 @@ from numba.core.caching import (
 
 from flexfem._trust import private_folder, trusted
 
-__all__ = ["install", "source_stamp", "sources"]
+__all__ = ["install", "source_stamp", "sources", "stamp_of"]
 
 _PACKAGE = Path(__file__).resolve().parents[1]
 #: A module, or a package and the names that are imported from it, which may be modules.
@@ -71,18 +72,29 @@ def _imported(path: Path, package: Path) -> list[Path]:
     return [file for file in files if file.is_file() and file != Path(__file__)]
 
 
-#: Imports of each file, since most files are imported by many modules.
-_read_once = cache(Path.read_bytes)
+#: Time when this process began to import loops, s since 1970.
+_BEGIN = time.time()
 
 
 @cache
-def _stamp(file: str) -> str | None:
-    """Stamp of a module at the first request of this process, the same for all its loops.
+def _read(path: Path) -> bytes:
+    """Contents of a file, which many modules import; of this process alone if it is newer.
+
+    Stamps are made when a loop is first called: what was imported may then be older than the file.
+    """
+    if path.stat().st_ctime >= _BEGIN:
+        return f"{path} {_BEGIN} {os.getpid()}".encode()
+    return path.read_bytes()
+
+
+@cache
+def stamp_of(file: str) -> str | None:
+    """Stamp of a module at the first request of this process, the same for all its code.
 
     None for a module of another program.
     """
     path = Path(file).resolve()
-    return source_stamp(path, read=_read_once) if path.is_relative_to(_PACKAGE) else None
+    return source_stamp(path, read=_read) if path.is_relative_to(_PACKAGE) else None
 
 
 class _Kept:
@@ -113,7 +125,7 @@ class _Kept:
 
     def get_source_stamp(self) -> Any:
         """See :func:`source_stamp`; that of numba for loops of other programs."""
-        own = _stamp(self._py_file)
+        own = stamp_of(self._py_file)
         return super().get_source_stamp() if own is None else own  # type: ignore[misc]
 
 

@@ -14,6 +14,7 @@ would not be inlined in any case, so that calls are as fast as before.
 import hashlib
 import pickle
 from collections.abc import Callable
+from functools import cached_property
 from itertools import islice
 from pathlib import Path
 from typing import Any, ClassVar, NamedTuple, NoReturn, override
@@ -314,16 +315,29 @@ class _Files(IndexDataCacheFile):
 
 
 class _Cache(FunctionCache):
-    """Cache of functions on disk."""
+    """Cache of functions on disk, which looks for its files when one is first needed.
+
+    Most functions of the package are parts of others, and not needed once these are compiled.
+    """
 
     _impl_class: Any
 
-    def __init__(self, py_func: Any) -> None:
-        super().__init__(py_func)
-        implementation: Any = self._impl
-        self._cache_file = _Files(
-            self.cache_path, implementation.filename_base, self._cache_file._source_stamp
-        )
+    def __init__(self, py_func: Any) -> None:  # instead of numba's, which looks for files now
+        self._py_func, self._name = py_func, repr(py_func)
+        self.enable()
+
+    @cached_property
+    def _impl(self) -> Any:
+        return self._impl_class(self._py_func)
+
+    @cached_property
+    def _cache_path(self) -> str:
+        return str(self._impl.locator.get_cache_path())
+
+    @cached_property
+    def _cache_file(self) -> _Files:  # type: ignore[override]
+        stamp = self._impl.locator.get_source_stamp()
+        return _Files(self._cache_path, self._impl.filename_base, stamp)
 
 
 class _LoopCache(_Cache):

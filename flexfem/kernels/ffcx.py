@@ -25,7 +25,14 @@ from numba.extending import intrinsic
 from flexfem.kernels.ffcx_options import compile_options, quick_compiler
 from flexfem.kernels.lanes import LANES
 
-__all__ = ["Kernel", "cell_form", "compile_kernel", "tabulate"]
+__all__ = [
+    "Kernel",
+    "cell_form",
+    "compile_arguments",
+    "compile_kernel",
+    "kernel_at",
+    "tabulate",
+]
 
 #: Generated code is straight-line arithmetic: vectorised, without unsafe reordering of sums. The
 #: variable is for clusters with different nodes, and for those whose runs are shorter than
@@ -66,11 +73,16 @@ def cell_form(comm: MPI.Intracomm, form: ufl.Form, *, batched: bool = False) -> 
     """
     from dolfinx.fem import compile_form
 
-    options = compile_options(comm, [*_COMPILE_ARGUMENTS, *(_batch_arguments() if batched else ())])
+    options = compile_options(comm, compile_arguments(batched=batched))
     if batched:
         options["form_compiler_options"]["language"] = _BATCH
     with quick_compiler():
         return compile_form(comm, form, **options)
+
+
+def compile_arguments(*, batched: bool) -> list[str]:
+    """Arguments of the C compiler, see :func:`compile_kernel`."""
+    return [*_COMPILE_ARGUMENTS, *(_batch_arguments() if batched else ())]
 
 
 @cache
@@ -99,8 +111,7 @@ def compile_kernel(
             common to all.
     """
     compiled = cell_form(comm, form, batched=batched)
-    ufcx, ffi = compiled.ufcx_form, compiled.module.ffi
-    own = form.coefficients()
+    ufcx, own = compiled.ufcx_form, form.coefficients()
     offsets = np.full(len(coefficients) + 1, -1, dtype=np.int64)
     total = 0
     for k in range(ufcx.num_coefficients):
@@ -108,9 +119,21 @@ def compile_kernel(
         offsets[coefficients.index(coefficient)] = total
         total += coefficient.ufl_element().dim
     offsets[-1] = total
+    return kernel_at(compiled.module, ufcx, offsets, batched=batched)
+
+
+def kernel_at(module: Any, ufcx: Any, offsets: npt.NDArray[np.int64], *, batched: bool) -> Kernel:
+    """The kernel of the single cell integral of a compiled form.
+
+    Args:
+        module: module of the compiled code.
+        ufcx: the form in it.
+        offsets: see :class:`Kernel`.
+        batched: see :func:`compile_kernel`.
+    """
     kernel = ufcx.form_integrals[0].tabulate_tensor_float64
-    lanes = LANES if batched else 1
-    return Kernel(int(ffi.cast("uintptr_t", kernel)), offsets, compiled, lanes)
+    address = int(module.ffi.cast("uintptr_t", kernel))
+    return Kernel(address, offsets, module, LANES if batched else 1)
 
 
 @intrinsic

@@ -20,7 +20,7 @@ import ufl
 
 from flexfem._trust import private_folder, trusted
 
-__all__ = ["compile_options", "compiled_form", "quick_compiler"]
+__all__ = ["compile_options", "compiled_form", "kernel_folder", "quick_compiler"]
 
 #: Default arguments of the C compiler: those of DOLFINx.
 _ARGUMENTS = ("-O2", "-g0")
@@ -38,7 +38,7 @@ def compile_options(comm: MPI.Intracomm, arguments: Sequence[str] = _ARGUMENTS) 
     from ffcx.options import FFCX_DEFAULT_OPTIONS
 
     jit = {
-        "cache_dir": comm.bcast(_folder() if comm.rank == 0 else None),
+        "cache_dir": comm.bcast(kernel_folder() if comm.rank == 0 else None),
         "cffi_extra_compile_args": list(arguments), "cffi_libraries": None, "cffi_debug": False,
         "cffi_verbose": False, "timeout": _PATIENCE,
     }  # fmt: skip
@@ -97,8 +97,8 @@ def _with_table(usual: Any) -> Any:
 
 
 @cache
-def _folder() -> Path:
-    """DOLFINx's own folder, else that below the home, else one of this process."""
+def kernel_folder() -> Path:
+    """Folder of compiled forms: DOLFINx's own, else that below the home, else a temporary one."""
     from dolfinx.jit import DOLFINX_DEFAULT_JIT_OPTIONS
 
     usual = Path(str(DOLFINX_DEFAULT_JIT_OPTIONS["cache_dir"][0]))

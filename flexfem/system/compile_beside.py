@@ -53,15 +53,13 @@ def compile_beside(model: "NumberedModel", ranks: int) -> None:
         model: the model of the run.
         ranks: number of ranks, which wait for one another while one of them compiles.
     """
-    modules = modules_of(model)
     if not _beside.started():
-        loops = (entry for entry in _listed() if entry.module in modules)
-        first = [entry.resolved() for entry in islice(loops, _LOOKED_AT)]
+        first = [entry.resolved() for entry in islice(_listed(), _LOOKED_AT)]
         absent = [not loop._cache._cache_file._load_index() for loop, _ in filter(None, first)]
         if sum(absent) < _ABSENT:
             return
         _beside.start(ranks)
-    _beside.tell(modules)
+    _beside.tell(modules_of(model))
 
 
 def modules_of(model: "NumberedModel") -> set[str]:

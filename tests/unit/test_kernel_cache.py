@@ -55,6 +55,15 @@ def test_loops_of_the_package_have_such_stamps():
     assert locator.get_source_stamp() == source_stamp(Path(so3.__file__))
 
 
+def test_sources_that_changed_after_the_start_have_a_stamp_of_the_process_alone(monkeypatch):
+    """The code of this process is the former one: others must not take it for the new one."""
+    path = Path(so3.__file__)
+    read = caching._read.__wrapped__
+    assert read(path) == path.read_bytes()
+    monkeypatch.setattr(caching, "_BEGIN", path.stat().st_ctime)
+    assert read(path) != path.read_bytes()
+
+
 OPEN = """
 import flexfem.lie.so3 as so3
 print(so3.exp_into._cache._impl.locator.get_cache_path(), flush=True)

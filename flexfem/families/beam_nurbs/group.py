@@ -1,13 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """NURBS elements of one degree and one material: their data and the calls of the compiled loops."""
 
-from collections.abc import Mapping
 from dataclasses import dataclass
 
 from mpi4py import MPI
 
 import numpy as np
-import ufl
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
@@ -25,7 +23,7 @@ from flexfem.families.beam_nurbs.tables import Points, gauss, masses, points
 from flexfem.families.beam_nurbs.tangent import tangent_into
 from flexfem.families.common.section_groups import Material, symmetric
 from flexfem.forms.nurbs_beam import nurbs_forms, strain_form
-from flexfem.kernels.ffcx import compile_kernel
+from flexfem.kernels.form_kernels import compile_forms
 from flexfem.kernels.lanes import LANES, lanes, unlaned
 
 __all__ = ["NurbsCells", "NurbsGroup", "NurbsKernels"]
@@ -64,16 +62,15 @@ class NurbsKernels:
 
     def __init__(self, comm: MPI.Intracomm, material: Material, vectors: bool) -> None:
         """Compile (collective)."""
-
-        def compiled(form: ufl.Form, coefficients: Mapping[str, ufl.Coefficient]) -> PointKernel:
-            kernel = compile_kernel(comm, form, tuple(coefficients.values()), batched=True)
-            return PointKernel(address=kernel.address, offsets=kernel.offsets)
-
-        forms = nurbs_forms(material.damped, material.law, vectors)
-        self.residual = compiled(forms.residual, forms.coefficients)
-        self.tangent = compiled(forms.tangent, forms.coefficients)
-        self.action = compiled(forms.action, forms.coefficients)
-        self.strain = compiled(*strain_form(vectors))
+        arguments = material.damped, material.law, vectors
+        forces = compile_forms(
+            comm, nurbs_forms, arguments, {"residual": True, "tangent": True, "action": True}
+        )
+        strains = compile_forms(comm, strain_form, (vectors,), {"strain": True})
+        self.residual, self.tangent, self.action, self.strain = (
+            PointKernel(address=kernel.address, offsets=kernel.offsets)
+            for kernel in (*forces.kernels.values(), strains["strain"])
+        )
 
 
 class NurbsGroup:

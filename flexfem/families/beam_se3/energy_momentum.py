@@ -8,7 +8,6 @@ driver of kernels.
 from mpi4py import MPI
 
 import numpy as np
-import ufl
 
 from flexfem._types import FloatArray
 from flexfem.core.nodes.step_kernels import StepNodes
@@ -24,7 +23,7 @@ from flexfem.kernels.driver import (
     evaluate,
     plain_cells,
 )
-from flexfem.kernels.ffcx import compile_kernel
+from flexfem.kernels.form_kernels import compile_forms
 
 __all__ = ["EnergyBeams"]
 
@@ -73,15 +72,12 @@ class EnergyBeams:
         last = np.zeros((len(own.nodes), 6))
         data = np.column_stack([own.own[:, :6], last, own.own[:, 6:], turns.reshape(-1, 18)])
         self._cells = plain_cells(data, own.nodes, section=own.section, sections=own.sections)
-        forms = beam_energy_forms()
+        kernels = compile_forms(comm, beam_energy_forms, (), {"residual": True, "tangent": False})
 
-        def compiled(form: ufl.Form, size: int, *, batched: bool = False) -> CellKernel:
-            fields = tuple(forms.coefficients.values())
-            kernel = compile_kernel(comm, form, fields, batched=batched)
-            return cell_kernel(kernel, size, forms.coefficients, _NODAL, _OWN, _SECTION)
+        def placed(form: str, size: int) -> CellKernel:
+            return cell_kernel(kernels[form], size, kernels.names, _NODAL, _OWN, _SECTION)
 
-        self._force = compiled(forms.residual, 12, batched=True)
-        self._stiffness = compiled(forms.tangent, 144)
+        self._force, self._stiffness = placed("residual", 12), placed("tangent", 144)
 
     def twists(self, frames: FloatArray) -> FloatArray:
         """Relative twists (m, 6) of all cells."""

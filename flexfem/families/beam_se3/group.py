@@ -6,7 +6,6 @@ from dataclasses import dataclass
 from mpi4py import MPI
 
 import numpy as np
-import ufl
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
@@ -23,7 +22,7 @@ from flexfem.kernels.driver import (
     cell_kernel,
     evaluate_tangents,
 )
-from flexfem.kernels.ffcx import compile_kernel
+from flexfem.kernels.form_kernels import compile_forms
 from flexfem.lie import se3
 
 __all__ = ["BeamCells", "BeamGroup"]
@@ -42,6 +41,8 @@ _NODAL = {
 _DAMPING = 7
 #: First column and number of columns of each of these data.
 _OWN = {"relative_twist": (0, 6), "length": (6, 1), "damping": (_DAMPING, 1)}
+#: Forms, and whether their kernels evaluate several cells at once.
+_BATCHED = {"residual": True, "stiffness": False, "inertia": False, "action": False}
 
 
 @dataclass(frozen=True)
@@ -106,19 +107,14 @@ class BeamGroup:
         )  # fmt: skip
         self._inertias = symmetric(material.data[:, :21])
         self.centres, self.rotary = about_centres(self._inertias)
-        forms = beam_forms(material.damped, material.law)
-        coefficients = forms.coefficients
-        section = {"inertia": (0, 21), list(coefficients)[7]: (21, material.data.shape[1] - 21)}
+        kernels = compile_forms(comm, beam_forms, (material.damped, material.law), _BATCHED)
+        section = {"inertia": (0, 21), kernels.names[7]: (21, material.data.shape[1] - 21)}
 
-        def compiled(form: ufl.Form, size: int, *, batched: bool = False) -> CellKernel:
-            fields = tuple(coefficients.values())
-            own = compile_kernel(comm, form, fields, batched=batched)
-            return cell_kernel(own, size, coefficients, _NODAL, _OWN, section)
+        def placed(form: str, size: int) -> CellKernel:
+            return cell_kernel(kernels[form], size, kernels.names, _NODAL, _OWN, section)
 
-        self.residual = compiled(forms.residual, 12, batched=True)
-        self._stiffness = compiled(forms.stiffness, 144)
-        self._inertia = compiled(forms.inertia, 144)
-        self._action = compiled(forms.action, 12)
+        self.residual, self._action = placed("residual", 12), placed("action", 12)
+        self._stiffness, self._inertia = placed("stiffness", 144), placed("inertia", 144)
 
     def cells_at(self, block: FrameBlock, strains: FloatArray | None) -> Cells:
         """Cells with initial twists from which changes (m, 6) lead to the present twists.
