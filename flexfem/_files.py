@@ -12,10 +12,11 @@ import re
 import stat
 from io import BufferedReader
 from os import PathLike
+from pathlib import Path
 
 from flexfem._checks import InputError, show
 
-__all__ = ["number_in", "open_file", "open_lock", "read_bytes", "read_text"]
+__all__ = ["number_in", "open_file", "open_lock", "read_bytes", "read_text", "replace_text"]
 
 #: First bytes of other encodings, as office programs write them.
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
@@ -125,6 +126,21 @@ def read_text(owner: str, path: str | PathLike[str], limit: int) -> str:
         line = text.count("\n", 0, text.index("\0")) + 1
         raise InputError(f"{owner}: line {line} has a NUL byte, it is not a text")
     return text
+
+
+def replace_text(path: Path, text: str) -> None:
+    """Write a small text so that other processes find all of it or nothing.
+
+    Raises:
+        OSError: it cannot be written; the former text is left as it is.
+    """
+    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    try:
+        temporary.write_text(text, encoding="utf-8")
+        temporary.replace(path)
+    except BaseException:
+        temporary.unlink(missing_ok=True)
+        raise
 
 
 def number_in(text: str) -> float:

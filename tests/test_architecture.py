@@ -87,6 +87,7 @@ EXEMPT = (
     PACKAGE / "reduction" / "fem",
     PACKAGE / "kernels" / "ffcx.py",
     PACKAGE / "kernels" / "ffcx_options.py",
+    PACKAGE / "kernels" / "form_kernels.py",
 )
 
 

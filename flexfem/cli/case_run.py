@@ -69,10 +69,10 @@ def _word_on_compilation(options: Settings) -> AbstractContextManager[None]:
     if options.quiet or options.progress == "none" or not sys.stderr.isatty():
         return nullcontext()
     try:
-        from flexfem.kernels.first_compilation import told_of_compilation
+        from flexfem.cli.first_compilation import announcing_compilation
     except ImportError:  # numba is missing, or will not load: the run says so
         return nullcontext()
-    return told_of_compilation(lambda text: launch.say(text, error=True))
+    return announcing_compilation(lambda text: launch.say(text, error=True))
 
 
 def _run(

@@ -9,7 +9,6 @@ source and the versions and options of the compilers.
 
 import hashlib
 import json
-import os
 import re
 import sys
 import sysconfig
@@ -25,6 +24,8 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._checks import InputError
+from flexfem._files import read_text, replace_text
 from flexfem.kernels.caching import stamp_of
 from flexfem.kernels.ffcx import Kernel, compile_arguments, compile_kernel, kernel_at
 from flexfem.kernels.ffcx_options import kernel_folder
@@ -33,6 +34,8 @@ __all__ = ["FormKernels", "compile_forms"]
 
 #: Names of the modules that FFCx compiles.
 _MODULE = re.compile(r"libffcx_forms_[0-9a-f]+")
+#: Bytes of the largest index that is read.
+_LARGEST = 100_000
 #: Packages on which the code of a kernel depends.
 _COMPILERS = ("ufl", "basix", "ffcx", "dolfinx", "cffi", "numpy")
 
@@ -118,12 +121,12 @@ def _read(
     if file is None:
         return None
     try:
-        names, entries = json.loads(file.read_text(encoding="ascii"))
+        names, entries = json.loads(read_text("index of forms", file, _LARGEST))
         complete = set(entries) == set(wanted) and all(
             _MODULE.fullmatch(module) and len(offsets) == len(names) + 1
             for module, offsets in entries.values()
         )
-    except (OSError, ValueError, TypeError, AttributeError):
+    except (InputError, ValueError, TypeError, AttributeError):
         return None
     return (str(file.parent), names, entries) if complete else None
 
@@ -134,10 +137,8 @@ def _write(file: Path, made: FormKernels) -> None:
         form: (kernel.owner.__name__, kernel.offsets.tolist())
         for form, kernel in made.kernels.items()
     }
-    temporary = file.with_suffix(f".{os.getpid()}.tmp")
     with suppress(OSError):
-        temporary.write_text(json.dumps([made.names, entries]), encoding="ascii")
-        temporary.replace(file)
+        replace_text(file, json.dumps([made.names, entries]))
 
 
 def _loaded(folder: str, name: str, offsets: list[int], batched: bool) -> Kernel | None:

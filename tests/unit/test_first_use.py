@@ -182,7 +182,7 @@ def test_no_equilibrium_is_said_so() -> None:
 @pytest.fixture
 def clock(monkeypatch: pytest.MonkeyPatch) -> list[float]:
     """Seconds that the test sets."""
-    from flexfem.kernels import first_compilation
+    from flexfem.cli import first_compilation
 
     now = [0.0]
     monkeypatch.setattr(first_compilation.time, "monotonic", lambda: now[0])
@@ -193,10 +193,10 @@ def test_long_compilation_is_told_once(clock: list[float]) -> None:
     """Those above one second, nested ones once; compilations after the run are not reported."""
     from numba.core import event
 
-    from flexfem.kernels.first_compilation import told_of_compilation
+    from flexfem.cli.first_compilation import announcing_compilation
 
     told: list[str] = []
-    with told_of_compilation(told.append):
+    with announcing_compilation(told.append):
         for seconds, lines in ((0.6, 0), (0.6, 0), (0.1, 1), (5.0, 1)):
             event.start_event("numba:compile")
             event.start_event("numba:compile")

@@ -14,7 +14,7 @@ import pytest
 
 import flexfem._trust as module
 from flexfem._trust import private_folder, trusted
-from flexfem.kernels.ffcx_options import _folder
+from flexfem.kernels.ffcx_options import kernel_folder
 
 pytestmark = pytest.mark.serial
 
@@ -24,12 +24,12 @@ ME = os.geteuid()
 @pytest.fixture(autouse=True)
 def forgotten() -> Iterator[None]:
     """Forget the results for folders that were checked before."""
-    for memory in (module._tell, module._user, module._group, _folder):
+    for memory in (module._tell, module._user, module._group, kernel_folder):
         memory.cache_clear()
     module._GOOD.clear()
     yield
     module._GOOD.clear()
-    _folder.cache_clear()
+    kernel_folder.cache_clear()
 
 
 @pytest.fixture
@@ -176,18 +176,18 @@ def test_forms_go_elsewhere(folder: Path, capsys: Any, monkeypatch: Any) -> None
     import dolfinx.jit
 
     monkeypatch.setitem(dolfinx.jit.DOLFINX_DEFAULT_JIT_OPTIONS, "cache_dir", (folder, ""))
-    assert _folder() == folder
+    assert kernel_folder() == folder
     folder.chmod(0o777)
     module._GOOD.clear()
     home = folder.parent / "home"
     home.mkdir()
     monkeypatch.setattr(Path, "home", lambda: home)
-    _folder.cache_clear()
-    assert _folder() == home / ".cache" / "fenics"
+    kernel_folder.cache_clear()
+    assert kernel_folder() == home / ".cache" / "fenics"
     assert "XDG_CACHE_HOME names a folder of your own" in capsys.readouterr().err
     home.chmod(0o777)
-    _folder.cache_clear()
-    assert _folder() == private_folder() / "fenics"
+    kernel_folder.cache_clear()
+    assert kernel_folder() == private_folder() / "fenics"
 
 
 CASE = """

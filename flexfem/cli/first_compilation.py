@@ -7,7 +7,7 @@ from contextlib import contextmanager
 
 from numba.core import event
 
-__all__ = ["told_of_compilation"]
+__all__ = ["announcing_compilation"]
 
 #: Seconds of compilation after which the message is printed.
 _SHORT = 1.0
@@ -41,7 +41,7 @@ class _Listener(event.Listener):
 
 
 @contextmanager
-def told_of_compilation(tell: Callable[[str], None]) -> Iterator[None]:
+def announcing_compilation(tell: Callable[[str], None]) -> Iterator[None]:
     """Context in which ``tell`` is called once, with a line, if numba compiles for over a second.
 
     Loading from the cache on disk is not counted.
