@@ -23,11 +23,12 @@ for script in scripts:
     smoke = ["--smoke"] if "ff.main(" in open(script).read() else []
     sys.argv = [script, *smoke]
     with open("printed", "w") as stream, contextlib.redirect_stdout(stream):
-        try:
-            runpy.run_path(script, run_name="__main__")
-        except BaseException as error:
-            if not isinstance(error, SystemExit) or error.code:
-                traceback.print_exc(file=stream)
+        with open("warned", "w") as warned, contextlib.redirect_stderr(warned):
+            try:
+                runpy.run_path(script, run_name="__main__")
+            except BaseException as error:
+                if not isinstance(error, SystemExit) or error.code:
+                    traceback.print_exc(file=stream)
 """
 NUMBER = re.compile(r"(-?\d+(?:\.\d*)?(?:e-?\d+)?)")
 
@@ -51,8 +52,8 @@ def complete_examples(text: str) -> list[str]:
     return re.findall(r"^```python\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
 
 
-def run_in_turn(texts: Sequence[str], folder: Path) -> list[str]:
-    """What examples print, each a script in a folder of its own, or its traceback.
+def run_in_turn(texts: Sequence[str], folder: Path) -> list[tuple[str, str]]:
+    """What examples print, or its traceback, and their warnings; each in a folder of its own.
 
     One process runs them all: to start one with the package takes longer than most examples.
     """
@@ -62,12 +63,16 @@ def run_in_turn(texts: Sequence[str], folder: Path) -> list[str]:
         scripts[-1].parent.mkdir()
         scripts[-1].write_text(text)
     python("-c", IN_TURN, *scripts, folder=folder)
-    return [(script.parent / "printed").read_text() for script in scripts]
+    return [
+        ((script.parent / "printed").read_text(), (script.parent / "warned").read_text())
+        for script in scripts
+    ]
 
 
-def assert_printed(text: str, printed: str) -> None:
-    """An example ran; every print of it is followed by a comment with its output."""
+def assert_printed(text: str, printed: str, warned: str) -> None:
+    """An example ran without a warning; its prints are followed by comments with their output."""
     assert "Traceback" not in printed, printed
+    assert [line for line in warned.splitlines() if line not in text] == []
     if "ff.main(" in text:
         assert "results are in" in printed
         return

@@ -59,12 +59,12 @@ def test_quoted_parts_of_cases_exist() -> None:
 
 
 @pytest.fixture(scope="module")
-def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, str]:
-    """What the examples print."""
+def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, str]]:
+    """What the examples print, and their warnings."""
     texts = run_in_turn(list(EXAMPLES.values()), tmp_path_factory.mktemp("examples"))
     return dict(zip(EXAMPLES, texts, strict=True))
 
 
 @pytest.mark.parametrize("name", EXAMPLES)
-def test_examples_run(name: str, printed: dict[str, str]) -> None:
-    assert_printed(EXAMPLES[name], printed[name])
+def test_examples_run(name: str, printed: dict[str, tuple[str, str]]) -> None:
+    assert_printed(EXAMPLES[name], *printed[name])

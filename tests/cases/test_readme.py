@@ -20,8 +20,8 @@ EXAMPLES = complete_examples(README)
 
 def test_examples_run(tmp_path: Path) -> None:
     assert EXAMPLES
-    for text, printed in zip(EXAMPLES, run_in_turn(EXAMPLES, tmp_path), strict=True):
-        assert_printed(text, printed)
+    for text, left in zip(EXAMPLES, run_in_turn(EXAMPLES, tmp_path), strict=True):
+        assert_printed(text, *left)
 
 
 def test_all_cases_are_listed() -> None:
