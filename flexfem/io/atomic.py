@@ -3,15 +3,18 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Buffer, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+#: Bytes that are handed to the system at once.
+_BUFFER = 1 << 17
 
-def replace_file(path: Path, chunks: Iterable[bytes | memoryview]) -> None:
+
+def replace_file(path: Path, chunks: Iterable[Buffer]) -> None:
     """Write a file under a temporary name beside it, then rename it into place.
 
     Args:
@@ -23,9 +26,8 @@ def replace_file(path: Path, chunks: Iterable[bytes | memoryview]) -> None:
     """
     temporary = path.with_name(f".{path.name}.tmp")
     try:
-        with temporary.open("wb") as stream:
-            for chunk in chunks:
-                stream.write(chunk)
+        with temporary.open("wb", _BUFFER) as stream:
+            stream.writelines(chunks)
         temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)
@@ -41,6 +43,22 @@ def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
         comm: Communicator.
         error: This rank's error, or None.
     """
-    errors = [e for e in comm.allgather(error) if e is not None]
-    if errors:
-        raise errors[0]
+    gathered(comm, None, error)
+
+
+def gathered[Value](comm: MPI.Comm, mine: Value, error: Exception | None = None) -> list[Value]:
+    """Values of all ranks on every rank; collective, and also a barrier.
+
+    Args:
+        comm: Communicator.
+        mine: This rank's value.
+        error: This rank's error, or None.
+
+    Raises:
+        Exception: The first rank's error, on every rank.
+    """
+    every = comm.allgather((mine, error)) if comm.size > 1 else [(mine, error)]
+    for _, found in every:
+        if found is not None:
+            raise found
+    return [value for value, _ in every]
