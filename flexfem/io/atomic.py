@@ -10,24 +10,21 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-#: Bytes that are handed to the system at once.
-_BUFFER = 1 << 17
-
 
 def replace_file(path: Path, chunks: Iterable[Buffer]) -> None:
     """Write a file under a temporary name beside it, then rename it into place.
 
     Args:
         path: File to create or replace; its folder must exist.
-        chunks: Contents, written one after the other.
+        chunks: Contents, one after the other.
 
     Raises:
         OSError: If the file cannot be written; the previous version is left untouched.
     """
     temporary = path.with_name(f".{path.name}.tmp")
     try:
-        with temporary.open("wb", _BUFFER) as stream:
-            stream.writelines(chunks)
+        with temporary.open("wb") as stream:
+            stream.write(b"".join(chunks))  # one call of the system, which costs more than a copy
         temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)
