@@ -473,7 +473,11 @@ class Constraints(NumberedRows):
 
     def rigid_jacobian(self) -> FloatArray:
         """(t, 2, 6) gradients of the rigid rows with respect to local twists, zero for others."""
-        return self.force_jacobian * self.rigid[self.row_of_term][:, np.newaxis, np.newaxis]
+        return self.gradients_of(self.rigid)
+
+    def gradients_of(self, rows: BoolArray) -> FloatArray:
+        """(t, 2, 6) gradients of some rows (r,) with respect to local twists, zero for others."""
+        return self.force_jacobian * rows.take(self.row_of_term)[:, np.newaxis, np.newaxis]
 
     def rates(self) -> FloatArray:
         """(r,) time derivative of every row at the interface's velocities, drives fixed."""
