@@ -120,8 +120,10 @@ def _sample(rows: Constraints, t: float, times: FloatArray) -> tuple[FloatArray,
             rows.set_drives(time)
             rows.evaluate(_UNSCALED)
             values[turning] = rows.values[turning]
-    rows.set_drives(t)
-    own -= own[times.searchsorted(t)].copy()
+        rows.set_drives(t)
+    at = times.searchsorted(t)
+    rows.targets[:] = targets[at]
+    own -= own[at].copy()
     return own, turning
 
 
