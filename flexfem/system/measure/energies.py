@@ -65,7 +65,9 @@ def refresh_rows(system: System) -> None:
 
 def _springs(rows: Constraints) -> tuple[FloatArray, FloatArray]:
     """Stored energy and elastic force of every row, (r,) each; zero for rigid and released ones."""
-    energies, pulls = np.empty((2, rows.size))
+    energies, pulls = np.zeros((2, rows.size))
+    if not rows.elastic[:, 0].any():  # all are rigid
+        return energies, pulls
     elastic_part(rows.elastic, rows.active, rows.sums() - rows.targets, energies, pulls)
     return energies, pulls
 
