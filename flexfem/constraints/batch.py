@@ -83,6 +83,8 @@ class Constraints(NumberedRows):
         self.reported: FloatArray | None = None
         self.held: BoolArray = np.zeros(total, dtype=np.bool_)
         self.poses = np.zeros((len(self.marker_node), 12))
+        # twists of the interface nodes, and that of the ground, whose number is -1
+        self._padded = np.zeros((len(interface.keys) + 1, 6))
         self.own = RowArrays(
             marker_node=self.marker_node, marker_offset=self.marker_offset, poses=self.poses,
             term_marker=self.term_marker, term_nodes=self.term_nodes,
@@ -275,7 +277,8 @@ class Constraints(NumberedRows):
 
     def drives_at(self, times: Sequence[float]) -> tuple[FloatArray, BoolArray]:
         """Targets (k, r) of all rows at k times (s), and (r,) True where terms depend on time."""
-        targets = np.tile(self.targets, (len(times), 1))
+        targets = np.empty((len(times), self.size))
+        targets[:] = self.targets
         differing: BoolArray = np.zeros(self.size, dtype=np.bool_)
         for i, joint in self._drives():
             own = slice(self.start[i], self.start[i + 1])
@@ -372,11 +375,19 @@ class Constraints(NumberedRows):
             twists: (n_nodes, 6) of the interface nodes.
             sides: (t, 2) sides of the terms that move, all if None.
         """
-        padded = np.concatenate([twists, np.zeros((1, 6))])  # the ground's interface node is -1
-        change = np.einsum("tsi,tsi->ts", self.force_jacobian, padded[self.term_nodes])
-        if sides is not None:
-            change *= sides
-        return np.bincount(self.row_of_term, change.sum(axis=1), minlength=self.size)
+        change = self.side_changes(twists)
+        return self.of_rows(change if sides is None else change * sides)
+
+    def side_changes(self, twists: FloatArray) -> FloatArray:
+        """(t, 2) change of every term by the motion of each of its sides, see :meth:`changes`."""
+        self._padded[:-1] = twists
+        sides = self._padded.take(self.term_nodes, axis=0)
+        change: FloatArray = np.einsum("tsi,tsi->ts", self.force_jacobian, sides)
+        return change
+
+    def of_rows(self, sides: FloatArray) -> FloatArray:
+        """(r,) sums over the sides (t, 2) of all terms of a row."""
+        return np.bincount(self.row_of_term, sides[:, 0] + sides[:, 1], minlength=self.size)
 
     def add_forces(self, multipliers: FloatArray, local: IntArray, residual: FloatArray) -> None:
         """Add ``G^T multipliers`` to the owned nodes of one block; ``local`` node of each node."""
@@ -462,7 +473,11 @@ class Constraints(NumberedRows):
 
     def rigid_jacobian(self) -> FloatArray:
         """(t, 2, 6) gradients of the rigid rows with respect to local twists, zero for others."""
-        return self.force_jacobian * self.rigid[self.row_of_term][:, np.newaxis, np.newaxis]
+        return self.gradients_of(self.rigid)
+
+    def gradients_of(self, rows: BoolArray) -> FloatArray:
+        """(t, 2, 6) gradients of some rows (r,) with respect to local twists, zero for others."""
+        return self.force_jacobian * rows.take(self.row_of_term)[:, np.newaxis, np.newaxis]
 
     def rates(self) -> FloatArray:
         """(r,) time derivative of every row at the interface's velocities, drives fixed."""

@@ -166,7 +166,7 @@ class Interface:
     def update_steps(self) -> None:
         """Fetch the blocks' steps at all interface nodes (collective)."""
         for block, local, nodes in self._sources:
-            self.steps[nodes] = block.step[local]
+            self.steps[nodes] = block.step.take(local, axis=0)
         self._exchange((self.steps,))
 
     def _exchange(self, tables: Sequence[FloatArray]) -> None:

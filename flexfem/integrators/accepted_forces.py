@@ -30,7 +30,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import BoolArray, FloatArray
 from flexfem.core.nodes.action_kernels import add_products
 from flexfem.core.row import LawKind
 from flexfem.integrators.drive_rates import drive_rates
@@ -68,6 +68,7 @@ class AcceptedForces:
         self._laws = self._any(np.any(kinds != LawKind.RIGID))
         self._turning = any(part.elements is None for part in system.parts)  # rigid bodies
         self._rubbing = self._any(system.constraints.frictional.any())
+        self._nothing = [np.zeros_like(part.block.owned_residual) for part in system.parts]
 
     def __call__(self) -> FloatArray:
         """Forces (r,) of all rows, N or N m (collective).
@@ -76,20 +77,21 @@ class AcceptedForces:
         """
         system = self._system
         rows, face = system.constraints, system.interface
-        if not rows.size_global or not (rows.mean_forces or self._any(rows.rigid.any())):
+        rigid = rows.rigid
+        if not rows.size_global or not (rows.mean_forces or self._any(rigid.any())):
             return rows.forces
         face.update()
         rows.multipliers[:], velocities = rows.forces, face.velocities.copy()
         drives = drive_rates(rows, system.time, self._span, self._end)
         rows.evaluate(_UNSCALED)
-        right = self._out_of_balance()
+        right, gradients = self._out_of_balance(), rows.gradients_of(rigid)
         if self._turning:
-            self._project(-(rows.rates() + drives.first) * rows.rigid, right)
+            self._project(-(rows.rates() + drives.first) * rigid, gradients, right)
         gaps = drives.second + 2.0 * drives.of_rates(rows)
         if self._laws:
             rows.evaluate(_UNSCALED)
         gaps += rows.second_rates() + self._second_rates()
-        found = self._forces(gaps, right)
+        found = self._forces(rigid, gaps, gradients, right)
         face.velocities[:] = velocities
         return found
 
@@ -98,16 +100,17 @@ class AcceptedForces:
         comm = self._system.comm
         return bool(comm.allreduce(bool(mine), op=MPI.LOR) if comm.size > 1 else mine)
 
-    def _project(self, rates: FloatArray, right: list[FloatArray]) -> None:
+    def _project(self, rates: FloatArray, gradients: FloatArray, right: list[FloatArray]) -> None:
         """Move the interface's velocities of rigid bodies onto the constraints.
 
         Args:
             rates: (r,) rates by which the rows are violated.
+            gradients: (t, 2, 6) of the rigid rows.
             right: forces (n_owned, width) of each block that are to be balanced; gyroscopic ones
                 are added.
         """
         system = self._system
-        self._solve([np.zeros_like(block) for block in right], rates, False)
+        self._solve(self._nothing, rates, gradients, False)
         for k, part in enumerate(system.parts):
             block = part.block
             if part.elements is None:
@@ -138,40 +141,50 @@ class AcceptedForces:
         system.interface.update_steps()
         return system.constraints.changes(system.interface.steps)
 
-    def _forces(self, gaps: FloatArray, right: list[FloatArray]) -> FloatArray:
+    def _forces(
+        self, rigid: BoolArray, gaps: FloatArray, gradients: FloatArray, right: list[FloatArray]
+    ) -> FloatArray:
         """Forces (r,) of all rows, those of laws at the projected velocities.
 
         Args:
-            gaps: (r,) second rates of the rigid rows.
+            rigid: (r,) True for constraint equations.
+            gaps: (r,) their second rates.
+            gradients: (t, 2, 6) of their terms.
             right: (n_owned, width) forces of each block that are to be balanced.
         """
-        rows = self._system.constraints
-        start, rigid = rows.forces, rows.rigid
+        rows, start, values = self._system.constraints, self._system.constraints.forces, gaps
+        whole = bool(rigid.all())
         for _ in range(_SWEEPS):
-            values = np.where(rigid, gaps, rows.values + rows.yielding(rows.multipliers - start))
-            found = start + self._solve(right, -values, self._turning and not self._laws)
+            if not whole:
+                yielding = rows.values + rows.yielding(rows.multipliers - start)
+                values = np.where(rigid, gaps, yielding)
+            keep = self._turning and not self._laws
+            found = start + self._solve(right, -values, gradients, keep)
             if not self._rubbing or laws_settled(self._system, found):
                 break
             rows.multipliers[:] = found
             rows.evaluate(_UNSCALED)
         return found
 
-    def _solve(self, right: list[FloatArray], values: FloatArray, keep: bool) -> FloatArray:
+    def _solve(
+        self, right: list[FloatArray], values: FloatArray, gradients: FloatArray, keep: bool
+    ) -> FloatArray:
         """Solve for accelerations of rigid bodies, and multipliers (r,), which are returned.
 
         Args:
             right: (n_owned, width) right-hand sides of the blocks.
             values: (r,) of the rows.
+            gradients: (t, 2, 6) of the rigid rows.
             keep: True if rows and bodies are those of the last call.
         """
         system, rows = self._system, self._system.constraints
         if self._inverted:
             for part, forces in zip(system.parts, right, strict=True):
                 part.block.owned_residual[:] = forces
-            own = rows.values.copy(), rows.step_jacobian.copy()
-            rows.values[:], rows.step_jacobian[:] = values, rows.rigid_jacobian()
-            self._inverted, found = self._kept().constrain(MASS, keep, rows.mean_forces)
-            rows.values[:], rows.step_jacobian[:] = own
+            own = rows.step_jacobian.copy()
+            rows.step_jacobian[:] = gradients
+            self._inverted, found = self._kept().constrain(MASS, values, keep, rows.mean_forces)
+            rows.step_jacobian[:] = own
             if self._inverted:
                 return found
         system.counters.mass_factorizations += 1

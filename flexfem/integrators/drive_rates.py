@@ -9,6 +9,7 @@ accelerations jump at the instant itself it is their mean.
 """
 
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 
@@ -28,7 +29,6 @@ _SECOND_CENTRAL = np.array([0.0, -1.0, 16.0, -30.0, 16.0, -1.0, 0.0]) / 12.0
 _SECOND = np.array([_SECOND_BACKWARD, _SECOND_CENTRAL, _SECOND_BACKWARD[::-1]])
 #: Selections of the instants to be evaluated: all, or those of one stencil.
 _AROUND, _BEHIND, _AHEAD = slice(0, 7), slice(0, 4), slice(3, 7)
-_ONE_SIDED = np.array([[[1.0, 0.0, 0.0]], [[0.0, 0.0, 1.0]]])
 #: Ratio of fourth to third differences that indicates a kink, unless the third are below a part of
 #: the second ones; ratio of third to second differences below which a side is smooth.
 _KINK, _STRAIGHT, _SMOOTH = 0.25, 2e-2, 0.2
@@ -76,21 +76,36 @@ def drive_rates(rows: Constraints, t: float, span: float, end: float) -> DriveRa
     They are evaluated between 0 and ``end`` (s) only, or after ``t`` if that is too short.
     """
     if not rows.driven:
-        nothing = np.zeros(rows.size)
-        return DriveRates(t, nothing, nothing, nothing > 0.0, np.empty(0), np.empty((0, 0)))
+        return _at_rest(rows, t)
     chosen = _AROUND
     if t + span * _PLACES[-1] > end:
         chosen = _BEHIND
     if t + span * _PLACES[0] < 0.0:
         chosen = _AHEAD
-    times = np.where(_PLACES == 0.0, t, t + span * _PLACES)[chosen]
+    times = t + span * _PLACES[chosen]
     values, turning = _sample(rows, t, times)
-    stencils = _FIRST[:, chosen] / span, _SECOND[:, chosen] / span**2
-    shares = _shares(values) if chosen is _AROUND else _ONE_SIDED[int(chosen is _AHEAD)]
-    whole = np.broadcast_to(shares, (rows.size, 3))
-    first, second = (whole @ weights for weights in stencils)
+    if not (values.any() or turning.any()):
+        return _at_rest(rows, t)
+    if chosen is _AROUND:
+        shares = _shares(values)
+    else:
+        shares = np.zeros((rows.size, 3))
+        shares[:, 0 if chosen is _BEHIND else 2] = 1.0
+    first, second = (shares @ weights for weights in _stencils(chosen.start, chosen.stop, span))
     by_time, twice = (np.einsum("rk,kr->r", w, values) for w in (first, second))
     return DriveRates(t, by_time, twice, turning, times, first)
+
+
+def _at_rest(rows: Constraints, t: float) -> DriveRates:
+    """Derivatives of drives that do not change around the instant."""
+    nothing = np.zeros(rows.size)
+    return DriveRates(t, nothing, nothing, nothing > 0.0, np.empty(0), np.empty((0, 0)))
+
+
+@lru_cache(maxsize=8)
+def _stencils(start: int, stop: int, span: float) -> tuple[FloatArray, FloatArray]:
+    """Weights (3, k) of the chosen instants for first and second derivatives."""
+    return _FIRST[:, start:stop] / span, _SECOND[:, start:stop] / span**2
 
 
 def _sample(rows: Constraints, t: float, times: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -99,22 +114,24 @@ def _sample(rows: Constraints, t: float, times: FloatArray) -> tuple[FloatArray,
     For those that do not rotate it is minus their targets, without the rounding of positions.
     """
     targets, turning = rows.drives_at(times.tolist())
-    values = np.zeros_like(targets)
+    own: FloatArray = -targets
     if turning.any():
-        for k, time in enumerate(times.tolist()):
+        for values, time in zip(own, times.tolist(), strict=True):
             rows.set_drives(time)
             rows.evaluate(_UNSCALED)
-            values[k] = rows.values
-    rows.set_drives(t)
-    own = np.where(turning, values, -targets)
-    return own - own[np.searchsorted(times, t)], turning
+            values[turning] = rows.values[turning]
+        rows.set_drives(t)
+    at = times.searchsorted(t)
+    rows.targets[:] = targets[at]
+    own -= own[at].copy()
+    return own, turning
 
 
 def _shares(values: FloatArray) -> FloatArray:
     """Shares (r, 3) of the stencils for values (7, r)."""
     second = _differences(_differences(values))
     third = _differences(second)
-    size, jerk, jump = (np.abs(d).max(axis=0) for d in (second, third, _differences(third)))
+    size, jerk, jump = (np.maximum.reduce(np.abs(d)) for d in (second, third, _differences(third)))
     size[size == 0.0] = 1.0
     kink = jump / np.maximum(jerk, _STRAIGHT * size)
     central = 1.0 / (1.0 + (kink / _KINK) ** _POWER)

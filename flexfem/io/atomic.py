@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Buffer, Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -11,12 +11,12 @@ if TYPE_CHECKING:
     from mpi4py import MPI
 
 
-def replace_file(path: Path, chunks: Iterable[bytes | memoryview]) -> None:
+def replace_file(path: Path, chunks: Iterable[Buffer]) -> None:
     """Write a file under a temporary name beside it, then rename it into place.
 
     Args:
         path: File to create or replace; its folder must exist.
-        chunks: Contents, written one after the other.
+        chunks: Contents, one after the other.
 
     Raises:
         OSError: If the file cannot be written; the previous version is left untouched.
@@ -24,8 +24,7 @@ def replace_file(path: Path, chunks: Iterable[bytes | memoryview]) -> None:
     temporary = path.with_name(f".{path.name}.tmp")
     try:
         with temporary.open("wb") as stream:
-            for chunk in chunks:
-                stream.write(chunk)
+            stream.write(b"".join(chunks))  # one call of the system, which costs more than a copy
         temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)
@@ -41,6 +40,22 @@ def raise_together(comm: MPI.Comm, error: Exception | None) -> None:
         comm: Communicator.
         error: This rank's error, or None.
     """
-    errors = [e for e in comm.allgather(error) if e is not None]
-    if errors:
-        raise errors[0]
+    gathered(comm, None, error)
+
+
+def gathered[Value](comm: MPI.Comm, mine: Value, error: Exception | None = None) -> list[Value]:
+    """Values of all ranks on every rank; collective, and also a barrier.
+
+    Args:
+        comm: Communicator.
+        mine: This rank's value.
+        error: This rank's error, or None.
+
+    Raises:
+        Exception: The first rank's error, on every rank.
+    """
+    every = comm.allgather((mine, error)) if comm.size > 1 else [(mine, error)]
+    for _, found in every:
+        if found is not None:
+            raise found
+    return [value for value, _ in every]

@@ -33,5 +33,6 @@ def inverted(matrices: FloatArray) -> tuple[FloatArray, bool]:
         inverses = np.linalg.inv(matrices)
     except np.linalg.LinAlgError:
         return np.zeros_like(matrices), False
-    sizes = np.abs(matrices).max(axis=(1, 2)) * np.abs(inverses).max(axis=(1, 2))
-    return inverses, bool((sizes < 1.0 / SMALLEST_PIVOT).all())
+    flat = len(matrices), matrices.shape[1] ** 2
+    own, other = (np.abs(m).reshape(flat).max(axis=1) for m in (matrices, inverses))
+    return inverses, bool((own * other < 1.0 / SMALLEST_PIVOT).all())

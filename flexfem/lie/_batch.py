@@ -21,7 +21,7 @@ def _checked(owner: str, name: str, values: npt.ArrayLike, core: tuple[int, ...]
 
 def _flat(array: FloatArray, leading: tuple[int, ...], core: tuple[int, ...]) -> FloatArray:
     """Contiguous rows, one for each member of the batch (also of an empty one)."""
-    full = np.broadcast_to(array, leading + core)
+    full = array if array.shape == leading + core else np.broadcast_to(array, leading + core)
     return np.ascontiguousarray(full).reshape(math.prod(leading), math.prod(core))
 
 

@@ -145,8 +145,8 @@ class EndPoint(Mechanics):
     def move(self, system: System, sign: float) -> float:
         """See :class:`Mechanics`."""
         sizes = [part.block.correct(sign) for part in system.parts]
-        # NumPy's maximum keeps a NaN, Python's may drop it
-        return sizes[0] if len(sizes) == 1 else float(np.max(sizes, initial=0.0))
+        # Python's maximum alone may drop a NaN
+        return max(sizes, key=lambda size: (size != size, size), default=0.0)
 
     def cells(
         self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest

@@ -201,6 +201,8 @@ class SE3Beams:
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
         """Viscous stress resultants and strain rates (m, 6) of all cells."""
+        if len(self.groups) == 1:
+            return self.groups[0][1].viscosity(block)
         stress, rate = np.empty((2, len(self.data.cells), 6))
         for rows, group in self.groups:
             stress[rows], rate[rows] = group.viscosity(block)

@@ -197,8 +197,11 @@ class BeamGroup:
         self, frames: FloatArray, at: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:
         """Relative twists and strains (m, 6) of the given cells, all by default."""
-        at = self._every if at is None else at
         twists = self.twists(frames, at)
+        if at is None:
+            strain = twists - self._twists
+            strain /= self.lengths[:, np.newaxis]
+            return twists, strain
         return twists, (twists - self._twists[at]) / self.lengths[at, np.newaxis]
 
     def stretches(self, frames: FloatArray) -> FloatArray:
@@ -215,10 +218,10 @@ class BeamGroup:
             frames: (n, 12) frames of the nodes.
             at: numbers of the cells, all by default.
         """
-        at = self._every if at is None else at
         _, strain = self._strain(frames, at)
-        resultant, energy = self._material.response(strain, self.data.section[at])
-        return strain, resultant, energy * self.lengths[at]
+        chosen = slice(None) if at is None else at
+        resultant, energy = self._material.response(strain, self.data.section[chosen])
+        return strain, resultant, energy * self.lengths[chosen]
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
         """Viscous stress resultants and strain rates (m, 6) of all cells."""

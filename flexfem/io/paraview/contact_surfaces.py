@@ -11,7 +11,7 @@ from flexfem.io.vtu.body_fields import RigidBodyFields, RigidBodyWriter
 from flexfem.io.vtu.surfaces import Surface, cylinder, joined, sphere
 from flexfem.layout.node_key import NodeKey
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.lie import se3
+from flexfem.lie import se3, so3
 from flexfem.model.rigid_surface import (
     RigidCylinder,
     RigidMesh,
@@ -33,6 +33,9 @@ class ContactSurfaceWriter:
 
     Triangles show the side that nodes are kept on: with hidden back faces one looks into hollow
     surfaces, and through planes from below. Surfaces that act on both sides occur twice.
+
+    Attributes:
+        shown: False if the model has none.
     """
 
     def __init__(
@@ -48,6 +51,7 @@ class ContactSurfaceWriter:
         """
         # a surface may be of several contacts
         every = {id(s): s for contact in serial.model.contacts for s in contact.surfaces}
+        self.shown = bool(every)
         offsets = [serial.marker_frame(surface.place) for surface in every.values()]
         self._carriers = [serial.key(surface.place) for surface in every.values()]
         self._offsets = np.array(offsets).reshape(-1, 12)
@@ -83,7 +87,7 @@ class ContactSurfaceWriter:
             turn = se3.rotation(base)
             spin[k] = turn @ block.velocity[node, 3:]
             arm = frames[k, :3] - base[:3]
-            velocity[k] = turn @ block.velocity[node, :3] + np.cross(spin[k], arm)
+            velocity[k] = turn @ block.velocity[node, :3] + so3.cross(spin[k], arm)
         position = se3.position(frames)
         self._writer.write(
             time, step,

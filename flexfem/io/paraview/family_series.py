@@ -40,7 +40,14 @@ _BODY = 0.2
 
 
 class Series(Protocol):
-    """Pictures of some bodies over time; every call is collective."""
+    """Pictures of some bodies over time; every call is collective.
+
+    Attributes:
+        shown: False if the model has none of these bodies, the same on all ranks: the series then
+            only removes files of an earlier run.
+    """
+
+    shown: bool
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
@@ -74,16 +81,19 @@ class BeamSeries:
         resume: float | None,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
-        self._lines = [part for part in parts if isinstance(part.elements, SE3Beams)]
-        curved = [part for part in parts if part not in self._lines]
-        self._curves = [CurveSampler(part, serial) for part in curved]
+        self.shown = bool(parts)
+        self._samplers = [
+            _LineSampler(part) if isinstance(part.elements, SE3Beams)
+            else CurveSampler(part, serial)
+            for part in parts
+        ]  # fmt: skip
         curves = [] if serial.curves is None else serial.curves.sections
         outlines = [section.walls for section in (*serial.sections, *curves)]
         self._writer = BeamWriter(folder, comm, outlines, resume=resume)
 
     def write(self, time: float, step: int) -> None:
         """See :class:`Series`."""
-        fields = [*map(_beam_fields, self._lines), *(curve.fields() for curve in self._curves)]
+        fields = [sampler.fields() for sampler in self._samplers]
         self._writer.write(time, step, BeamFields.joined(fields))
 
     def close(self) -> None:
@@ -99,7 +109,7 @@ class ShellSeries:
         resume: float | None,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
-        self._parts = list(parts)
+        self._parts, self.shown = list(parts), bool(parts)
         self._thickness = np.array([shell.section.thickness for shell in serial.model.shells])
         self._writer = ShellWriter(folder, comm, resume=resume)
 
@@ -121,7 +131,7 @@ class RigidSeries:
         resume: float | None,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
-        self._parts = list(parts)
+        self._bodies, self.shown = [_BodySampler(part) for part in parts], bool(parts)
         # the box of a large inertia must not hide flexible bodies
         largest = _BODY * model_extent(serial) if len(serial.nodes) else np.inf
         surfaces = [
@@ -132,7 +142,7 @@ class RigidSeries:
 
     def write(self, time: float, step: int) -> None:
         """See :class:`Series`."""
-        fields = [_body_fields(part) for part in self._parts]
+        fields = [sampler.fields() for sampler in self._bodies]
         self._writer.write(time, step, fields[0] if fields else RigidBodyFields.empty())
 
     def close(self) -> None:
@@ -149,6 +159,7 @@ class FloatingSeries:
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
         self._parts, self._bodies = list(parts), serial.model.floating_bodies
+        self.shown = bool(parts)
         self._writer = FloatingWriter(folder, comm, self._bodies, resume=resume)
 
     def write(self, time: float, step: int) -> None:
@@ -169,25 +180,52 @@ def node_motion(block: FrameBlock) -> tuple[FloatArray, FloatArray, FloatArray, 
     return se3.position(block.frames), rotation, velocity, spin
 
 
-def _beam_fields(part: BlockPart) -> BeamFields:
-    assert isinstance(part.elements, SE3Beams)
-    position, rotation, velocity, spin = node_motion(part.block)
-    strain, resultant = part.elements.resultants(part.block.frames)
-    data = part.elements.data
-    start = se3.rotation(part.block.start_frames)[data.cells]
-    return BeamFields(
-        position=position,
-        displacement=position - se3.position(part.block.start_frames),
-        rotation=rotation,
-        velocity=velocity,
-        angular_velocity=spin,
-        cells=data.cells.astype(np.int64),
-        body=data.body,
-        strain=strain,
-        resultant=resultant,
-        section=data.section,
-        turn=np.swapaxes(start, -1, -2) @ se3.rotation(data.frames),
-    )
+class _LineSampler:
+    """Nodes and cells of beams of two nodes."""
+
+    def __init__(self, part: BlockPart) -> None:
+        """Compute what does not change with time."""
+        assert isinstance(part.elements, SE3Beams)
+        self._block, self._beams = part.block, part.elements
+        data = part.elements.data
+        start = se3.rotation(part.block.start_frames)[data.cells]
+        self._turn = np.swapaxes(start, -1, -2) @ se3.rotation(data.frames)
+        self._start, self._cells = part.block.start_frames[:, :3], data.cells.astype(np.int64)
+
+    def fields(self) -> BeamFields:
+        """State of the nodes and cells."""
+        position, rotation, velocity, spin = node_motion(self._block)
+        strain, resultant = self._beams.resultants(self._block.frames)
+        return BeamFields(
+            position=position,
+            displacement=position - self._start,
+            rotation=rotation,
+            velocity=velocity,
+            angular_velocity=spin,
+            cells=self._cells,
+            body=self._beams.data.body,
+            strain=strain,
+            resultant=resultant,
+            section=self._beams.data.section,
+            turn=self._turn,
+        )
+
+
+class _BodySampler:
+    """Rigid bodies of a part."""
+
+    def __init__(self, part: BlockPart) -> None:
+        """Compute what does not change with time."""
+        self._block, frames = part.block, part.block.start_frames
+        self._start, self._turn = se3.position(frames), se3.rotation(frames)
+
+    def fields(self) -> RigidBodyFields:
+        """State of the bodies."""
+        position, rotation, velocity, spin = node_motion(self._block)
+        return RigidBodyFields(
+            position, rotation, velocity, spin, self._block.node_ids, position - self._start,
+            self._turn,
+        )  # fmt: skip
 
 
 def _shell_fields(part: BlockPart, thickness: FloatArray) -> ShellFields:
@@ -212,13 +250,6 @@ def _shell_fields(part: BlockPart, thickness: FloatArray) -> ShellFields:
         thickness=thickness[body],
         energy=energy[of],
     )
-
-
-def _body_fields(part: BlockPart) -> RigidBodyFields:
-    position, rotation, velocity, spin = node_motion(part.block)
-    start, turn = (of(part.block.start_frames) for of in (se3.position, se3.rotation))
-    ids = part.block.node_ids
-    return RigidBodyFields(position, rotation, velocity, spin, ids, position - start, turn)
 
 
 def _floating_states(part: BlockPart, bodies: Sequence[FloatingBody]) -> list[FloatingState]:

@@ -6,7 +6,6 @@ from pathlib import Path
 
 import numpy as np
 
-from flexfem._types import BoolArray
 from flexfem.io.paraview.contact_surfaces import ContactSurfaceWriter
 from flexfem.io.paraview.family_series import Series
 from flexfem.io.paraview.paraview_state import write_paraview_state
@@ -48,25 +47,26 @@ class FieldOutput:
         for name in filter(None, named):
             parts = [part for part in system.parts if part.family.series == name]
             self._bodies.append(_series(name)(folder, comm, parts, serial, resume))
-        self._obstacles = ContactSurfaceWriter(folder, system, serial, resume)
-        # locks of elastic coordinates are inside a body and not shown
-        self._shown = np.array([not isinstance(j, ElasticLock) for j in serial.joints], dtype=bool)
+        self._bodies.append(ContactSurfaceWriter(folder, system, serial, resume))
+        self._sampler = _JointSampler(system, serial)
         kinds = [j.owner.partition(" ")[0] for j in serial.joints]
         size = _GLYPH * model_extent(serial)
         self._joints = JointWriter(folder, comm, kinds, size, resume=resume)
 
     def write(self, time: float, step: int) -> None:
         """Write the accepted state."""
-        for series in (*self._bodies, self._obstacles):
-            series.write(time, step)
-        self._joints.write(time, step, _joint_fields(self._system, self._shown))
+        for series in self._bodies:
+            if series.shown or not self._opened:
+                series.write(time, step)
+        if self._sampler.shown or not self._opened:
+            self._joints.write(time, step, self._sampler.fields())
         if not self._opened:
             write_paraview_state(self._folder, self._system.comm)
             self._opened = True
 
     def close(self) -> None:
         """End all series."""
-        for series in (*self._bodies, self._obstacles):
+        for series in self._bodies:
             series.close()
         self._joints.close()
 
@@ -80,29 +80,46 @@ def _series(name: str | type[Series]) -> type[Series]:
     return found
 
 
-def _joint_fields(system: System, shown: BoolArray) -> JointFields:
+class _JointSampler:
     """Markers and axes of the joints that this rank owns, and their wrenches on the first body.
 
-    ``shown`` are those of all joints that have a picture.
+    Attributes:
+        shown: True if any joint of the model has a picture.
     """
-    rows = system.constraints
-    forces = system.reported_forces() if shown.any() else rows.forces
-    owned = np.array([placed.owned and shown[placed.index] for placed in rows.joints], dtype=bool)
-    first = rows.marker_start[:-1][owned]
-    frames, wrench = rows.poses, rows.reactions(forces)[first]
-    axis = np.zeros((len(first), 3))
-    joints = [placed for placed in rows.joints if placed.owned and shown[placed.index]]
-    start = np.array([placed.poses[0].position for placed in joints])
-    for i, placed in enumerate(joints):
-        if placed.joint.direction is not None:
-            turn = se3.rotation(frames[first[i]]) @ placed.poses[0].rotation.T
-            axis[i] = turn @ placed.joint.direction
-    return JointFields(
-        a=frames[first, :3],
-        b=frames[first + 1, :3],
-        axis=axis,
-        force=wrench[:, :3],
-        moment=wrench[:, 3:],
-        joint=np.array([placed.index for placed in joints], dtype=np.int64),
-        displacement=frames[first, :3] - start.reshape(-1, 3),
-    )
+
+    def __init__(self, system: System, serial: NumberedModel) -> None:
+        """Find the joints, and compute what does not change with time."""
+        self._system = system
+        # locks of elastic coordinates are inside a body
+        pictured = [not isinstance(joint, ElasticLock) for joint in serial.joints]
+        self.shown = any(pictured)
+        rows = system.constraints
+        chosen = [k for k, j in enumerate(rows.joints) if j.owned and pictured[j.index]]
+        joints = [rows.joints[k] for k in chosen]
+        self._first = rows.marker_start[chosen]
+        self._numbers = np.array([joint.index for joint in joints], dtype=np.int64)
+        start = np.array([joint.poses[0].position for joint in joints])
+        self._start = start.reshape(-1, 3)
+        along = [(k, j) for k, j in enumerate(joints) if j.joint.direction is not None]
+        self._along = np.array([k for k, _ in along], dtype=np.int64)
+        back = [joint.poses[0].rotation.T for _, joint in along]
+        self._back = np.array(back).reshape(-1, 3, 3)
+        self._directions = np.array([j.joint.direction for _, j in along]).reshape(-1, 3, 1)
+
+    def fields(self) -> JointFields:
+        """State of the joints."""
+        rows, first = self._system.constraints, self._first
+        forces = self._system.reported_forces() if self.shown else rows.forces
+        wrench, a = rows.reactions(forces)[first], rows.poses[first, :3]
+        axis = np.zeros((len(first), 3))
+        turn = se3.rotation(rows.poses[first[self._along]]) @ self._back
+        axis[self._along] = (turn @ self._directions)[:, :, 0]
+        return JointFields(
+            a=a,
+            b=rows.poses[first + 1, :3],
+            axis=axis,
+            force=wrench[:, :3],
+            moment=wrench[:, 3:],
+            joint=self._numbers,
+            displacement=a - self._start,
+        )

@@ -94,17 +94,25 @@ class HistoryWriter:
             t: Time in s.
             values: One number per column; ignored on ranks other than 0.
         """
-        if self.comm.rank != 0:
-            return
+        if self.comm.rank == 0:
+            self.extend([np.append(float(t), np.array(values, dtype=np.float64))])
+
+    def extend(self, rows: Sequence[NDArray[np.float64]]) -> None:
+        """Append some rows on rank 0.
+
+        Args:
+            rows: Time in s and one number per column (1 + columns) each.
+        """
         if self._stream is None:
             raise ValueError(f"HistoryWriter '{self.path}': written after close")
-        row = np.array(values, dtype=np.float64).reshape(-1)
-        if len(row) != len(self.columns):
-            raise ValueError(
-                f"HistoryWriter '{self.path}': {len(row)} values for {len(self.columns)} columns"
-            )
+        for row in rows:
+            if len(row) != 1 + len(self.columns):
+                raise ValueError(
+                    f"HistoryWriter '{self.path}': {len(row) - 1} values for {len(self.columns)} "
+                    "columns"
+                )
         try:
-            self._stream.write(",".join(map(repr, [float(t), *row.tolist()])) + "\n")
+            self._stream.write("".join(",".join(map(repr, row.tolist())) + "\n" for row in rows))
             self._stream.flush()
         except OSError:
             # rows that the disk does not take are not written again when Python ends
@@ -135,8 +143,7 @@ class HistoryWriter:
         """
         self.close()
         self._open(None)
-        for t, *values in np.asarray(rows).tolist():
-            self.write(t, values)
+        self.extend([np.asarray(row, dtype=np.float64) for row in rows])
 
     def sync(self) -> None:
         """Bring all rows to disk; rank 0, the others do nothing.

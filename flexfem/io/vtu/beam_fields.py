@@ -48,9 +48,11 @@ class BeamFields:
     def __post_init__(self) -> None:
         """Check the shapes."""
         n, m = len(self.position), len(self.cells)
-        shapes: dict[str, tuple[int, ...]] = {f.name: (n, 3) for f in fields(self)}
-        shapes |= {"rotation": (n, 3, 3), "cells": (m, 2), "body": (m,), "section": (m,)}
-        shapes |= {"turn": (m, 2, 3, 3), "strain": (m, 6), "resultant": (m, 6)}
+        shapes: dict[str, tuple[int, ...]] = {
+            "position": (n, 3), "displacement": (n, 3), "rotation": (n, 3, 3), "velocity": (n, 3),
+            "angular_velocity": (n, 3), "cells": (m, 2), "body": (m,), "strain": (m, 6),
+            "resultant": (m, 6), "section": (m,), "turn": (m, 2, 3, 3),
+        }  # fmt: skip
         for name, shape in shapes.items():
             found = np.shape(getattr(self, name))
             if found != shape:

@@ -6,14 +6,15 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from numpy.typing import NDArray
 
 from flexfem.io.vtu.glyphs import glyph
 from flexfem.io.vtu.series import VtuSeries
-from flexfem.io.vtu.surfaces import InstanceCache, Surface, box, frames_along
+from flexfem.io.vtu.surfaces import InstanceCache, Instances, Surface, box, frames_along
+from flexfem.lie import so3
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -74,6 +75,8 @@ class RigidBodyWriter:
         """
         self._series = VtuSeries(folder, name, comm, resume=resume)
         self._templates = InstanceCache(surfaces)
+        self._mesh: Instances | None = None
+        self._before = np.zeros((0, 3))  # its arms at the start
 
     def write(self, time: float, step: int, bodies: RigidBodyFields) -> None:
         """Write one instant; collective.
@@ -84,20 +87,22 @@ class RigidBodyWriter:
             bodies: This rank's part.
         """
         mesh = self._templates.select(bodies.body)
+        if mesh is not self._mesh:
+            self._mesh, self._before = mesh, mesh.arms(bodies.start_rotation)
         owner = mesh.owner
         arms = mesh.arms(bodies.rotation)
-        turned = arms - mesh.arms(bodies.start_rotation)
         self._series.write(
             time,
             step,
-            bodies.position[owner] + arms,
+            bodies.position.take(owner, axis=0) + arms,
             mesh.triangles,
             "triangle",
             {
-                "displacement": bodies.displacement[owner] + turned,
-                "velocity": bodies.velocity[owner] + np.cross(bodies.angular_velocity[owner], arms),
+                "displacement": bodies.displacement.take(owner, axis=0) + (arms - self._before),
+                "velocity": bodies.velocity.take(owner, axis=0)
+                + so3.cross(bodies.angular_velocity.take(owner, axis=0), arms),
             },
-            {"body": bodies.body[mesh.cell_owner]},
+            {"body": bodies.body.take(mesh.cell_owner)},
         )
 
     def close(self) -> None:
@@ -163,10 +168,11 @@ class JointWriter:
         sizes = np.broadcast_to(np.asarray(size, dtype=np.float64), (len(kinds),)).tolist()
         self._series = VtuSeries(folder, "joints", comm, resume=resume)
         self._reactions = VtuSeries(folder, "reactions", comm, resume=resume)
-        self._glyphs = InstanceCache.scaled([glyph(kind) for kind in kinds], sizes)
+        glyphs = [glyph(kind).scaled(size) for kind, size in zip(kinds, sizes, strict=True)]
         # Thickness by size, length one: it is stretched to the distance of the markers.
         rods = [box((0.12 * s, 0.12 * s, 1.0)) for s in sizes]
-        self._rods = InstanceCache(rods)
+        self._pictures = InstanceCache([*glyphs, *rods])
+        self._kinds = len(kinds)
 
     def write(self, time: float, step: int, joints: JointFields) -> None:
         """Write one instant; collective.
@@ -176,18 +182,15 @@ class JointWriter:
             step: Step number.
             joints: This rank's part.
         """
-        glyphs, rods = self._glyphs.select(joints.joint), self._rods.select(joints.joint)
-        link = joints.b - joints.a
-        frames = frames_along(link)
-        frames[:, :, 2] = link
-        points = np.concatenate(
-            [
-                joints.a[glyphs.owner] + glyphs.arms(frames_along(joints.axis)),
-                joints.a[rods.owner] + 0.5 * link[rods.owner] + rods.arms(frames),
-            ]
-        )
-        cell = np.concatenate([glyphs.cell_owner, rods.cell_owner])
-        values = {
+        n, link = len(joints.joint), joints.b - joints.a
+        mesh = self._pictures.select(np.concatenate([joints.joint, joints.joint + self._kinds]))
+        origin = np.concatenate([joints.a, joints.a + 0.5 * link])
+        frames = frames_along(np.concatenate([joints.axis, link]))
+        frames[n:, :, 2] = link
+        points = origin.take(mesh.owner, axis=0) + mesh.arms(frames)
+        owner, cell = (at % max(n, 1) for at in (mesh.owner, mesh.cell_owner))
+        values: dict[str, NDArray[Any]] = {
+            "joint": joints.joint,
             "force": joints.force,
             "force_magnitude": np.linalg.norm(joints.force, axis=1),
             "moment": joints.moment,
@@ -197,10 +200,10 @@ class JointWriter:
             time,
             step,
             points,
-            np.concatenate([glyphs.triangles, rods.triangles + len(glyphs.local)]),
+            mesh.triangles,
             "triangle",
-            {"displacement": joints.displacement[np.concatenate([glyphs.owner, rods.owner])]},
-            {"joint": joints.joint[cell], **{name: v[cell] for name, v in values.items()}},
+            {"displacement": joints.displacement.take(owner, axis=0)},
+            {name: value.take(cell, axis=0) for name, value in values.items()},
         )
         self._reactions.write(
             time,
@@ -208,7 +211,7 @@ class JointWriter:
             joints.a,
             np.arange(len(joints.a))[:, np.newaxis],
             "vertex",
-            {"joint": joints.joint, **values, "displacement": joints.displacement},
+            {**values, "displacement": joints.displacement},
         )
 
     def close(self) -> None:

@@ -8,9 +8,10 @@ File format: https://docs.vtk.org/en/latest/design_documents/VTKFileFormats.html
 
 from __future__ import annotations
 
+import math
 import re
 import sys
-from collections.abc import Mapping, Sequence
+from collections.abc import Buffer, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from os import SEEK_END
@@ -23,7 +24,7 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexfem._checks import InputError
-from flexfem.io.atomic import raise_together, replace_file
+from flexfem.io.atomic import gathered, raise_together, replace_file
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -36,6 +37,10 @@ _TYPE_NAMES = {
     np.dtype(np.float64): "Float64", np.dtype(np.float32): "Float32", np.dtype(np.int32): "Int32",
     np.dtype(np.uint8): "UInt8",
 }  # fmt: skip
+# Attributes of the point and the cell arrays
+type _Header = tuple[tuple[str, ...], tuple[str, ...]]
+# Stands for the time in a text; no document has this character
+_TIME = "\0"
 _DOCUMENT_END, _PVD_END = "</VTKFile>\n", "</Collection>"
 _ENDIAN = "LittleEndian" if sys.byteorder == "little" else "BigEndian"
 
@@ -72,7 +77,7 @@ class _Piece:
     point_data: tuple[_Array, ...]
     cell_data: tuple[_Array, ...]
 
-    def header(self) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    def header(self) -> _Header:
         """Attributes of the point and cell arrays: data on which all ranks must agree."""
         return (
             tuple(a.attributes() for a in self.point_data),
@@ -114,9 +119,13 @@ class VtuSeries:
         if not re.fullmatch(r"[A-Za-z0-9_.-]+", name):
             raise ValueError(f"VtuSeries '{name}': the name must be usable as a file name")
         self.folder, self.name, self.comm = Path(folder), name, comm
+        self._folder, self._index_file = self.folder / name, self.folder / f"{name}.pvd"
         self._components = {k: tuple(v) for k, v in (components or {}).items()}
         self._instants: dict[int, tuple[float, str]] = {}  # step -> (time, file), rank 0 only
         self._last: tuple[float, str] | None = None  # of them
+        # of the last instant
+        self._cells, self._count = np.zeros((0, 0), dtype=np.int32), 0
+        self._text: _Text | None = None
         if resume is not None:
             self._recall(resume)
         self._started = self._closed = False
@@ -151,25 +160,22 @@ class VtuSeries:
         if not self._started:
             self._start()
         error: Exception | None = None
-        piece = None
+        header = piece = None
         try:
             piece = self._piece(points, cells, cell_type, point_data or {}, cell_data or {})
+            header = piece.header() if len(piece.connectivity) else None
         except (TypeError, ValueError) as exc:
             error = exc
-        raise_together(self.comm, error)
-        assert piece is not None
-        header = piece.header() if len(piece.connectivity) else None
-        headers = self.comm.allgather(header)
+        headers = gathered(self.comm, header, error)
         present = [h for h in headers if h is not None]
         if not present:
             return
         if any(h != present[0] for h in present):
             raise ValueError(f"VtuSeries '{self.name}': the ranks pass different arrays")
         try:
-            if header is not None:
-                self._folder.mkdir(parents=True, exist_ok=True)
-                path = self._folder / f"{self._stem(step)}_{self.comm.rank}.vtu"
-                replace_file(path, _vtu(piece, time))
+            if piece is not None and header is not None:
+                name = f"{self._stem(step)}_{self.comm.rank}.vtu"
+                self._replace(name, self._text_around(piece, header).contents(piece, time))
         except OSError as exc:
             error = exc
         raise_together(self.comm, error)
@@ -191,9 +197,13 @@ class VtuSeries:
             self._closed = True
             self.comm.barrier()
 
-    @property
-    def _folder(self) -> Path:
-        return self.folder / self.name
+    def _replace(self, name: str, chunks: Sequence[Buffer]) -> None:
+        """Write a file of the series; its folder is made if it is not there."""
+        try:
+            replace_file(self._folder / name, chunks)
+        except FileNotFoundError:
+            self._folder.mkdir(parents=True, exist_ok=True)
+            replace_file(self._folder / name, chunks)
 
     def _stem(self, step: int) -> str:
         return f"{self.name}_{step:06d}"
@@ -212,7 +222,7 @@ class VtuSeries:
     def _recall(self, resume: float) -> None:
         """Take over the instants of an earlier run; collective."""
         error: Exception | None = None
-        pvd = self.folder / f"{self.name}.pvd"
+        pvd = self._index_file
         if self.comm.rank == 0 and pvd.exists():
             limit = resume + 1e-12 * abs(resume)
             try:
@@ -224,12 +234,11 @@ class VtuSeries:
         raise_together(self.comm, error)
 
     def _clean(self) -> None:
-        pvd = self.folder / f"{self.name}.pvd"
         # The index is removed first: it must never name a file that is gone.
         if self._instants:
             self._write_pvd()
         else:
-            pvd.unlink(missing_ok=True)
+            self._index_file.unlink(missing_ok=True)
         own = re.compile(rf"\.?{re.escape(self.name)}_(\d{{6,}})(_\d+)?\.p?vtu(\.tmp)?")
         for path in self._folder.iterdir() if self._folder.is_dir() else ():
             match = own.fullmatch(path.name)
@@ -247,39 +256,51 @@ class VtuSeries:
         who = f"VtuSeries '{self.name}'"
         if cell_type not in _CELLS:
             raise ValueError(f"{who}: unknown cell type '{cell_type}', known: {', '.join(_CELLS)}")
-        nodes = _CELLS[cell_type][1]
         x = np.ascontiguousarray(points, dtype=np.float64)
-        c = np.ascontiguousarray(cells)
-        if c.size == 0:
-            c = np.zeros((0, nodes), dtype=np.int32)
         if x.ndim != 2 or x.shape[1] != 3:
             raise ValueError(f"{who}: points have shape {x.shape}, expected (n, 3)")
-        if c.ndim != 2 or c.shape[1] != nodes or not np.issubdtype(c.dtype, np.integer):
-            raise ValueError(
-                f"{who}: cells have shape {c.shape} and type {c.dtype}, "
-                f"expected integers (m, {nodes}) for '{cell_type}'"
-            )
-        if len(c) and (c.min() < 0 or c.max() >= len(x)):
-            raise ValueError(f"{who}: a cell names point {c.max()} (or {c.min()}) of {len(x)}")
+        c = self._connectivity(cells, cell_type, len(x))
         return _Piece(
             _Array("Points", x, 3, ()),
-            c.astype(np.int32, copy=False),
+            c,
             cell_type,
             tuple(self._array(k, v, len(x)) for k, v in point_data.items()),
             tuple(self._array(k, v, len(c)) for k, v in cell_data.items()),
         )
+
+    def _connectivity(self, cells: ArrayLike, cell_type: str, count: int) -> NDArray[np.int32]:
+        """Checked cells, by so many points."""
+        who, nodes = f"VtuSeries '{self.name}'", _CELLS[cell_type][1]
+        c = np.asarray(cells)
+        if c.size == 0:
+            return np.zeros((0, nodes), dtype=np.int32)
+        if c.ndim != 2 or c.shape[1] != nodes or c.dtype.kind not in "iu":
+            raise ValueError(
+                f"{who}: cells have shape {c.shape} and type {c.dtype}, "
+                f"expected integers (m, {nodes}) for '{cell_type}'"
+            )
+        if count != self._count or not np.array_equal(c, self._cells):
+            if c.min() < 0 or c.max() >= count:
+                raise ValueError(f"{who}: a cell names point {c.max()} (or {c.min()}) of {count}")
+            self._cells, self._count = np.array(c, dtype=np.int32, order="C"), count
+        return self._cells
+
+    def _text_around(self, piece: _Piece, header: _Header) -> _Text:
+        """Text of the file of a piece, that of the last one if it fits."""
+        if self._text is None or not self._text.fits(piece, header):
+            self._text = _Text(piece, header)
+        return self._text
 
     def _array(self, name: str, values: ArrayLike, length: int) -> _Array:
         who = f"VtuSeries '{self.name}', array '{name}'"
         a = np.asarray(values)
         if a.shape[:1] != (length,):
             raise ValueError(f"{who}: shape {a.shape}, expected {length} rows")
-        if a.dtype.kind not in "fiub":
+        kind = a.dtype.kind
+        if kind not in "fiub":
             raise TypeError(f"{who}: type {a.dtype} cannot be written")
-        target = np.float32 if a.dtype.kind == "f" else np.int32
-        with np.errstate(over="ignore", under="ignore"):
-            a = np.ascontiguousarray(a, dtype=target)
-        components = int(np.prod(a.shape[1:]))
+        a = _single(a) if kind == "f" else np.ascontiguousarray(a, dtype=np.int32)
+        components = math.prod(a.shape[1:])
         names = self._components.get(name, ())
         if names and len(names) != components:
             raise ValueError(f"{who}: {components} components but {len(names)} component names")
@@ -298,7 +319,7 @@ class VtuSeries:
         if self.comm.size > 1:
             file = f"{stem}.pvtu"
             sources = [f"{stem}_{r}.vtu" for r, h in enumerate(headers) if h is not None]
-            replace_file(self._folder / file, [_pvtu(sources, *arrays).encode()])
+            self._replace(file, [_pvtu(sources, *arrays).encode()])
         instant = (float(time), f"{self.name}/{file}")
         later = step not in self._instants and (self._last is None or self._last < instant)
         self._instants[step] = instant
@@ -309,7 +330,7 @@ class VtuSeries:
     def _write_pvd(self) -> None:
         lines = [_data_set(instant) for instant in sorted(self._instants.values())]
         text = _document("Collection", "0.1", ["<Collection>", *lines, _PVD_END])
-        replace_file(self.folder / f"{self.name}.pvd", [text.encode()])
+        replace_file(self._index_file, [text.encode()])
 
     def _extend_pvd(self, instant: tuple[float, str]) -> bool:
         """Put one more line before the last ones, in one write; False if the index stays as it was.
@@ -319,7 +340,7 @@ class VtuSeries:
         end = f"{_PVD_END}\n{_DOCUMENT_END}".encode()
         new = f"{_data_set(instant)}\n".encode() + end
         try:
-            with (self.folder / f"{self.name}.pvd").open("r+b", buffering=0) as stream:
+            with self._index_file.open("r+b", buffering=0) as stream:
                 at = stream.seek(-len(end), SEEK_END)
                 if stream.read() != end:
                     return False
@@ -351,44 +372,77 @@ def _document(kind: str, version: str, lines: Sequence[str]) -> str:
     )
 
 
-def _vtu(piece: _Piece, time: float) -> list[bytes | memoryview]:
-    """Contents of one VTU file: XML text, then the raw arrays, each after its size in bytes."""
-    number, nodes = _CELLS[piece.cell_type]
-    m = len(piece.connectivity)
-    ends = np.arange(nodes, nodes * m + 1, nodes, dtype=np.int32)
-    topology = (
-        _Array("connectivity", piece.connectivity, 1, ()),
-        _Array("offsets", ends, 1, ()),
-        _Array("types", np.full(m, number, dtype=np.uint8), 1, ()),
-    )
-    raw: list[bytes | memoryview] = []
-    position = 0
+def _single(values: NDArray[Any]) -> NDArray[np.float32]:
+    """Contiguous values in single precision, infinite where they are too large for it."""
+    if values.dtype == np.float32:
+        return np.ascontiguousarray(values)
+    with np.errstate(over="ignore", under="ignore"):
+        return np.ascontiguousarray(values, dtype=np.float32)
 
-    def section(tag: str, arrays: Sequence[_Array]) -> list[str]:
-        nonlocal position
-        lines = [f"<{tag}>"]
-        for a in arrays:
-            lines.append(f'<DataArray {a.attributes()} format="appended" offset="{position}"/>')
-            raw.extend((np.uint64(a.values.nbytes).tobytes(), a.values.reshape(-1).data))
-            position += 8 + a.values.nbytes
-        return [*lines, f"</{tag}>"]
 
-    body = [
-        "<UnstructuredGrid>",
-        '<FieldData><DataArray type="Float64" Name="TimeValue" NumberOfTuples="1" format="ascii">'
-        f"{float(time)!r}</DataArray></FieldData>",
-        f'<Piece NumberOfPoints="{len(piece.points.values)}" NumberOfCells="{m}">',
-        *section("PointData", piece.point_data),
-        *section("CellData", piece.cell_data),
-        *section("Points", [piece.points]),
-        *section("Cells", topology),
-        "</Piece>",
-        "</UnstructuredGrid>",
-        '<AppendedData encoding="raw">',
-        "_",
-    ]
-    head, tail = _document("UnstructuredGrid", "1.0", body).split("\n_\n")
-    return [f"{head}\n_".encode(), *raw, f"\n</AppendedData>\n{tail}".encode()]
+class _Text:
+    """XML text of a VTU file, around the time and the values.
+
+    It is the same for all pieces with the same arrays and as many points and cells.
+    """
+
+    def __init__(self, piece: _Piece, header: _Header) -> None:
+        """Compose the text for a piece."""
+        number, nodes = _CELLS[piece.cell_type]
+        m = len(piece.connectivity)
+        ends = np.arange(nodes, nodes * m + 1, nodes, dtype=np.int32)
+        self._topology = ends, np.full(m, number, dtype=np.uint8)
+        self._key = header, piece.cell_type, len(piece.points.values), m
+        cells = (
+            _Array("connectivity", piece.connectivity, 1, ()),
+            _Array("offsets", ends, 1, ()),
+            _Array("types", self._topology[1], 1, ()),
+        )
+        self._sizes: list[bytes] = []
+        position = 0
+
+        def section(tag: str, arrays: Sequence[_Array]) -> list[str]:
+            nonlocal position
+            lines = [f"<{tag}>"]
+            for a in arrays:
+                lines.append(f'<DataArray {a.attributes()} format="appended" offset="{position}"/>')
+                self._sizes.append(np.uint64(a.values.nbytes).tobytes())
+                position += 8 + a.values.nbytes
+            return [*lines, f"</{tag}>"]
+
+        body = [
+            "<UnstructuredGrid>",
+            '<FieldData><DataArray type="Float64" Name="TimeValue" NumberOfTuples="1" '
+            f'format="ascii">{_TIME}</DataArray></FieldData>',
+            f'<Piece NumberOfPoints="{len(piece.points.values)}" NumberOfCells="{m}">',
+            *section("PointData", piece.point_data),
+            *section("CellData", piece.cell_data),
+            *section("Points", [piece.points]),
+            *section("Cells", cells),
+            "</Piece>",
+            "</UnstructuredGrid>",
+            '<AppendedData encoding="raw">',
+            "_",
+        ]
+        head, tail = _document("UnstructuredGrid", "1.0", body).split("\n_\n")
+        before, after = f"{head}\n_".split(_TIME)
+        self._before, self._after = before.encode(), after.encode()
+        self._end = f"\n</AppendedData>\n{tail}".encode()
+
+    def fits(self, piece: _Piece, header: _Header) -> bool:
+        """Return True if it is the text for a piece."""
+        size = len(piece.points.values), len(piece.connectivity)
+        return self._key == (header, piece.cell_type, *size)
+
+    def contents(self, piece: _Piece, time: float) -> list[Buffer]:
+        """Contents of the file: text, and the raw arrays, each after its size in bytes."""
+        arrays = (*piece.point_data, *piece.cell_data, piece.points)
+        values = (*(a.values for a in arrays), piece.connectivity, *self._topology)
+        chunks: list[Buffer] = [self._before, repr(float(time)).encode(), self._after]
+        for size, own in zip(self._sizes, values, strict=True):
+            chunks += (size, own.reshape(-1).data)
+        chunks.append(self._end)
+        return chunks
 
 
 def _pvtu(sources: Sequence[str], point_data: Sequence[str], cell_data: Sequence[str]) -> str:

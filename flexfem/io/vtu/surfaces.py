@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, Self
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
@@ -30,6 +30,10 @@ class Surface:
         """The surface mapped by x -> matrix x + shift (matrix of positive determinant)."""
         points = self.points @ np.asarray(matrix, dtype=np.float64).T
         return Surface(points + np.asarray(shift, dtype=np.float64), self.triangles)
+
+    def scaled(self, factor: float) -> Surface:
+        """The surface enlarged about its origin."""
+        return self.moved(factor * np.eye(3), np.zeros(3))
 
 
 def joined(*surfaces: Surface) -> Surface:
@@ -197,7 +201,9 @@ class Instances:
         """Vectors from each copy's origin to its points, rotated by its frame (n, 3, 3)."""
         if not len(self.local):
             return self.local
-        turned: FloatArray = np.matmul(frames[self.owner], self.local[:, :, None])[:, :, 0]
+        turned: FloatArray = np.matmul(frames.take(self.owner, axis=0), self.local[:, :, None])[
+            :, :, 0
+        ]
         return turned
 
 
@@ -220,9 +226,3 @@ class InstanceCache:
             self._instances = Instances([self.templates[i] for i in selection])
             self._selection = selection.copy()
         return self._instances
-
-    @classmethod
-    def scaled(cls, templates: Sequence[Surface], sizes: Sequence[float]) -> Self:
-        """Templates scaled by one size each."""
-        pairs = zip(templates, sizes, strict=True)
-        return cls([t.moved(s * np.eye(3), np.zeros(3)) for t, s in pairs])

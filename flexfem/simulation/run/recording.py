@@ -270,18 +270,19 @@ class Recorder:
 
     def _flush(self) -> None:
         own, self._measures = self._measures, []
+        known = len(self._rows)
         for (t, values), measures in zip(self._probes.flush(), own, strict=False):
             row = self._angles.unwrap(np.concatenate([measures, values]))
             self._rows.append(np.concatenate([[t], row]))
-            self._write(t, row)
+        self._write(self._rows[known:])
         if self._table is not None and self._table.lost:
             self._recover(self._table)
 
-    def _write(self, t: float, row: FloatArray) -> None:
-        """Append a row to the table, unless a disk write has failed."""
+    def _write(self, rows: Sequence[FloatArray]) -> None:
+        """Append rows to the table, unless a disk write has failed."""
         try:
-            if self._table is not None:
-                self._table.write(t, row)
+            if self._table is not None and rows:
+                self._table.extend(rows)
         except OSError as error:
             self._faults.note(error)
             self._broken = True

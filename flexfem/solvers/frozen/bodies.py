@@ -23,7 +23,7 @@ from flexfem.solvers.linear.schur_kernels import (
 )
 from flexfem.solvers.linear.tangent import part_pattern, part_values
 from flexfem.system.mechanics import Mechanics
-from flexfem.system.system import BlockPart, Shifts, System
+from flexfem.system.system import MASS, BlockPart, Shifts, System
 
 __all__ = ["Bodies", "FlexibleBodies", "KeptFactor", "RigidBodies"]
 
@@ -100,16 +100,26 @@ class RigidBodies:
     def __init__(self, system: System, group: Bodies, mechanics: Mechanics) -> None:
         """Store the bodies and the equations."""
         self._system, self.group, self._mechanics = system, group, mechanics
+        self._of_masses = False  # the inverses are those of the masses
+        nodes = group.part.masses.nodes
+        self._single = np.array_equal(nodes, np.arange(group.part.block.owned))  # one mass each
 
     def invert(self, shifts: Shifts) -> bool:
         """Invert the matrices at the trial state, with compliances; False if one is singular."""
+        if self._of_masses and shifts is MASS:
+            return True
         system, group, part = self._system, self.group, self.group.part
-        blocks = np.zeros((part.block.owned, 6, 6))
-        np.add.at(blocks, part.masses.nodes, self._mechanics.masses(system, part, shifts))
+        masses = self._mechanics.masses(system, part, shifts)
+        if self._single:
+            blocks = masses
+        else:
+            blocks = np.zeros((part.block.owned, 6, 6))
+            np.add.at(blocks, part.masses.nodes, masses)
         if len(part.forces.nodes):
             np.add.at(blocks, part.forces.nodes, self._mechanics.forces(system, part, shifts))
         self._inverses, regular = inverted(blocks)
         rigid_responses(group.own.memory, self._inverses)
+        self._of_masses = regular and shifts is MASS  # which are constant in the bodies' axes
         return regular
 
     def respond(self, y: FloatArray) -> None:

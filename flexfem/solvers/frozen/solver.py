@@ -243,13 +243,16 @@ class FrozenSolver:
             )
         return True, -correction, refined
 
-    def constrain(self, shifts: Shifts, keep: bool, flexible: bool) -> tuple[bool, FloatArray]:
+    def constrain(
+        self, shifts: Shifts, values: FloatArray, keep: bool, flexible: bool
+    ) -> tuple[bool, FloatArray]:
         """Multipliers as of :meth:`step`, and the steps of rigid bodies (collective).
 
         Flexible bodies are not moved.
 
         Args:
             shifts: of the factors in use.
+            values: (r,) of the rows.
             keep: True to keep the factors of the multipliers' system.
             flexible: True if flexible bodies have residuals, too.
         """
@@ -259,7 +262,7 @@ class FrozenSolver:
             return False, np.zeros(rows.size)
         self._multipliers.forget_responses()
         bodies = self._bodies if flexible else self._rigid
-        correction = self._load(rows.values, bodies, beyond=False)
+        correction = self._load(values, bodies, beyond=False)
         for rigid in self._rigid:
             rigid.solve()
         for bodies_at_rest in self._flexible:

@@ -20,6 +20,7 @@ __all__ = ["Energies", "EnergyMeter", "refresh_rows", "work_of_loads"]
 
 #: Factors with which rows are evaluated at a state, not as part of a time step.
 _UNSCALED = np.array([1.0, 1.0])
+_NONE = np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -44,7 +45,7 @@ class _State:
         forces: (r,) of all rows.
         rates: (r,) rates of the rows that do work, by the motion of their working sides.
         sprung, pulls: (r,) energy stored in rows, and the elastic part of their forces.
-        all_rates: (r,) of all rows.
+        all_rates: (r,) of all rows; of none if there are no dampers.
     """
 
     loads: FloatArray
@@ -64,7 +65,9 @@ def refresh_rows(system: System) -> None:
 
 def _springs(rows: Constraints) -> tuple[FloatArray, FloatArray]:
     """Stored energy and elastic force of every row, (r,) each; zero for rigid and released ones."""
-    energies, pulls = np.empty((2, rows.size))
+    energies, pulls = np.zeros((2, rows.size))
+    if not rows.elastic[:, 0].any():  # all are rigid
+        return energies, pulls
     elastic_part(rows.elastic, rows.active, rows.sums() - rows.targets, energies, pulls)
     return energies, pulls
 
@@ -118,6 +121,19 @@ class EnergyMeter:
         self._working = sides & (owned & (driven | crossing))[rows.row_of_term][:, np.newaxis]
         self._springs = owned & ~crossing
         self._dampers = self._springs & (rows.elastic[:, 0] != LawKind.RIGID) & ~driven
+        self._damped = bool(self._dampers.any())
+        # strain energies and viscous stresses, with the weights of the chosen elements in sums
+        self._elastic, self._viscous = [], []
+        lengths = [np.zeros(0)]
+        for part, cells in zip(system.parts, self._chosen.cells, strict=True):
+            if part.elements is None:
+                continue
+            self._elastic.append((part.elements, part.block, cells.astype(np.float64)))
+            if part.elements.viscous:
+                at, own = part.elements.viscous_at
+                self._viscous.append((part.elements, part.block))
+                lengths.append(cells[at] * own)
+        self._lengths = np.concatenate(lengths)
         self._work = self._dissipation = 0.0
         self._time = system.time
         refresh_rows(system)
@@ -159,15 +175,21 @@ class EnergyMeter:
     def _read(self) -> _State:
         """The present state of all loads, viscous elements and rows."""
         system, rows = self._system, self._system.constraints
-        viscosity = [np.empty((2, 0, 6))]
-        for part in system.parts:
-            if part.elements is not None and part.elements.viscous:
-                viscosity.append(np.stack(part.elements.viscosity(part.block)))
-        stress, rate = np.concatenate(viscosity, axis=1)
+        change = rows.side_changes(system.interface.velocities)
         return _State(
-            self.loads(), stress, rate, rows.forces.copy(), self._side_rates(),
-            *_springs(rows), rows.rates(),
+            self.loads(), *self._viscosity(), rows.forces.copy(),
+            rows.of_rows(change * self._working), *_springs(rows),
+            rows.of_rows(change) if self._damped else _NONE,
         )  # fmt: skip
+
+    def _viscosity(self) -> tuple[FloatArray, FloatArray]:
+        """(j, 6) viscous stress of the elements, and the rate of their strain."""
+        found = [elements.viscosity(block) for elements, block in self._viscous]
+        if len(found) == 1:
+            return found[0]
+        nothing = np.empty((0, 6))
+        stress, rate = zip((nothing, nothing), *found, strict=True)
+        return np.concatenate(stress), np.concatenate(rate)
 
     def loads(self) -> FloatArray:
         """(k, 12) force, moment, position and angular velocity of each load, inertial axes."""
@@ -180,10 +202,6 @@ class EnergyMeter:
         ]
         return states[0] if len(states) == 1 else np.concatenate([np.empty((0, 12)), *states])
 
-    def _side_rates(self) -> FloatArray:
-        """(r,) rates of the rows by the motion of their working sides."""
-        return self._system.constraints.changes(self._system.interface.velocities, self._working)
-
     def stored(self) -> FloatArray:
         """(3,) kinetic, strain and gravity's energy on this rank; the last less that at the start.
 
@@ -193,12 +211,10 @@ class EnergyMeter:
 
     def _stored(self, sprung: FloatArray) -> FloatArray:
         """The same with the energies (r,) stored in rows."""
-        system, chosen = self._system, self._chosen
-        state = chosen.motion()
+        system, state = self._system, self._chosen.motion()
         strain = float(sprung @ self._springs)
-        for part, cells in zip(system.parts, chosen.cells, strict=True):
-            if part.elements is not None:
-                strain += float(part.elements.energies(part.block.frames) @ cells)
+        for elements, block, cells in self._elastic:
+            strain += float(elements.energies(block.frames) @ cells)
         if self.whole:
             strain += sum(contacts.energy for contacts in system.contacts)
         way = state[motion.FIRST : motion.LINEAR] - self._start
@@ -220,17 +236,14 @@ class EnergyMeter:
 
     def _loss(self, before: _State, after: _State, h: float) -> float:
         """Energy dissipated by dampers and by the damping of beams."""
-        force = self._mean_force(before, after) - 0.5 * (before.pulls + after.pulls)
-        rate = 0.5 * (before.all_rates + after.all_rates)
-        total = h * float((force * self._dampers) @ rate)
-        weights = []
-        for part, chosen in zip(self._system.parts, self._chosen.cells, strict=True):
-            if part.elements is not None and part.elements.viscous:
-                cells, lengths = part.elements.viscous_at
-                weights.append(0.25 * h * chosen[cells] * lengths)
-        if weights:
+        total = 0.0
+        if self._damped:
+            force = self._mean_force(before, after) - 0.5 * (before.pulls + after.pulls)
+            rate = 0.5 * (before.all_rates + after.all_rates)
+            total = h * float((force * self._dampers) @ rate)
+        if self._viscous:
             stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
-            total += float(np.einsum("m,mi,mi->", np.concatenate(weights), stress, rate))
+            total += float(np.einsum("m,mi,mi->", 0.25 * h * self._lengths, stress, rate))
         return total
 
     def _contact_loss(self) -> float:
