@@ -33,9 +33,6 @@ class ContactSurfaceWriter:
 
     Triangles show the side that nodes are kept on: with hidden back faces one looks into hollow
     surfaces, and through planes from below. Surfaces that act on both sides occur twice.
-
-    Attributes:
-        shown: False if the model has none.
     """
 
     def __init__(
@@ -51,7 +48,6 @@ class ContactSurfaceWriter:
         """
         # a surface may be of several contacts
         every = {id(s): s for contact in serial.model.contacts for s in contact.surfaces}
-        self.shown = bool(every)
         offsets = [serial.marker_frame(surface.place) for surface in every.values()]
         self._carriers = [serial.key(surface.place) for surface in every.values()]
         self._offsets = np.array(offsets).reshape(-1, 12)

@@ -47,7 +47,7 @@ class EnergySeries:
         resume: float | None,
     ) -> None:  # fmt: skip
         """See ``flexfem.io.paraview.family_series.Series``."""
-        self._parts, self.shown = list(parts), bool(parts)
+        self._parts = list(parts)
         bodies = [body for part in parts for body in part.family.bodies]
         self._written = sorted({body.mesh.dimension + 1 for body in bodies})
         self._series = {

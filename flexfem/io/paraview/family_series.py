@@ -40,14 +40,7 @@ _BODY = 0.2
 
 
 class Series(Protocol):
-    """Pictures of some bodies over time; every call is collective.
-
-    Attributes:
-        shown: False if the model has none of these bodies, the same on all ranks: the series then
-            only removes files of an earlier run.
-    """
-
-    shown: bool
+    """Pictures of some bodies over time; every call is collective."""
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
@@ -81,7 +74,6 @@ class BeamSeries:
         resume: float | None,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
-        self.shown = bool(parts)
         self._samplers = [
             _LineSampler(part) if isinstance(part.elements, SE3Beams)
             else CurveSampler(part, serial)
@@ -109,7 +101,7 @@ class ShellSeries:
         resume: float | None,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
-        self._parts, self.shown = list(parts), bool(parts)
+        self._parts = list(parts)
         self._thickness = np.array([shell.section.thickness for shell in serial.model.shells])
         self._writer = ShellWriter(folder, comm, resume=resume)
 
@@ -131,7 +123,7 @@ class RigidSeries:
         resume: float | None,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
-        self._bodies, self.shown = [_BodySampler(part) for part in parts], bool(parts)
+        self._bodies = [_BodySampler(part) for part in parts]
         # the box of a large inertia must not hide flexible bodies
         largest = _BODY * model_extent(serial) if len(serial.nodes) else np.inf
         surfaces = [
@@ -159,7 +151,6 @@ class FloatingSeries:
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
         self._parts, self._bodies = list(parts), serial.model.floating_bodies
-        self.shown = bool(parts)
         self._writer = FloatingWriter(folder, comm, self._bodies, resume=resume)
 
     def write(self, time: float, step: int) -> None:

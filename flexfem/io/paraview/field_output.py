@@ -42,12 +42,17 @@ class FieldOutput:
         """
         self._system, self._folder, self._opened = system, folder, False
         comm = system.comm
-        self._bodies: list[Series] = []
+        self._filled: list[Series] = []
+        self._empty: list[Series] = []
         named = dict.fromkeys(family.series for family in registry(serial.model))
         for name in filter(None, named):
             parts = [part for part in system.parts if part.family.series == name]
-            self._bodies.append(_series(name)(folder, comm, parts, serial, resume))
-        self._bodies.append(ContactSurfaceWriter(folder, system, serial, resume))
+            series = _series(name)(folder, comm, parts, serial, resume)
+            (self._filled if parts else self._empty).append(series)
+        obstacles = any(contact.surfaces for contact in serial.model.contacts)
+        (self._filled if obstacles else self._empty).append(
+            ContactSurfaceWriter(folder, system, serial, resume)
+        )
         self._sampler = _JointSampler(system, serial)
         kinds = [j.owner.partition(" ")[0] for j in serial.joints]
         size = _GLYPH * model_extent(serial)
@@ -55,8 +60,10 @@ class FieldOutput:
 
     def write(self, time: float, step: int) -> None:
         """Write the accepted state."""
-        for series in self._bodies:
-            if series.shown or not self._opened:
+        for series in self._filled:
+            series.write(time, step)
+        if not self._opened:
+            for series in self._empty:  # files of an earlier run go
                 series.write(time, step)
         if self._sampler.shown or not self._opened:
             self._joints.write(time, step, self._sampler.fields())
@@ -66,7 +73,7 @@ class FieldOutput:
 
     def close(self) -> None:
         """End all series."""
-        for series in self._bodies:
+        for series in (*self._filled, *self._empty):
             series.close()
         self._joints.close()
 
