@@ -14,7 +14,7 @@ __all__ = ["Analysis", "kernels", "restart", "split_above"]
 def kernels() -> Any:
     """Declare the option of all analyses for the assembly of shells."""
     return option(
-        "assemble shells by hand-written loops (fast) or from their UFL forms (ufl); everything "
+        "assemble shells by hand-written kernels (fast) or from their UFL forms (ufl); everything "
         "else that has a strain comes from UFL forms in any case",
         default="fast",
         choices=("fast", "ufl"),

@@ -20,6 +20,10 @@ from flexfem.system.memory import memory_of_run
 __all__ = ["Description", "describe", "description_of"]
 
 
+#: Names of numbers in an earlier version, which scripts may still read.
+_FORMER = {"held": "fixed_degrees_of_freedom", "motions_as_wholes": "rigid_body_motions"}
+
+
 @dataclass(frozen=True)
 class Description(ModelFacts):
     """A model in numbers; its text is a table.
@@ -47,7 +51,7 @@ class Description(ModelFacts):
     def as_dict(self) -> dict[str, Any]:
         """Return all numbers by name, as JSON has them; SI units."""
         counts = self.mobility
-        return {
+        values = {
             "model": self.model.name,
             "gravity": None
             if self.model.gravity is None
@@ -60,11 +64,11 @@ class Description(ModelFacts):
             "events": [event.name for event in self.model.events],
             "probes": {probe.name: list(probe.columns) for probe in self.model.probes},
             "unknowns": counts.unknowns,
-            "held": counts.fixed,
+            "fixed_degrees_of_freedom": counts.fixed,
             "constraints": counts.constraints,
             "redundant_constraints": counts.redundant,
             "degrees_of_freedom": counts.degrees_of_freedom,
-            "motions_as_wholes": counts.motions,
+            "rigid_body_motions": counts.motions,
             "motions_by_counting": counts.grubler,
             "characteristic_length": self.extent,
             "elements": [_mesh(one) for one in self.meshes],
@@ -72,6 +76,7 @@ class Description(ModelFacts):
             "matrix_bytes": self.matrix_bytes,
             "memory_bytes": self.memory,
         }
+        return values | {former: values[name] for former, name in _FORMER.items()}
 
 
 def describe(model: Model) -> Description:
@@ -113,7 +118,8 @@ def _masses(facts: MassFacts) -> dict[str, Any]:
 
 def _body(facts: BodyFacts) -> dict[str, Any]:
     counts = {
-        "elements": facts.elements, "nodes": facts.nodes, "freedoms": facts.degrees_of_freedom,
+        "elements": facts.elements, "nodes": facts.nodes,
+        "degrees_of_freedom": facts.degrees_of_freedom, "freedoms": facts.degrees_of_freedom,
     }  # fmt: skip
     own = {"name": facts.name, "kind": facts.kind, "size": facts.size.tolist()}
     return own | _masses(facts.masses) | counts

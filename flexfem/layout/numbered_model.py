@@ -44,7 +44,7 @@ class NumberedModel:
 
     Attributes:
         model: the validated model.
-        kernels: "fast" for the hand-written loops of elements that have them, "ufl" for their UFL
+        kernels: "fast" for the hand-written kernels of elements that have them, "ufl" for their UFL
             forms.
         cells: all SE(3) cells with their frames; nodes are numbered among those used by them.
         points, frames, velocities: of those nodes, (n, 3), (n, 12), (n, 6); body_of_node: (n,).

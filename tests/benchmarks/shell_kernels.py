@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Time per triangle of shells by hand-written loops and by their UFL forms (``--kernels``).
+"""Time per triangle of shells by hand-written kernels and by their UFL forms (``--kernels``).
 
     python -m tests.benchmarks.shell_kernels
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Shell triangles assembled from UFL forms equal those of the hand-written loops."""
+"""Shell triangles assembled from UFL forms equal those of the hand-written kernels."""
 
 from mpi4py import MPI
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Shells from their UFL forms do what the hand-written loops do, in all analyses, on ranks."""
+"""Shells from their UFL forms do what the hand-written kernels do, in all analyses, on ranks."""
 
 from pathlib import Path
 from typing import Any

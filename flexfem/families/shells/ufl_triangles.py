@@ -1,8 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Triangles of shells with strains and derivatives from UFL forms.
 
-They replace the hand-written loops, with the same maps from nodes to points and the same section
-laws, so that a shell is assembled from its UFL forms. They verify the loops, and are the place to
+They replace the hand-written kernels, with the same maps from nodes to points and the same section
+laws, so that a shell is assembled from its UFL forms. They verify the kernels, and are the place to
 start with another measure of strain.
 """
 
