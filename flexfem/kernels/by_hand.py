@@ -13,6 +13,7 @@
 
 The four arrays have one axis and no meaningful length: the function knows their sizes. It adds to
 ``tensor`` and reads the others; its work space is a block of coefficients after those with data.
+:func:`shaped` makes arrays with more axes of parts of them.
 """
 
 from collections.abc import Callable, Sequence
@@ -22,7 +23,7 @@ from typing import Any
 
 import numpy as np
 from llvmlite import ir
-from numba.core import types
+from numba.core import cgutils, types
 from numba.core.imputils import lower_constant
 from numba.extending import intrinsic, models, register_model, typeof_impl
 from numba.np.arrayobj import make_array, populate_array
@@ -32,7 +33,7 @@ from flexfem.kernels.compiled import inlined, inlined_fused, kernel
 from flexfem.kernels.ffcx import Kernel
 from flexfem.kernels.lanes import LANES
 
-__all__ = ["ByHand", "batched_by_hand", "by_hand"]
+__all__ = ["ByHand", "batched_by_hand", "by_hand", "shaped"]
 
 type _CellFunction = Callable[[FloatArray, FloatArray, FloatArray, FloatArray], None]
 
@@ -146,7 +147,8 @@ def _address_of(typingctx, kind):  # type: ignore
         wrapper = ir.Function(builder.module, kind, f"{compiled.fndesc.mangled_name}.tabulate")
         wrapper.linkage = "internal"
         inner = ir.IRBuilder(wrapper.append_basic_block())
-        arrays = [_array(context, inner, pointer) for pointer in wrapper.args[:4]]
+        longest = [context.get_constant(types.intp, 2**40)]  # the length is not known
+        arrays = [_array(context, inner, pointer, longest) for pointer in wrapper.args[:4]]
         status, _ = context.call_internal_no_propagate(
             inner, compiled.fndesc, compiled.signature, arrays
         )
@@ -158,12 +160,38 @@ def _address_of(typingctx, kind):  # type: ignore
     return types.int64(kind), codegen
 
 
-def _array(context: Any, builder: Any, pointer: Any) -> Any:
-    """An array at a pointer, of the largest possible length."""
-    array = make_array(_ARRAY)(context, builder)
+@intrinsic
+def _shaped(typingctx, array, first, shape):  # type: ignore
+    axes = len(shape)
+
+    def codegen(context, builder, sig, arguments):  # type: ignore
+        values, at, extents = arguments
+        width = ir.Constant(at.type, LANES)
+        data = make_array(sig.args[0])(context, builder, values).data
+        lengths = cgutils.unpack_tuple(builder, extents, axes)
+        return _array(
+            context, builder, builder.gep(data, [builder.mul(at, width)]), [*lengths, width]
+        )
+
+    kind = types.Array(types.float64, axes + 1, "C")
+    return kind(array, types.intp, types.UniTuple(types.intp, axes)), codegen
+
+
+@inlined
+def shaped(array: FloatArray, first: int, shape: tuple[int, ...]) -> FloatArray:
+    """Entries of all lanes from ``first`` on, as an array (shape, LANES) on the same memory."""
+    part: FloatArray = _shaped(array, first, shape)  # type: ignore[call-arg]
+    return part
+
+
+def _array(context: Any, builder: Any, pointer: Any, shape: Sequence[Any]) -> Any:
+    """An array of a shape at a pointer."""
+    array = make_array(types.Array(types.float64, len(shape), "C"))(context, builder)
     size = context.get_constant(types.intp, 8)
-    shape = [context.get_constant(types.intp, 2**40)]
+    strides = [size]
+    for extent in reversed(shape[1:]):
+        strides.insert(0, builder.mul(strides[0], extent))
     populate_array(
-        array, data=pointer, shape=shape, strides=[size], itemsize=size, meminfo=None
+        array, data=pointer, shape=shape, strides=strides, itemsize=size, meminfo=None
     )  # fmt: skip
     return array._getvalue()

@@ -67,11 +67,11 @@ class Nodal(IntEnum):
     ROTATION = 1
     #: Translation and rotation of a twist, or of its change, in the axes of the node.
     TWIST = 2
-    #: One number, not transformed.
-    NUMBER = 3
+    #: Numbers that are not transformed, as many as their array has columns.
+    NUMBERS = 3
 
 
-_POSITION, _ROTATION, _NUMBER = int(Nodal.POSITION), int(Nodal.ROTATION), int(Nodal.NUMBER)
+_POSITION, _ROTATION, _NUMBERS = int(Nodal.POSITION), int(Nodal.ROTATION), int(Nodal.NUMBERS)
 
 
 class CellKernel(Record):
@@ -231,8 +231,9 @@ def _gather(
             node = cells.nodes[c, j]
             if node < 0:
                 node = cells.nodes[c, 0]
-            if kind == _NUMBER:
-                data[at + j, lane] = values[node, 0]
+            if kind == _NUMBERS:
+                for i in range(values.shape[1]):
+                    data[at + values.shape[1] * j + i, lane] = values[node, i]
             elif kind == _POSITION:
                 _put_position(data, at + 3 * j, lane, values[node])
             elif kind == _ROTATION:

@@ -46,7 +46,7 @@ class Coordinates(Record):
 
 
 #: Kind and word of the coordinates and of their rates.
-_NODAL = {name: (Nodal.NUMBER, Coordinates.word(name)) for name in Coordinates.fields}
+_NODAL = {name: (Nodal.NUMBERS, Coordinates.word(name)) for name in Coordinates.fields}
 
 
 def coordinate_kernel(form: ufl.Form, fields: tuple[ufl.Coefficient, ...]) -> CellKernel:
