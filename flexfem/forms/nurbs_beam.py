@@ -24,7 +24,7 @@ With ``vectors`` the rotation vectors of ``R_r^T R_I`` are interpolated in their
 
 The forms do not depend on the degree: their unknowns are the eleven numbers ``p = (y', q - 1, q')``
 of one point of an element, constants of a space that is discontinuous from one point to the next.
-Their interpolation and the nodal forces are in ``flexfem.families.beam_nurbs.loops``.
+Their interpolation and the nodal forces are in ``flexfem.families.beam_nurbs.kernels``.
 """
 
 from collections.abc import Callable

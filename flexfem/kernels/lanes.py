@@ -7,7 +7,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 
-__all__ = ["LANES", "in_rows", "lanes", "unlaned"]
+__all__ = ["LANES", "in_rows", "lanes"]
 
 #: Cells of one call: the width of the largest vectors of today's processors.
 LANES = 8
@@ -25,9 +25,3 @@ def lanes(values: FloatArray) -> FloatArray:
     rows = np.minimum(np.arange(batches * LANES), count - 1)
     split = values[rows].reshape(batches, LANES, *values.shape[1:])
     return np.ascontiguousarray(np.moveaxis(split, 1, -1))
-
-
-def unlaned(values: FloatArray, count: int) -> FloatArray:
-    """The first ``count`` rows of a result of :func:`lanes`."""
-    rows = np.moveaxis(values, -1, 1)
-    return np.ascontiguousarray(rows.reshape(-1, *rows.shape[2:])[:count])

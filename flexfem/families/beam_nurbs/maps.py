@@ -16,10 +16,11 @@ their components, of places ``PLACE``: y, ``w - 1`` (0 with ``vectors``), v. Ent
 reference node, whose place is zero, are not touched.
 """
 
-from flexfem._types import FloatArray, IndexArray
+import numpy as np
+
+from flexfem._types import FloatArray
 from flexfem.core.nodes.step_kernels import add
 from flexfem.families.beam_nurbs.vector_maps import (
-    at,
     put_vector,
     put_vector_force_changes,
     put_vector_forces,
@@ -28,6 +29,7 @@ from flexfem.families.beam_nurbs.vector_maps import (
 )
 from flexfem.kernels.compiled import inlined, subroutine
 from flexfem.kernels.lanes import LANES
+from flexfem.kernels.vectors import add_to, load, store
 from flexfem.lie._blocks import cross, dot
 from flexfem.lie._coefficients import Triple
 from flexfem.lie.quaternion import from_matrix
@@ -40,7 +42,6 @@ __all__ = [
     "places_into",
     "rate_changes_into",
     "rates_into",
-    "twists_into",
 ]
 
 #: Entries of a node's relative rotation and of its place.
@@ -48,35 +49,43 @@ RELATIVE, PLACE = 9, 7
 
 
 @inlined
-def _put(a: FloatArray, node: int, first: int, lane: int, v: Triple) -> None:
-    a[node, first, lane], a[node, first + 1, lane], a[node, first + 2, lane] = v
+def _at(a: FloatArray, first: int) -> Triple:
+    """Three entries of all lanes."""
+    return load(a, first), load(a, first + 1), load(a, first + 2)
 
 
 @inlined
-def _add(a: FloatArray, node: int, first: int, lane: int, v: Triple) -> None:
-    a[node, first, lane] += v[0]
-    a[node, first + 1, lane] += v[1]
-    a[node, first + 2, lane] += v[2]
+def _put(a: FloatArray, first: int, v: Triple) -> None:
+    store(a, first, v[0])
+    store(a, first + 1, v[1])
+    store(a, first + 2, v[2])
 
 
 @inlined
-def _turned(R: FloatArray, i: int, lane: int, v: Triple) -> Triple:
+def _add(a: FloatArray, first: int, v: Triple) -> None:
+    add_to(a, first, v[0])
+    add_to(a, first + 1, v[1])
+    add_to(a, first + 2, v[2])
+
+
+@inlined
+def _column(R: FloatArray, first: int) -> Triple:
+    """A column of a rotation, from its entry in the first row on."""
+    return load(R, first), load(R, first + 3), load(R, first + 6)
+
+
+@inlined
+def _turned(R: FloatArray, node: int, v: Triple) -> Triple:
     """``R v``."""
-    return (
-        R[i, 0, lane] * v[0] + R[i, 1, lane] * v[1] + R[i, 2, lane] * v[2],
-        R[i, 3, lane] * v[0] + R[i, 4, lane] * v[1] + R[i, 5, lane] * v[2],
-        R[i, 6, lane] * v[0] + R[i, 7, lane] * v[1] + R[i, 8, lane] * v[2],
-    )
+    i = RELATIVE * node
+    return dot(_at(R, i), v), dot(_at(R, i + 3), v), dot(_at(R, i + 6), v)
 
 
 @inlined
-def _turned_back(R: FloatArray, i: int, lane: int, v: Triple) -> Triple:
+def _turned_back(R: FloatArray, node: int, v: Triple) -> Triple:
     """``R^T v``."""
-    return (
-        R[i, 0, lane] * v[0] + R[i, 3, lane] * v[1] + R[i, 6, lane] * v[2],
-        R[i, 1, lane] * v[0] + R[i, 4, lane] * v[1] + R[i, 7, lane] * v[2],
-        R[i, 2, lane] * v[0] + R[i, 5, lane] * v[1] + R[i, 8, lane] * v[2],
-    )
+    i = RELATIVE * node
+    return dot(_column(R, i), v), dot(_column(R, i + 1), v), dot(_column(R, i + 2), v)
 
 
 @inlined
@@ -101,47 +110,34 @@ def _moments(w: float, v: Triple, a: float, b: Triple) -> tuple[Triple, Triple]:
 
 @subroutine
 def places_into(
-    vectors: bool, cells: IndexArray, first: int, frames: FloatArray, relative: FloatArray,
+    vectors: bool, positions: FloatArray, rotations: FloatArray, relative: FloatArray,
     places: FloatArray,
 ) -> None:  # fmt: skip
-    """Relative rotations (k, RELATIVE, L), places (k, PLACE, L) of the elements from ``first`` on.
+    """Relative rotations (k, RELATIVE, L) and places (k, PLACE, L) of the nodes.
 
-    The last element is repeated in the remaining lanes.
+    ``positions`` (k, 3, L) and ``rotations`` (k, 9, L) are those of their frames.
     """
-    count, k = cells.shape
-    R, ref = relative[0, :, 0].copy(), k // 2
-    for lane in range(LANES):
-        c = min(first + lane, count - 1)
-        A = frames[cells[c, ref]]
-        for node in range(k):
-            if node == ref:
-                continue
-            B = frames[cells[c, node]]
-            x0, x1, x2 = B[0] - A[0], B[1] - A[1], B[2] - A[2]
-            for i in range(3):
-                a0, a1, a2 = A[3 + i], A[6 + i], A[9 + i]
-                places[node, i, lane] = a0 * x0 + a1 * x1 + a2 * x2
-                for j in range(3):
-                    R[3 * i + j] = a0 * B[3 + j] + a1 * B[6 + j] + a2 * B[9 + j]
+    k = positions.shape[0]
+    R, ref = np.empty(9), k // 2
+    for node in range(k):
+        if node == ref:
+            continue
+        x = add(_at(positions, 3 * node), -1.0, _at(positions, 3 * ref))
+        for i in range(3):
+            axis = _column(rotations, 9 * ref + i)
+            store(places, PLACE * node + i, dot(axis, x))
+            for j in range(3):
+                entry = dot(axis, _column(rotations, 9 * node + j))
+                store(relative, RELATIVE * node + 3 * i + j, entry)
+        for lane in range(LANES):
+            for i in range(9):
+                R[i] = relative[node, i, lane]
             if vectors:
                 put_vector(R, node, lane, places)
             else:
                 w, v = from_matrix(R, 0)
                 places[node, 3, lane] = w - 1.0
-                _put(places, node, 4, lane, v)
-            for i in range(9):
-                relative[node, i, lane] = R[i]
-
-
-@subroutine
-def twists_into(cells: IndexArray, first: int, values: FloatArray, twists: FloatArray) -> None:
-    """Nodal twists (n, 6) of the elements from ``first`` on to (k, 6, L)."""
-    count, k = cells.shape
-    for lane in range(LANES):
-        c = min(first + lane, count - 1)
-        for node in range(k):
-            for i in range(6):
-                twists[node, i, lane] = values[cells[c, node], i]
+                places[node, 4, lane], places[node, 5, lane], places[node, 6, lane] = v
 
 
 @subroutine
@@ -150,24 +146,21 @@ def rates_into(
 ) -> None:
     """Change (k, PLACE, L) of the places along local twists (k, 6, L)."""
     k = twists.shape[0]
-    ref = k // 2
+    velocity_r, omega_r = _at(twists, 6 * (k // 2)), _at(twists, 6 * (k // 2) + 3)
     for node in range(k):
-        if node == ref:
+        if node == k // 2:
             continue
-        for lane in range(LANES):
-            y, omega_r = at(places, node, 0, lane), at(twists, ref, 3, lane)
-            speed = _turned(relative, node, lane, at(twists, node, 0, lane))
-            speed = add(speed, -1.0, at(twists, ref, 0, lane))
-            _put(rates, node, 0, lane, add(speed, 1.0, cross(y, omega_r)))
+        y = PLACE * node
+        speed = _turned(relative, node, _at(twists, 6 * node))
+        speed = add(speed, -1.0, velocity_r)
+        _put(rates, y, add(speed, 1.0, cross(_at(places, y), omega_r)))
         if vectors:
             put_vector_rates(places, twists, node, rates)
             continue
-        for lane in range(LANES):
-            w, v = 1.0 + places[node, 3, lane], at(places, node, 4, lane)
-            omega, omega_r = at(twists, node, 3, lane), at(twists, ref, 3, lane)
-            difference, total = add(omega, -1.0, omega_r), add(omega, 1.0, omega_r)
-            rates[node, 3, lane] = -0.5 * dot(v, difference)
-            _put(rates, node, 4, lane, _turn(w, v, difference, total))
+        w, v, omega = 1.0 + load(places, y + 3), _at(places, y + 4), _at(twists, 6 * node + 3)
+        difference, total = add(omega, -1.0, omega_r), add(omega, 1.0, omega_r)
+        store(rates, y + 3, -0.5 * dot(v, difference))
+        _put(rates, y + 4, _turn(w, v, difference, total))
 
 
 @subroutine
@@ -181,25 +174,21 @@ def rate_changes_into(
     (k, PLACE, L).
     """
     k = twists.shape[0]
-    ref = k // 2
+    omega_r, turn_r = _at(twists, 6 * (k // 2) + 3), _at(steps, 6 * (k // 2) + 3)
     for node in range(k):
-        if node == ref:
+        if node == k // 2:
             continue
-        for lane in range(LANES):
-            turn = _turned_back(relative, node, lane, at(steps, ref, 3, lane))
-            turn, omega_r = add(at(steps, node, 3, lane), -1.0, turn), at(twists, ref, 3, lane)
-            speed = _turned(relative, node, lane, cross(turn, at(twists, node, 0, lane)))
-            speed = add(speed, -1.0, cross(omega_r, at(moved, node, 0, lane)))
-            _put(changes, node, 0, lane, speed)
+        y = PLACE * node
+        turn = add(_at(steps, 6 * node + 3), -1.0, _turned_back(relative, node, turn_r))
+        speed = _turned(relative, node, cross(turn, _at(twists, 6 * node)))
+        _put(changes, y, add(speed, -1.0, cross(omega_r, _at(moved, y))))
         if vectors:
             put_vector_rate_changes(places, twists, moved, node, changes)
             continue
-        for lane in range(LANES):
-            dw, dv = moved[node, 3, lane], at(moved, node, 4, lane)
-            omega, omega_r = at(twists, node, 3, lane), at(twists, ref, 3, lane)
-            difference, total = add(omega, -1.0, omega_r), add(omega, 1.0, omega_r)
-            changes[node, 3, lane] = -0.5 * dot(dv, difference)
-            _put(changes, node, 4, lane, _turn(dw, dv, difference, total))
+        dw, dv, omega = load(moved, y + 3), _at(moved, y + 4), _at(twists, 6 * node + 3)
+        difference, total = add(omega, -1.0, omega_r), add(omega, 1.0, omega_r)
+        store(changes, y + 3, -0.5 * dot(dv, difference))
+        _put(changes, y + 4, _turn(dw, dv, difference, total))
 
 
 @subroutine
@@ -211,26 +200,24 @@ def forces_into(
     The transpose of :func:`rates_into`.
     """
     k = dual.shape[0]
-    ref = k // 2
+    ref = 6 * (k // 2)
     for i in range(6):
-        for lane in range(LANES):
-            forces[ref, i, lane] = 0.0
+        store(forces, ref + i, 0.0)
     for node in range(k):
-        if node == ref:
+        if node == k // 2:
             continue
-        for lane in range(LANES):
-            y, f = at(places, node, 0, lane), at(dual, node, 0, lane)
-            _put(forces, node, 0, lane, _turned_back(relative, node, lane, f))
-            _add(forces, ref, 0, lane, (-f[0], -f[1], -f[2]))
-            _add(forces, ref, 3, lane, cross(f, y))
+        y = PLACE * node
+        f = _at(dual, y)
+        _put(forces, 6 * node, _turned_back(relative, node, f))
+        _add(forces, ref, (-f[0], -f[1], -f[2]))
+        _add(forces, ref + 3, cross(f, _at(places, y)))
         if vectors:
             put_vector_forces(places, dual, node, forces)
             continue
-        for lane in range(LANES):
-            v, b = at(places, node, 4, lane), at(dual, node, 4, lane)
-            own, other = _moments(1.0 + places[node, 3, lane], v, dual[node, 3, lane], b)
-            _put(forces, node, 3, lane, own)
-            _add(forces, ref, 3, lane, other)
+        w, v = 1.0 + load(places, y + 3), _at(places, y + 4)
+        own, other = _moments(w, v, load(dual, y + 3), _at(dual, y + 4))
+        _put(forces, 6 * node + 3, own)
+        _add(forces, ref + 3, other)
 
 
 @subroutine
@@ -245,21 +232,19 @@ def force_changes_into(
     node.
     """
     k = dual.shape[0]
-    ref = k // 2
+    turn_r = _at(steps, 6 * (k // 2) + 3)
     for node in range(k):
-        if node == ref:
+        if node == k // 2:
             continue
-        for lane in range(LANES):
-            f = at(dual, node, 0, lane)
-            turn = _turned_back(relative, node, lane, at(steps, ref, 3, lane))
-            turn = add(at(steps, node, 3, lane), -1.0, turn)
-            _put(changes, node, 0, lane, cross(_turned_back(relative, node, lane, f), turn))
-            _put(moments, node, 0, lane, cross(f, at(moved, node, 0, lane)))
+        y = PLACE * node
+        f = _at(dual, y)
+        turn = add(_at(steps, 6 * node + 3), -1.0, _turned_back(relative, node, turn_r))
+        _put(changes, 6 * node, cross(_turned_back(relative, node, f), turn))
+        _put(moments, 3 * node, cross(f, _at(moved, y)))
         if vectors:
             put_vector_force_changes(places, dual, moved, node, changes, moments)
             continue
-        for lane in range(LANES):
-            b, dv = at(dual, node, 4, lane), at(moved, node, 4, lane)
-            own, other = _moments(moved[node, 3, lane], dv, dual[node, 3, lane], b)
-            _put(changes, node, 3, lane, own)
-            _add(moments, node, 0, lane, other)
+        dw, dv = load(moved, y + 3), _at(moved, y + 4)
+        own, other = _moments(dw, dv, load(dual, y + 3), _at(dual, y + 4))
+        _put(changes, 6 * node + 3, own)
+        _add(moments, 3 * node, other)

@@ -6,7 +6,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray
-from flexfem.kernels.lanes import lanes
 from flexfem.mesh.nurbs.basis import power_table, rational
 
 __all__ = ["Masses", "Points", "gauss", "masses", "points", "shape_functions"]
@@ -51,11 +50,6 @@ class Points:
     values: FloatArray
     slopes: FloatArray
     lengths: FloatArray
-
-    @property
-    def tables(self) -> FloatArray:
-        """Tables (b, q, 2, k, LANES) of shape functions and derivatives for the compiled loops."""
-        return lanes(np.stack([self.values, self.slopes], axis=2))
 
 
 def points(

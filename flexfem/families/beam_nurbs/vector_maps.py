@@ -20,7 +20,6 @@ from flexfem.lie._coefficients import Triple, inverse_coefficient, inverse_deriv
 from flexfem.lie.so3 import log_entries
 
 __all__ = [
-    "at",
     "put_vector",
     "put_vector_force_changes",
     "put_vector_forces",
@@ -30,7 +29,7 @@ __all__ = [
 
 
 @inlined
-def at(a: FloatArray, node: int, first: int, lane: int) -> Triple:
+def _at(a: FloatArray, node: int, first: int, lane: int) -> Triple:
     """Three components of a node."""
     return a[node, first, lane], a[node, first + 1, lane], a[node, first + 2, lane]
 
@@ -66,8 +65,8 @@ def put_vector_rates(places: FloatArray, twists: FloatArray, node: int, rates: F
     """Write the change of a rotation vector along local twists."""
     ref = places.shape[0] // 2
     for lane in range(LANES):
-        v = at(places, node, 4, lane)
-        a, b = at(twists, node, 3, lane), at(twists, ref, 3, lane)
+        v = _at(places, node, 4, lane)
+        a, b = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
         d = (a[0] - b[0], a[1] - b[1], a[2] - b[2])
         p = cross(v, (a[0] + b[0], a[1] + b[1], a[2] + b[2]))
         s, e = _square(v, d), inverse_coefficient(dot(v, v))
@@ -83,8 +82,8 @@ def put_vector_rate_changes(
     """Write the change of :func:`put_vector_rates` at fixed twists as places move by ``moved``."""
     ref = places.shape[0] // 2
     for lane in range(LANES):
-        v, dv = at(places, node, 4, lane), at(moved, node, 4, lane)
-        a, b = at(twists, node, 3, lane), at(twists, ref, 3, lane)
+        v, dv = _at(places, node, 4, lane), _at(moved, node, 4, lane)
+        a, b = _at(twists, node, 3, lane), _at(twists, ref, 3, lane)
         p = cross(dv, (a[0] + b[0], a[1] + b[1], a[2] + b[2]))
         s = _square_change(v, dv, (a[0] - b[0], a[1] - b[1], a[2] - b[2]))
         changes[node, 3, lane] = 0.0
@@ -97,7 +96,7 @@ def put_vector_forces(places: FloatArray, dual: FloatArray, node: int, forces: F
     """Write the moment on a node from the force dual to its vector; add that on the reference."""
     ref = places.shape[0] // 2
     for lane in range(LANES):
-        v, b = at(places, node, 4, lane), at(dual, node, 4, lane)
+        v, b = _at(places, node, 4, lane), _at(dual, node, 4, lane)
         p, s, e = cross(v, b), _square(v, b), inverse_coefficient(dot(v, v))
         for i in range(3):
             straight = b[i] + e * s[i]
@@ -112,7 +111,7 @@ def put_vector_force_changes(
 ) -> None:  # fmt: skip
     """Write the change of a node's moment at a fixed dual, and add that on the reference node."""
     for lane in range(LANES):
-        v, dv, b = at(places, node, 4, lane), at(moved, node, 4, lane), at(dual, node, 4, lane)
+        v, dv, b = _at(places, node, 4, lane), _at(moved, node, 4, lane), _at(dual, node, 4, lane)
         p, s = cross(dv, b), _square_change(v, dv, b)
         for i in range(3):
             changes[node, 3 + i, lane] = s[i] - 0.5 * p[i]
