@@ -62,6 +62,25 @@ def test_beams(one_beam, shape, rng):
     np.testing.assert_allclose(found, expected, atol=1e-11 * abs(expected).max())
 
 
+@pytest.mark.parametrize("degree", [1, 3])
+def test_nurbs_beams(one_nurbs, degree, rng):
+    line = np.linspace(0.0, 1.0, 9 * degree + 1)
+    points = np.stack([line, line**2, -0.3 * line**3], axis=1)
+    beam = one_nurbs(points, degree, SECTION, 0.03)
+    beam.gravity = GRAVITY
+    beam.disturb(rng)
+    (group,), block = beam.beams.groups, beam.block
+    matrices = np.empty((9, (6 * (degree + 1)) ** 2))
+    group.tangent_into(block, GRAVITY, beam.shifts, 1.0, matrices)
+    product = Products(group.cells, matrices, 6)
+    assert adjoint_defect(product) < 1e-12
+    assert asymmetry(product) > 1e-3  # gyroscopic terms
+    block.step[:], block.residual[:] = beam.random(rng, 1.0), 0.0
+    group.add_action(block, GRAVITY, beam.shifts, 0.7)
+    found, expected = product(block.step), block.residual
+    np.testing.assert_allclose(found, expected, atol=1e-11 * abs(expected).max())
+
+
 def test_rotation_free_triangles():
     made, _, points = rotation_free.shell()
     nodes = np.ascontiguousarray(made.patches.nodes, dtype=np.int32)
