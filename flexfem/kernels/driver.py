@@ -182,9 +182,14 @@ def cell_kernel(
 
 
 @inlined
-def _put_position(data: FloatArray, at: int, lane: int, values: FloatArray) -> None:
-    for i in range(3):
-        data[at + i, lane] = values[i]
+def _put_numbers(
+    data: FloatArray, at: int, lane: int, values: FloatArray, row: int, count: int
+) -> None:
+    """Write numbers of a row as they are."""
+    # numba tests signed indices for negative ones, which takes half as long as the rest
+    to, of = np.uintp(lane), np.uintp(row)
+    for i in range(count):
+        data[np.uintp(at + i), to] = values[of, np.uintp(i)]
 
 
 @inlined
@@ -228,16 +233,15 @@ def _gather(
         kind, at = kernel.nodal[g, 0], kernel.nodal[g, 2]
         values = array_at(nodes, kernel.nodal[g, 1])
         for j in range(cells.nodes.shape[1]):
-            node = cells.nodes[c, j]
+            node = cells.nodes[np.uintp(c), np.uintp(j)]
             if node < 0:
                 node = cells.nodes[c, 0]
-            if kind == _NUMBERS:
-                for i in range(values.shape[1]):
-                    data[at + values.shape[1] * j + i, lane] = values[node, i]
-            elif kind == _POSITION:
-                _put_position(data, at + 3 * j, lane, values[node])
+            if kind == _POSITION:
+                _put_numbers(data, at + 3 * j, lane, values, node, 3)
             elif kind == _ROTATION:
                 _put_rotation(data, at + 9 * j, lane, values[node], turned, cells.turns[turn, j])
+            elif kind == _NUMBERS:
+                _put_numbers(data, at + values.shape[1] * j, lane, values, node, values.shape[1])
             else:
                 _put_twist(data, at + 6 * j, lane, values[node], turned, cells.turns[turn, j])
     for o in range(kernel.own.shape[0]):
@@ -287,7 +291,7 @@ def _unknown(unknowns: IntArray, columns: int, t: int) -> tuple[int, int]:
     """Node of the cell and first column there of three results, see ``CellKernel.unknowns``."""
     if unknowns.shape[0] > 0:
         return unknowns[t, 0], unknowns[t, 1]
-    return 3 * t // columns, 3 * t % columns
+    return (t, 0) if columns == 3 else (t // 2, 3 * (t % 2))  # without a division by a variable
 
 
 @inlined
@@ -304,7 +308,7 @@ def _add_to_nodes(
         if node < 0:
             continue
         for i in range(3):
-            value = results[at + i, lane]
+            value = results[np.uintp(at + i), np.uintp(lane)]
             if turned:
                 Q = cells.turns[turn, j]
                 value = (
@@ -312,7 +316,7 @@ def _add_to_nodes(
                     + Q[3 * i + 1] * results[at + 1, lane]
                     + Q[3 * i + 2] * results[at + 2, lane]
                 )
-            target[node, column + i] += scale * value
+            target[np.uintp(node), np.uintp(column + i)] += scale * value
 
 
 @kernel

@@ -172,6 +172,8 @@ class Record(metaclass=_RecordClass):
         """
         if name not in type(self).fields:
             raise TypeError(f"{type(self).__name__} has no field {name}")
+        if self.__dict__.get(name) is value:
+            return
         at, (scalar, axes) = type(self).fields[name]
         if axes == 0:
             self.memory[at : at + 1].view(scalar)[0] = value
