@@ -32,7 +32,6 @@ from flexfem.lie._coefficients import (
 from flexfem.lie.quaternion import from_matrix
 
 __all__ = [
-    "cross",
     "exp",
     "exp_into",
     "inverse_tangent",
@@ -47,15 +46,6 @@ __all__ = [
     "tangent_derivative_into",
     "tangent_into",
 ]
-
-_NEXT, _OTHER = np.array([1, 2, 0]), np.array([2, 0, 1])
-
-
-def cross(a: FloatArray, b: FloatArray) -> FloatArray:
-    """Vector products (n, 3), rounded as by ``numpy.cross``, which is slow for few vectors."""
-    out: FloatArray = a.take(_NEXT, axis=-1) * b.take(_OTHER, axis=-1)
-    out -= a.take(_OTHER, axis=-1) * b.take(_NEXT, axis=-1)
-    return out
 
 
 @inlined

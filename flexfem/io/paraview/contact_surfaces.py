@@ -11,7 +11,8 @@ from flexfem.io.vtu.body_fields import RigidBodyFields, RigidBodyWriter
 from flexfem.io.vtu.surfaces import Surface, cylinder, joined, sphere
 from flexfem.layout.node_key import NodeKey
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.lie import se3, so3
+from flexfem.lie import se3
+from flexfem.lie.vectors import cross
 from flexfem.model.rigid_surface import (
     RigidCylinder,
     RigidMesh,
@@ -83,7 +84,7 @@ class ContactSurfaceWriter:
             turn = se3.rotation(base)
             spin[k] = turn @ block.velocity[node, 3:]
             arm = frames[k, :3] - base[:3]
-            velocity[k] = turn @ block.velocity[node, :3] + so3.cross(spin[k], arm)
+            velocity[k] = turn @ block.velocity[node, :3] + cross(spin[k], arm)
         position = se3.position(frames)
         self._writer.write(
             time, step,

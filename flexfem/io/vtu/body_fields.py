@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from flexfem.io.vtu.glyphs import glyph
 from flexfem.io.vtu.series import VtuSeries
 from flexfem.io.vtu.surfaces import InstanceCache, Instances, Surface, box, frames_along
-from flexfem.lie import so3
+from flexfem.lie.vectors import cross
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -100,7 +100,7 @@ class RigidBodyWriter:
             {
                 "displacement": bodies.displacement.take(owner, axis=0) + (arms - self._before),
                 "velocity": bodies.velocity.take(owner, axis=0)
-                + so3.cross(bodies.angular_velocity.take(owner, axis=0), arms),
+                + cross(bodies.angular_velocity.take(owner, axis=0), arms),
             },
             {"body": bodies.body.take(mesh.cell_owner)},
         )

@@ -10,7 +10,8 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.layout.family import Sensor
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.lie import se3, so3
+from flexfem.lie import se3
+from flexfem.lie.vectors import cross
 from flexfem.model.contact import ContactProbe
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.probes.measured import EnergyProbe, MomentumProbe, ReactionProbe
@@ -43,7 +44,7 @@ class _ReactionSensor:
         refresh_rows(self._system)
         rows = self._system.constraints
         at, wrenches = rows.poses[self._markers, :3], rows.reactions(forces)[self._markers]
-        arms = so3.cross(at - at[0], wrenches[:, :3])
+        arms = cross(at - at[0], wrenches[:, :3])
         force, moment = wrenches[:, :3].sum(axis=0), (wrenches[:, 3:] + arms).sum(axis=0)
         if self._axes == "inertial":
             return np.concatenate([force, moment])
