@@ -1,8 +1,7 @@
 # Every target makes the set-up it needs in .venv; "make help" lists them.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test tests-on-2-ranks tests-on-3-ranks lint verification bench docs dist
-.PHONY: check-paraview clean
+.PHONY: help setup run test lint verification bench docs dist check-paraview clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -67,13 +66,7 @@ test: $(STAMP) ## lint, documentation, then all tests on 1 and 2 ranks, some on 
 	# what a file's tests share is made once; files as they come, the longest are not the last
 	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist loadfile --no-loadscope-reorder \
 		--ignore tests/test_architecture.py
-	# ranks wait for one another a third of the time: the cores are then free for the other ranks
-	@$(MAKE) --no-print-directory --output-sync=target -j $(RANKS) tests-on-2-ranks tests-on-3-ranks
-
-tests-on-2-ranks: $(STAMP)
-	$(GIVE_WAY) $(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests
-
-tests-on-3-ranks: $(STAMP)
+	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests
 	$(GIVE_WAY) $(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m three_ranks tests
 
 # what two processes of tests would wait for at the same time
