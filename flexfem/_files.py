@@ -10,13 +10,14 @@ import math
 import os
 import re
 import stat
+from collections.abc import Buffer, Iterable
 from io import BufferedReader
 from os import PathLike
 from pathlib import Path
 
 from flexfem._checks import InputError, show
 
-__all__ = ["number_in", "open_file", "open_lock", "read_bytes", "read_text", "replace_text"]
+__all__ = ["number_in", "open_file", "open_lock", "read_bytes", "read_text", "replace_file"]
 
 #: First bytes of other encodings, as office programs write them.
 _WIDE = (b"\xff\xfe", b"\xfe\xff")
@@ -128,15 +129,20 @@ def read_text(owner: str, path: str | PathLike[str], limit: int) -> str:
     return text
 
 
-def replace_text(path: Path, text: str) -> None:
-    """Write a small text so that other processes find all of it or nothing.
+def replace_file(path: Path, chunks: Iterable[Buffer]) -> None:
+    """Write a file under a temporary name beside it, then rename it into place.
+
+    Args:
+        path: File to create or replace; its folder must exist.
+        chunks: Contents, one after the other.
 
     Raises:
-        OSError: it cannot be written; the former text is left as it is.
+        OSError: If the file cannot be written; the previous version is left untouched.
     """
-    temporary = path.with_name(f".{path.name}.{os.getpid()}.tmp")
+    temporary = path.with_name(f".{path.name}.tmp")
     try:
-        temporary.write_text(text, encoding="utf-8")
+        with temporary.open("wb") as stream:
+            stream.write(b"".join(chunks))  # one call of the system, which costs more than a copy
         temporary.replace(path)
     except BaseException:
         temporary.unlink(missing_ok=True)

@@ -1,34 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Atomic replacement of files, and errors raised together by all ranks."""
+"""Atomic replacement of files, and values and errors of all ranks."""
 
 from __future__ import annotations
 
-from collections.abc import Buffer, Iterable
-from pathlib import Path
 from typing import TYPE_CHECKING
+
+from flexfem._files import replace_file
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-
-def replace_file(path: Path, chunks: Iterable[Buffer]) -> None:
-    """Write a file under a temporary name beside it, then rename it into place.
-
-    Args:
-        path: File to create or replace; its folder must exist.
-        chunks: Contents, one after the other.
-
-    Raises:
-        OSError: If the file cannot be written; the previous version is left untouched.
-    """
-    temporary = path.with_name(f".{path.name}.tmp")
-    try:
-        with temporary.open("wb") as stream:
-            stream.write(b"".join(chunks))  # one call of the system, which costs more than a copy
-        temporary.replace(path)
-    except BaseException:
-        temporary.unlink(missing_ok=True)
-        raise
+__all__ = ["gathered", "raise_together", "replace_file"]
 
 
 def raise_together(comm: MPI.Comm, error: Exception | None) -> None:

@@ -25,7 +25,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem._files import read_text, replace_text
+from flexfem._files import read_text, replace_file
 from flexfem.kernels.caching import stamp_of
 from flexfem.kernels.ffcx import Kernel, compile_arguments, compile_kernel, kernel_at
 from flexfem.kernels.ffcx_options import kernel_folder
@@ -73,7 +73,7 @@ def compile_forms(
             ``compile_kernel``.
     """
     file = _index(build, arguments, wanted) if comm.rank == 0 else None
-    known = comm.bcast(_read(file, wanted) if comm.rank == 0 else None)
+    known = comm.bcast(_read(file, wanted))
     if known is not None:
         folder, names, entries = known
         found = {}
@@ -138,7 +138,7 @@ def _write(file: Path, made: FormKernels) -> None:
         for form, kernel in made.kernels.items()
     }
     with suppress(OSError):
-        replace_text(file, json.dumps([made.names, entries]))
+        replace_file(file, [json.dumps([made.names, entries]).encode()])
 
 
 def _loaded(folder: str, name: str, offsets: list[int], batched: bool) -> Kernel | None:

@@ -99,9 +99,7 @@ class ElementKernel:
 
     def add(self, cells: Cells, nodes: Record, scale: float, target: FloatArray) -> None:
         """Add ``scale`` times the results to the nodes, see ``driver.add_forces``."""
-        add_forces(
-            self.call.memory, cells.memory, nodes.memory, self.constants, scale, target
-        )  # fmt: skip
+        add_forces(self.call.memory, cells.memory, nodes.memory, self.constants, scale, target)
 
     def write(self, cells: Cells, nodes: Record, values: FloatArray) -> None:
         """Write the results, see ``driver.evaluate``."""
