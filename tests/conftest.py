@@ -48,6 +48,19 @@ def _communicator() -> Any:
     return None
 
 
+@pytest.hookimpl(tryfirst=True)
+def pytest_configure(config: pytest.Config) -> None:
+    """Give each rank a root of temporary folders of its own, removed at the end.
+
+    In the root that processes share by default, two of them that end at the same time remove the
+    folders of earlier runs under each other's hands, and the one that loses ends with an error.
+    """
+    if LAUNCHED and config.option.basetemp is None:
+        root = tempfile.mkdtemp(prefix="flexfem-tests-of-a-rank-")
+        config.option.basetemp = root
+        config.add_cleanup(lambda: shutil.rmtree(root, ignore_errors=True))
+
+
 @pytest.fixture
 def command_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     """An empty working directory for command lines; what they change of Python is put back."""
