@@ -10,10 +10,11 @@ import numpy as np
 from flexfem.inspection.body_facts import BodyFacts, MassFacts, total
 from flexfem.inspection.inspection import Inspection
 from flexfem.inspection.joint_facts import JointFacts
-from flexfem.inspection.mesh_facts import MeshFacts, matrix_entries
+from flexfem.inspection.matrix_entries import matrix_entries
 from flexfem.inspection.mobility import mobility
 from flexfem.inspection.model_facts import ModelFacts
 from flexfem.inspection.text import description_text
+from flexfem.layout.mesh_facts import MeshFacts
 from flexfem.model.model import Model
 from flexfem.system.memory import memory_of_run
 

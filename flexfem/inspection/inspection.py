@@ -13,11 +13,10 @@ from flexfem.analyses.relaxation import RelaxationOptions
 from flexfem.analyses.statics import StaticOptions
 from flexfem.inspection.body_facts import BodyFacts, body_facts
 from flexfem.inspection.joint_facts import JointFacts, joint_facts, turning_rows
-from flexfem.inspection.mesh_facts import MeshFacts, mesh_facts
 from flexfem.kinematics.rigid_parts import RigidParts
 from flexfem.kinematics.start_rows import StartRows
+from flexfem.layout.mesh_facts import MeshFacts
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.lie import se3
 from flexfem.model.model import Model
 from flexfem.options import Settings
 
@@ -97,14 +96,15 @@ class Inspection:
     @cached_property
     def meshes(self) -> list[MeshFacts]:
         """Sizes of the elements of each flexible body."""
-        return mesh_facts(self.serial)
+        serial = self.serial
+        facts = [serial.family_of(body.name).mesh_facts(body) for body in serial.model.bodies]
+        return [one for one in facts if one is not None]
 
     @cached_property
     def points(self) -> FloatArray:
         """Positions (n, 3) of all nodes, of rigid bodies and of the joints' markers, m."""
         poses = [pose.position for placed in self.rows.rows.joints for pose in placed.poses]
-        rigid = se3.position(self.serial.rigid_frames)
-        return np.concatenate([np.array(poses).reshape(-1, 3), rigid, self.serial.nodes])
+        return np.concatenate([np.array(poses).reshape(-1, 3), self.serial.points])
 
     @cached_property
     def extent(self) -> float:

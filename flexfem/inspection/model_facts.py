@@ -5,8 +5,8 @@ from dataclasses import dataclass
 
 from flexfem.inspection.body_facts import BodyFacts, MassFacts
 from flexfem.inspection.joint_facts import JointFacts
-from flexfem.inspection.mesh_facts import MeshFacts
 from flexfem.inspection.mobility import Mobility
+from flexfem.layout.mesh_facts import MeshFacts
 from flexfem.model.model import Model
 
 __all__ = ["ModelFacts"]

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections import Counter
 from collections.abc import Iterable, Sequence
 from typing import TYPE_CHECKING, Any
 
@@ -10,7 +11,7 @@ import numpy as np
 
 from flexfem._memory import available, shown
 from flexfem._types import FloatArray
-from flexfem.inspection.body_facts import KINDS, BodyFacts, MassFacts
+from flexfem.inspection.body_facts import BodyFacts, MassFacts
 from flexfem.inspection.finding import Finding, listed, owner_of
 from flexfem.inspection.joint_facts import ROLES, JointFacts
 from flexfem.inspection.model_facts import ModelFacts
@@ -65,14 +66,14 @@ def findings_text(findings: Sequence[Finding]) -> str:
 def _bodies(description: ModelFacts) -> list[str]:
     """A table of the bodies, then all together."""
     facts = description.bodies
-    counts = [(name, sum(one.kind == name for one in facts)) for name in KINDS.values()]
-    told = ", ".join(_plural(count, name) for name, count in counts if count)
+    counts = Counter(one.kind for one in facts)
+    told = ", ".join(_plural(count, name) for name, count in counts.items())
     header = [
         "name", "kind", "mass kg", "mass centre m", "inertia about it kg m^2", "size m",
         "elements", "DOFs",
     ]  # fmt: skip
     rows: list[list[str]] = []
-    for name in KINDS.values():
+    for name in counts:
         own = [one for one in facts if one.kind == name]
         shown = own if len(own) <= _ROWS + 1 else own[:_ROWS]
         rows += [_body_row(one, description.extent) for one in shown]

@@ -1,14 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bodies of a model as rigid bodies: one frame and one inertia matrix for each."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from functools import cached_property
 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Attachment, Ground
-from flexfem.kinematics.body_inertia import body_inertia
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.model.bodies.base import Body
@@ -33,16 +32,18 @@ class RigidParts:
         """Find the parts of a model."""
         model = serial.model
         self._serial = serial
-        whole: list[RigidBody | FloatingBody] = [*model.rigid_bodies, *model.floating_bodies]
-        self.names: list[tuple[str, ...]] = [(body.name,) for body in whole]
-        frames = [np.empty((0, 12)), *(se3.frame(b.position, b.rotation)[None] for b in whole)]
-        bodies: list[Beam | Shell | Body] = [
-            *model.beams, *model.shells, *model.other_bodies
-        ]  # fmt: skip
-        nodes = {body.name: _nodes(serial, body) for body in bodies}
-        for names in _clusters(nodes):
+        self._with_axes: list[RigidBody | FloatingBody] = [
+            *model.rigid_bodies,
+            *model.floating_bodies,
+        ]
+        placed = [se3.frame(body.position, body.rotation) for body in self._with_axes]
+        self.names: list[tuple[str, ...]] = [(body.name,) for body in self._with_axes]
+        frames = [np.empty((0, 12)), *(frame[np.newaxis] for frame in placed)]
+        others: list[Beam | Shell | Body] = [*model.beams, *model.shells, *model.other_bodies]
+        for names in _clusters(serial, [body.name for body in others]):
             self.names.append(names)
-            middle = np.concatenate([nodes[name][0] for name in names]).mean(axis=0)
+            outlines = [serial.family_of(name).outline(model[name]) for name in names]
+            middle = np.concatenate(outlines).mean(axis=0)
             frames.append(se3.frame(middle, np.eye(3))[np.newaxis])
         self.frames: FloatArray = np.concatenate(frames)
         self.number = {name: i for i, names in enumerate(self.names) for name in names}
@@ -55,16 +56,14 @@ class RigidParts:
         """
         serial, model = self._serial, self._serial.model
         matrices = np.zeros((len(self), 6, 6))
-        for i, names in enumerate(self.names):
-            for name in names:
-                body = model[name]
-                if isinstance(body, (RigidBody, FloatingBody)):
-                    matrices[i] = body.inertia_matrix
-                else:
-                    matrices[i] += body_inertia(serial, body, self.frames[i])
+        for i, body in enumerate(self._with_axes):
+            matrices[i] = body.inertia_matrix
+        for i in range(len(self._with_axes), len(self)):
+            for name in self.names[i]:
+                matrices[i] += serial.family_of(name).inertia(model[name], self.frames[i])
         for mass in model.point_masses:
             i = self.number[mass.marker.body]
-            matrices[i] += body_inertia(serial, mass, self.frames[i])
+            matrices[i] += serial.mass_inertia(mass, self.frames[i])
         return matrices
 
     def __len__(self) -> int:
@@ -85,38 +84,17 @@ class RigidParts:
         return part, se3.compose(se3.inverse(self.frames[part]), frame)
 
 
-def _nodes(
-    serial: NumberedModel, body: Beam | Shell | Body
-) -> tuple[FloatArray, list[tuple[object, ...]]]:
-    """Positions (k, 3) of the nodes of a body, and keys that are equal where bodies share nodes."""
-    model = serial.model
-    if isinstance(body, Body):
-        return body.points, [(body.name,)]
-    if isinstance(body, Shell):
-        assert model.surface is not None  # checked by validate()
-        nodes = model.surface.body_nodes(body.body)
-        return model.surface.points[nodes], [("surface", int(node)) for node in nodes]
-    if body.formulation == "nurbs":
-        return model.curve(body).points, [(body.name,)]
-    assert model.mesh is not None
-    nodes = np.unique(model.mesh.cells[model.beam_cells(body)])
-    return model.mesh.points[nodes], [("mesh", int(node)) for node in nodes]
-
-
-def _clusters(
-    nodes: dict[str, tuple[FloatArray, list[tuple[object, ...]]]],
-) -> Iterable[tuple[str, ...]]:
-    """Names of the connected bodies, in the order of the first of each."""
-    cluster: dict[str, list[str]] = {}
-    owner: dict[tuple[object, ...], str] = {}
-    for name, (_, keys) in nodes.items():
-        members = [name]
-        for other in {id(cluster[owner[key]]): owner[key] for key in keys if key in owner}.values():
-            members = cluster[other] + members
-        for member in members:
-            cluster[member] = members
-        owner |= dict.fromkeys(keys, name)
-    return list(dict.fromkeys(tuple(members) for members in cluster.values()))
+def _clusters(serial: NumberedModel, names: Sequence[str]) -> Iterable[tuple[str, ...]]:
+    """Names of the bodies that share nodes, in the order of the first of each."""
+    cluster = {name: [name] for name in names}
+    for family in serial.families.values():
+        for pair in family.links():
+            a, b = (cluster[name] for name in pair)
+            if a is not b:
+                a += b
+                cluster |= dict.fromkeys(b, a)
+    place = {name: i for i, name in enumerate(names)}
+    return dict.fromkeys(tuple(sorted(own, key=place.__getitem__)) for own in cluster.values())
 
 
 def part_numbers(parts: RigidParts, names: Iterable[str], owner: str) -> IntArray:

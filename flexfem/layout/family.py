@@ -18,15 +18,18 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.inertia import point_inertia
 
 if TYPE_CHECKING:
     from mpi4py import MPI
 
+    from flexfem.core.joint import Joint
     from flexfem.core.marker import Carrier, Marker
     from flexfem.core.nodes.frame_block import FrameBlock
     from flexfem.layout.elements import ElementFamily
     from flexfem.layout.inner_forces import InnerForces
     from flexfem.layout.lines import Line
+    from flexfem.layout.mesh_facts import MeshFacts
     from flexfem.layout.node_loads import Force
     from flexfem.layout.surface_places import SurfacePlace
     from flexfem.model.contact import Contact
@@ -34,7 +37,7 @@ if TYPE_CHECKING:
     from flexfem.model.probes.base import AnyProbe
     from flexfem.model.structure.place import Place
 
-__all__ = ["BUILT_IN", "ContactSurface", "Family", "Sensor", "registry"]
+__all__ = ["BUILT_IN", "ContactSurface", "Family", "Sensor", "one_width", "registry"]
 
 #: Families of the package in the order of the nest; those of users follow.
 BUILT_IN = (
@@ -98,7 +101,10 @@ class Family:
             ``flexfem.io.paraview.family_series``; families may share one. None: no pictures.
         follows: True for bodies without elements, which are on the rank of the bodies that they are
             joined to.
+        noun: what tables of bodies call one of them.
     """
+
+    noun: ClassVar[str] = "element body"
 
     energy_momentum: ClassVar[bool] = False
     follows: ClassVar[bool] = False
@@ -144,7 +150,8 @@ class Family:
     @property
     def held(self) -> BoolArray:
         """(n, width) fixed unknowns of all nodes; :meth:`block` keeps them."""
-        return np.zeros((len(self.frames), 6), dtype=np.bool_)
+        width = getattr(self.own[0], "width", 6)  # rigid bodies and beams do not say it
+        return np.zeros((len(self.frames), width), dtype=np.bool_)
 
     @property
     def placed(self) -> BoolArray:
@@ -174,6 +181,39 @@ class Family:
     def fingerprint(self) -> Mapping[str, Any]:
         """Further data, by their names, in the hash that assigns a checkpoint to a model."""
         return {}
+
+    def joints(self) -> Sequence[Joint]:
+        """Joints that the bodies need beside those of the model."""
+        return ()
+
+    # -- Facts for summaries and checks ---------------------------------------------------------
+
+    def elements(self, body: Any) -> int:
+        """Number of the finite elements of a body."""
+        count: int = body.elements
+        return count
+
+    def outline(self, body: Any) -> FloatArray:
+        """Points (n, 3) at the start about which the box of a body is, m."""
+        points: FloatArray = body.points
+        return points
+
+    def inertia(self, body: Any, origin: FloatArray) -> FloatArray:
+        """Inertia matrix (6, 6) of an unstrained body at the start, translation first.
+
+        Args:
+            body: of this family.
+            origin: frame (12,) about whose origin and in whose axes it is.
+        """
+        return point_inertia(origin, *body.masses)
+
+    def mesh_facts(self, body: Any) -> MeshFacts | None:
+        """Sizes and stiffness of the elements of a body, None where checks have no use for them."""
+        return None
+
+    def patches(self) -> IntArray:
+        """(m, k) nodes that one element each couples in the matrix of a step, -1 for none."""
+        return np.arange(len(self.frames))[:, np.newaxis]
 
     # -- Markers --------------------------------------------------------------------------------
 
@@ -290,6 +330,17 @@ class Family:
         )
         made: Sensor | None = old(probe, part)
         return made
+
+
+def one_width(patches: Sequence[IntArray]) -> IntArray:
+    """Rows of nodes of different widths as one array, filled up by -1."""
+    width = max(nodes.shape[1] for nodes in patches)
+    return np.concatenate(
+        [
+            np.pad(nodes, ((0, 0), (0, width - nodes.shape[1])), constant_values=-1)
+            for nodes in patches
+        ]
+    )
 
 
 def registry(model: Model) -> list[type[Family]]:

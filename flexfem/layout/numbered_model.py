@@ -1,13 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Serial data of a model: nodes numbered, frames at the start, markers resolved."""
 
-from collections.abc import Sequence
+from collections.abc import Iterable
 from functools import cached_property
 from typing import Any
 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.inertia import point_inertia
 from flexfem.core.joint import Joint
 from flexfem.core.marker import (
     Attachment,
@@ -25,8 +26,7 @@ from flexfem.layout.lines import ElementPlace, Line, LinePoint
 from flexfem.layout.node_key import NodeKey
 from flexfem.layout.surface_places import SurfacePlace
 from flexfem.lie import se3
-from flexfem.materials.section import Section
-from flexfem.model.bodies.basic import Beam
+from flexfem.model.bodies.basic import Beam, PointMass
 from flexfem.model.model import Model
 from flexfem.model.structure.place import Place
 
@@ -46,33 +46,13 @@ class NumberedModel:
         model: the validated model.
         kernels: "fast" for the hand-written kernels of elements that have them, "ufl" for their UFL
             forms.
-        cells: all SE(3) cells with their frames; nodes are numbered among those used by them.
-        points, frames, velocities: of those nodes, (n, 3), (n, 12), (n, 6); body_of_node: (n,).
-        sections: the different sections of the SE(3) beams, by the numbers in ``cells``.
-        curves: all NURBS beams, None without any.
-        surface: all shells, None without any.
-        floating: bodies in floating frames, None without any.
-        rigid_frames: (n, 12) frames of the rigid bodies.
-        families: families of the model's bodies by their numbers, in the order of the nest; they
-            set ``cells``, ``curves``, ``surface`` and ``floating``.
+        families: families of the model's bodies by their numbers, in the order of the nest.
     """
 
     def __init__(self, model: Model, kernels: str = "fast") -> None:
         """Number the nodes of all beams and compute all frames at the start."""
         self.model, self.kernels = model, kernels
         self._places: dict[Observed, Place | None] = {}
-        self.points, self.frames = np.empty((0, 3)), np.empty((0, 12))
-        self.sections: list[Section] = []
-        self.velocities = np.empty((0, 6))
-        self.body_of_node = np.empty(0, dtype=np.int64)
-        self.node_of_mesh: dict[int, int] = {}
-        self.cells: Any = None
-        self.curves: Any = None
-        self.surface: Any = None
-        self.floating: Any = None
-        self.rigid_frames = np.array(
-            [se3.frame(b.position, b.rotation) for b in model.rigid_bodies]
-        ).reshape(-1, 12)
         self.families: dict[int, Family] = {}
         for kind, family in enumerate(registry(model)):
             if family.members(model):
@@ -81,7 +61,7 @@ class NumberedModel:
 
     @cached_property
     def joints(self) -> list[Joint]:
-        """The model's joints, those of lines as their parts, then locks of elastic coordinates.
+        """The model's joints, those of lines as their parts, then those that bodies need.
 
         Raises:
             ValueError: two lines do not fit.
@@ -93,14 +73,22 @@ class NumberedModel:
                 for marker in joint.markers
             ]
             parts += joint.parts(lines)
-        return parts if self.floating is None else [*parts, *self.floating.locks]
+        own = [joint for family in self.families.values() for joint in family.joints()]
+        return parts + own
 
     @property
     def nodes(self) -> FloatArray:
         """Positions (n, 3) of all nodes of flexible bodies at the start, m."""
-        flexible = [family for family in self.families.values() if not family.follows]
-        frames = [np.empty((0, 12)), *(family.frames[family.placed] for family in flexible)]
-        return se3.position(np.concatenate(frames))
+        return _positions(family for family in self.families.values() if not family.follows)
+
+    @property
+    def points(self) -> FloatArray:
+        """Positions (n, 3) of all nodes at the start, those of rigid bodies included, m."""
+        return _positions(self.families.values())
+
+    def family[F: Family](self, kind: type[F]) -> F | None:
+        """Family of a class; None if the model has none of its bodies."""
+        return next((own for own in self.families.values() if isinstance(own, kind)), None)
 
     def line(self, name: str) -> Line:
         """Elements of a beam in order, found once.
@@ -182,10 +170,6 @@ class NumberedModel:
         """The place of a marker on three nodes, whose triangle defines its axes."""
         return self.family_of(marker.body).with_axes(marker, place)
 
-    def mesh_nodes(self, nodes: Sequence[int]) -> IntArray:
-        """Numbers of the beams' nodes given by their numbers in the mesh."""
-        return np.array([self.node_of_mesh[node] for node in nodes], dtype=np.int64)
-
     def local_node(self, marker: Observed, kind: int, block: FrameBlock) -> int:
         """Local index of a marker's node in the block of a kind, -1 if it is not owned there.
 
@@ -211,6 +195,11 @@ class NumberedModel:
     def node_frames(self, kind: int) -> FloatArray:
         """Frames (n, 12) of all nodes of a family at the start."""
         return self.families[kind].frames
+
+    def mass_inertia(self, mass: PointMass, origin: FloatArray) -> FloatArray:
+        """Inertia matrix (6, 6) of a point mass at the start about a frame (12,)."""
+        place = self.marker_pose(mass.marker).position
+        return point_inertia(origin, place[np.newaxis], np.array([mass.mass]))
 
     def carrier_frame(self, marker: Marker) -> FloatArray:
         """Frame (12,) at the start of the carrier of a marker: its node, or its point on a line."""
@@ -242,3 +231,9 @@ class NumberedModel:
         if isinstance(marker, Marker):
             frame = se3.compose(self.carrier_frame(marker), frame)
         return Pose(se3.position(frame), se3.rotation(frame))
+
+
+def _positions(families: Iterable[Family]) -> FloatArray:
+    """Positions (n, 3) of the nodes of families that have one, at the start, m."""
+    frames = [family.frames[family.placed] for family in families]
+    return se3.position(np.concatenate([np.empty((0, 12)), *frames]))

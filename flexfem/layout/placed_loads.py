@@ -20,12 +20,12 @@ from flexfem.loads.line_load import LineLoad
 from flexfem.model.bodies.basic import Beam
 
 __all__ = [
-    "acts_at_nodes",
-    "line_forces",
     "load_at_points",
     "loads_along",
     "marker_forces",
+    "marker_forces_inside",
     "spread_load",
+    "varying_forces",
 ]
 
 #: Least number of Gauss points of an element for varying loads; the number of nodes if larger.
@@ -68,60 +68,25 @@ def spread_load(
         yield Force(node, frame, part * force, part * moment, load.follower, number)
 
 
-def acts_at_nodes(load: Load, formulation: str) -> bool:
-    """Return True if a load along a beam acts at nodes: uniform forces, on NURBS dead ones only.
-
-    The rotations of control points are not those of the beam, so that follower loads are excluded.
-    """
-    turns = load.follower and formulation == "nurbs"
-    return load.uniform and not turns and not load.has_moment
-
-
-def line_forces(
-    serial: NumberedModel, kind: int, beams: Sequence[Beam], block: FrameBlock
-) -> list[LineForce]:
-    """Loads inside the elements of beams of a kind on this rank."""
-    forces, names = [], {beam.name for beam in beams}
+def marker_forces_inside(
+    serial: NumberedModel, kind: int, block: FrameBlock
+) -> Iterator[LineForce]:
+    """Loads of markers inside the elements of beams of a kind on this rank."""
     for number, load in enumerate(serial.model.loads):
         for marker in load.markers:
             force, moment = load.wrench
             place = serial.place(marker)
             if place is not None and place.kind == kind and holds(block, place):
                 offset = serial.marker_frame(marker)
-                forces.append(LineForce(place, offset, force, moment, load.follower, number))
-        for name in load.beams:
-            formulation = serial.model[name].formulation
-            if name not in names or acts_at_nodes(load, formulation):
-                continue
-            if load.uniform and formulation == "nurbs":
-                forces += _points(serial, name, block, load, number)
-            else:
-                assert isinstance(load, LineLoad)
-                forces += _pieces(serial, block, load, number)
-    return forces
+                yield LineForce(place, offset, force, moment, load.follower, number)
 
 
-def _points(
+def varying_forces(
     serial: NumberedModel, name: str, block: FrameBlock, load: Load, number: int
 ) -> Iterator[LineForce]:
-    """A load along a beam at the Gauss points of its elements on this rank."""
-    curves = serial.curves
-    assert curves is not None
-    (force, moment), line = load.wrench, serial.line(name)
-    xi, lengths = curves.gauss(curves.index(name))
-    offset = se3.frame(np.zeros(3), np.eye(3))
-    for e in range(len(line.nodes)):
-        if holds(block, ElementPlace.on(line, e, 0.0)):
-            for at, ds in zip(xi, lengths[e], strict=True):
-                place = ElementPlace.on(line, e, float(at))
-                yield LineForce(place, offset, ds * force, ds * moment, load.follower, number)
-
-
-def _pieces(
-    serial: NumberedModel, block: FrameBlock, load: LineLoad, number: int
-) -> Iterator[LineForce]:
     """A load along a beam at the Gauss points of pieces of its elements on this rank."""
-    line = serial.line(load.body)
+    assert isinstance(load, LineLoad)
+    line = serial.line(name)
     offset = se3.frame(np.zeros(3), np.eye(3))
     for e in range(len(line.nodes)):
         if holds(block, ElementPlace.on(line, e, 0.0)):

@@ -6,7 +6,6 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.constraints.connect import all_ends
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.lie import se3
 
 __all__ = ["model_box", "model_extent"]
 
@@ -14,9 +13,7 @@ __all__ = ["model_box", "model_extent"]
 def model_box(serial: NumberedModel) -> FloatArray:
     """Lowest and highest coordinates (2, 3) of nodes, bodies and markers of joints at the start."""
     poses = [pose.position for ends in all_ends(serial) for pose in ends.poses]
-    every = np.concatenate(
-        [np.array(poses).reshape(-1, 3), se3.position(serial.rigid_frames), serial.nodes]
-    )
+    every = np.concatenate([np.array(poses).reshape(-1, 3), serial.points])
     if not len(every):
         return np.zeros((2, 3))
     box: FloatArray = np.stack([every.min(axis=0), every.max(axis=0)])

@@ -7,6 +7,7 @@ equations derives a class from :class:`Mechanics`, which is an argument of solve
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from math import isnan, nan
 
 import numpy as np
 
@@ -145,8 +146,8 @@ class EndPoint(Mechanics):
     def move(self, system: System, sign: float) -> float:
         """See :class:`Mechanics`."""
         sizes = [part.block.correct(sign) for part in system.parts]
-        # Python's maximum alone may drop a NaN
-        return max(sizes, key=lambda size: (size != size, size), default=0.0)
+        # the maximum alone may drop a NaN
+        return nan if any(map(isnan, sizes)) else max(sizes, default=0.0)
 
     def cells(
         self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest

@@ -8,6 +8,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.core.status import Status
+from flexfem.families.shells.family import ShellFamily
 from flexfem.solvers.linear import tangent
 from tests.unit.contact_motion import check_tangents, moved, same_on_ranks, sheet
 from tests.unit.refusals import assert_on_page
@@ -123,7 +124,7 @@ def test_fast_sheet_does_not_get_through():
     model = impact(speed=(0.0, 0.0, -20.0))  # 4 mm a step, four times the thickness
     simulation, _ = moved(model, 15)
     block = simulation.system.parts[0].block
-    up = simulation.serial.surface.body_of_node[block.node_ids] == 1
+    up = simulation.serial.family(ShellFamily).body_of_node[block.node_ids] == 1
     # the lower sheet is hit and goes ahead
     assert block.frames[up, 2].min() > block.frames[~up, 2].min()
     assert simulation.system.contacts[0].measure("hit")[0] < 2e-3

@@ -31,7 +31,7 @@ def folder(shared_tmp_path, monkeypatch):
 
 
 @pytest.fixture
-def built(monkeypatch):
+def built():
     """Arguments of all calls that build the forms of beams."""
     calls = []
 

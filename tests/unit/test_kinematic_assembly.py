@@ -189,8 +189,7 @@ def test_sections_of_beams_turn_with_their_markers(formulation, orientation):
     turn = moved["end"].b.rotation
     found = []
     for one in (model, moved):
-        serial = NumberedModel(one)
-        frames = serial.frames if formulation == "se3" else serial.curves.frames
+        frames = NumberedModel(one).family_of("bar").frames
         found.append(frames[:, 3:].reshape(-1, 3, 3))
     # a bar of 0.02 by 0.01 on its other side, or one that stays, would be off by 1
     np.testing.assert_allclose(found[1], turn @ found[0], atol=1e-10)

@@ -6,6 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+import ufl
 
 import flexfem as ff
 from flexfem._checks import InputError
@@ -254,6 +255,28 @@ def test_matrix_entries_are_those_of_the_tangent() -> None:
     actual = sum(int(mat.mat.getInfo()["nz_used"]) for mat in linear._mats[:1])
     # the linearisation has room for the pairs of joints and a diagonal of multipliers besides
     assert ff.describe(model).entries == pytest.approx(actual, rel=0.1)
+
+
+def test_matrix_entries_of_bodies_of_all_families() -> None:
+    """By hand: a row of n elements of two nodes has n + 1 + 2 n pairs of nodes."""
+    points = np.linspace(0.0, 1.0, 5)[:, np.newaxis] * X
+    mesh = ff.ElementMesh(points, [[0, 1], [1, 2], [2, 3], [3, 4]], "interval")
+    model = ff.Model("parts", mesh=ff.LineMesh.straight({"beam": [(0, 1, 0), (1, 1, 0)]}, 4))
+    model.add(
+        ff.Beam("beam", OFFSET),
+        ff.Beam(
+            "curve", OFFSET, curve=ff.NurbsCurve.line((0, 2, 0), (1, 2, 0), degree=1, elements=4)
+        ),
+        ff.UFLBody("bar", mesh, lambda x, X, p: ufl.inner(ufl.grad(x), ufl.grad(x)), density=1.0),
+        ff.RigidBody("block", 1.0, np.eye(3)),
+    )
+    entries = {body.name: 36 * 13 for body in model.beams} | {"bar": 9 * 13, "block": 36}
+    assert ff.describe(model).entries == sum(entries.values())
+    facts = {one.name: one for one in ff.describe(model).bodies}
+    assert {name: facts[name].elements for name in entries} == {
+        "beam": 4, "curve": 4, "bar": 4, "block": 0,
+    }  # fmt: skip
+    assert [one.unknowns for one in facts.values()] == [30, 30, 6, 15]
 
 
 def test_text_and_numbers() -> None:

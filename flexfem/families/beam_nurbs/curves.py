@@ -7,9 +7,10 @@ from functools import cached_property
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.inertia import inertia_about
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.places.line_points import NURBS as NURBS_ELEMENT
-from flexfem.core.places.line_points import NURBS_VECTORS
+from flexfem.core.places.line_points import NURBS_VECTORS, find_jacobian
 from flexfem.core.runs import starts
 from flexfem.families.common.initial_velocities import initial_velocities
 from flexfem.layout.lines import Line
@@ -111,13 +112,9 @@ class NurbsLines:
         numbers: IntArray = self.first_node[beam] + self.parts[beam].nodes
         return numbers
 
-    def gauss(self, beam: int, *, fine: bool = False) -> tuple[FloatArray, FloatArray]:
-        """Gauss points (q,) in the elements of a beam, and lengths (m, q) they stand for, m.
-
-        Their number is that of the nodes of an element, or with ``fine`` that of integrals along
-        curves.
-        """
-        return self._points(beam, _FINE if fine else self.parts[beam].nodes.shape[1])
+    def gauss(self, beam: int) -> tuple[FloatArray, FloatArray]:
+        """Gauss points (q,), as many as nodes, in the elements of a beam, and lengths (m, q), m."""
+        return self._points(beam, self.parts[beam].nodes.shape[1])
 
     def integrals(self, beam: int) -> FloatArray:
         """(m, k) integrals of the shape functions along the elements of a beam, m."""
@@ -127,6 +124,18 @@ class NurbsLines:
         values /= values.sum(axis=-1, keepdims=True)
         total: FloatArray = np.einsum("mq,mqi->mi", lengths, values)
         return total
+
+    def inertia(self, beam: int, origin: FloatArray) -> FloatArray:
+        """Inertia matrix (6, 6) of a beam at the start about a frame (12,)."""
+        xi, lengths = self._points(beam, _FINE)
+        nodes, shape, element = self.nodes(beam), self.parts[beam].shape, self.element(beam)
+        frames = np.empty((len(nodes), len(xi), 12))
+        jacobian = np.empty((6, 6 * nodes.shape[1] + 1))
+        for e, q in np.ndindex(len(nodes), len(xi)):
+            own = np.ascontiguousarray(self.frames[nodes[e]])
+            find_jacobian(element, own, shape[e], float(xi[q]), frames[e, q], jacobian)
+        inertia = self.beams[beam].section.inertia
+        return inertia_about(origin, frames.reshape(-1, 12), inertia, lengths.ravel())
 
     def _points(self, beam: int, count: int) -> tuple[FloatArray, FloatArray]:
         at, weights = np.polynomial.legendre.leggauss(count)

@@ -16,17 +16,17 @@ from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.beam_nurbs.curves import NurbsLines
 from flexfem.families.beam_nurbs.elements import NurbsBeams, NurbsCells
-from flexfem.families.beam_nurbs.loads import nurbs_beam_forces
+from flexfem.families.beam_nurbs.loads import nurbs_line_forces, nurbs_node_forces
 from flexfem.families.beam_nurbs.sensors import CurveStrainSensor
 from flexfem.families.common.block_nodes import distributed, section_owners
 from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import Family, Sensor
+from flexfem.layout.family import Family, Sensor, one_width
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.line_loads import by_kind
 from flexfem.layout.lines import Line
+from flexfem.layout.mesh_facts import MeshFacts, beam_facts
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.layout.placed_loads import line_forces
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.model import Model
 from flexfem.model.probes.base import AnyProbe
@@ -42,6 +42,7 @@ __all__ = ["NurbsBeamFamily"]
 class NurbsBeamFamily(Family):
     """See :class:`flexfem.layout.family.Family`; bodies count all beams of the model."""
 
+    noun = "beam"
     series = "flexfem.io.paraview.family_series:BeamSeries"
 
     serial: NumberedModel
@@ -55,7 +56,6 @@ class NurbsBeamFamily(Family):
         """Lay out the beams."""
         super().__init__(serial, kind)
         self.curves = NurbsLines.of(serial.model)
-        serial.curves = self.curves
         self._lines: dict[str, Line] = {}
 
     @property
@@ -87,6 +87,30 @@ class NurbsBeamFamily(Family):
     def fingerprint(self) -> Mapping[str, Any]:
         nodes = [self.curves.nodes(beam) for beam in range(len(self.own))]
         return {"mesh": [self.curves.frames, nodes]}
+
+    @override
+    def elements(self, body: Beam) -> int:
+        return len(self.curves.nodes(self.curves.index(body.name)))
+
+    @override
+    def outline(self, body: Beam) -> FloatArray:
+        beam, first = self.curves.index(body.name), self.curves.first_node
+        return self.curves.frames[first[beam] : first[beam + 1], :3]
+
+    @override
+    def inertia(self, body: Beam, origin: FloatArray) -> FloatArray:
+        return self.curves.inertia(self.curves.index(body.name), origin)
+
+    @override
+    def mesh_facts(self, body: Beam) -> MeshFacts:
+        beam = self.curves.index(body.name)
+        centroids = self.curves.frames[self.curves.nodes(beam), :3].mean(axis=1)
+        lengths = np.asarray(self.curves.parts[beam].lengths)
+        return beam_facts(body, body.section, lengths, centroids)
+
+    @override
+    def patches(self) -> IntArray:
+        return one_width([self.curves.nodes(beam) for beam in range(len(self.own))])
 
     @override
     def node(self, marker: Marker, place: Place | None) -> int:
@@ -126,9 +150,8 @@ class NurbsBeamFamily(Family):
     def forces(
         self, block: FrameBlock, elements: ElementFamily | None, node_body: IntArray
     ) -> tuple[list[Force], list[InnerForces]]:
-        serial, kind = self.serial, self.kind
-        at_nodes = list(nurbs_beam_forces(serial, self.curves, block))
-        inside = list(line_forces(serial, kind, self.own, block))
+        at_nodes = list(nurbs_node_forces(self.serial, self.curves, block))
+        inside = list(nurbs_line_forces(self.serial, self.kind, self.curves, block))
         return at_nodes, list(by_kind(inside, node_body, block))
 
     @override

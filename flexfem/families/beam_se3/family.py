@@ -14,7 +14,8 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.beam_se3.elements import BeamCells, SE3Beams
-from flexfem.families.beam_se3.loads import se3_beam_forces
+from flexfem.families.beam_se3.loads import se3_line_forces, se3_node_forces
+from flexfem.families.beam_se3.mesh import BeamMesh
 from flexfem.families.beam_se3.sensors import BeamElongation, StrainSensor
 from flexfem.families.common.block_nodes import section_owners
 from flexfem.layout.elements import ElementFamily
@@ -22,9 +23,9 @@ from flexfem.layout.family import Family, Sensor
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.line_loads import by_kind
 from flexfem.layout.lines import Line, se3_line
+from flexfem.layout.mesh_facts import MeshFacts, beam_facts
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.layout.placed_loads import line_forces
 from flexfem.mesh.distributed.beam_mesh import create_beam_mesh
 from flexfem.mesh.geometry.topology import trace_lines
 from flexfem.model.bodies.basic import Beam
@@ -37,8 +38,6 @@ from flexfem.model.structure.place import Place
 if TYPE_CHECKING:
     from flexfem.system.system import BlockPart
 
-from flexfem.families.beam_se3.nodes import number_nodes
-
 __all__ = ["SE3BeamFamily"]
 
 
@@ -46,6 +45,7 @@ class SE3BeamFamily(Family):
     """See :class:`flexfem.layout.family.Family`; bodies count all beams of the model."""
 
     energy_momentum = True
+    noun = "beam"
     series = "flexfem.io.paraview.family_series:BeamSeries"
 
     serial: NumberedModel
@@ -58,7 +58,8 @@ class SE3BeamFamily(Family):
     def __init__(self, serial: NumberedModel, kind: int) -> None:
         """Lay out the beams."""
         super().__init__(serial, kind)
-        number_nodes(serial, self.own)
+        self.mesh = BeamMesh.of(serial.model)
+        self._numbers = {beam.name: i for i, beam in enumerate(self.bodies)}
         self._lines: dict[str, Line] = {}
 
     @property
@@ -74,28 +75,53 @@ class SE3BeamFamily(Family):
     @property
     @override
     def frames(self) -> FloatArray:
-        return self.serial.frames
+        return self.mesh.frames
 
     @property
     @override
     def velocities(self) -> FloatArray:
-        return self.serial.velocities
+        return self.mesh.velocities
 
     @property
     @override
     def body_of_node(self) -> IntArray:
-        return self.serial.body_of_node
+        return self.mesh.body_of_node
 
     @override
     def fingerprint(self) -> Mapping[str, Any]:
-        serial = self.serial
-        return {"mesh": [serial.points, serial.cells.cells, serial.frames]}
+        return {"mesh": [self.mesh.points, self.mesh.cells.cells, self.mesh.frames]}
+
+    @override
+    def elements(self, body: Beam) -> int:
+        return len(self._nodes(body))
+
+    @override
+    def outline(self, body: Beam) -> FloatArray:
+        return self.mesh.points[np.unique(self._nodes(body))]
+
+    @override
+    def inertia(self, body: Beam, origin: FloatArray) -> FloatArray:
+        return self.mesh.inertia(self._numbers[body.name], body.section, origin)
+
+    @override
+    def mesh_facts(self, body: Beam) -> MeshFacts:
+        ends = self.mesh.points[self._nodes(body)]
+        lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
+        return beam_facts(body, body.section, lengths, ends.mean(axis=1))
+
+    @override
+    def patches(self) -> IntArray:
+        return self.mesh.cells.cells.astype(np.int64)
+
+    def _nodes(self, beam: Beam) -> IntArray:
+        """(m, 2) nodes of the cells of a beam."""
+        return self.mesh.nodes(self._numbers[beam.name])
 
     @override
     def node(self, marker: Marker, place: Place | None) -> int:
         assert place is not None
         assert place.node is not None
-        return int(self.serial.mesh_nodes([place.node])[0])
+        return int(self.mesh.numbers([place.node])[0])
 
     @override
     def line(self, carrier: Carrier) -> Line:
@@ -105,8 +131,8 @@ class SE3BeamFamily(Family):
         return self._lines[name]
 
     def _line(self, beam: Beam) -> Line:
-        data = self.serial.cells
-        cells = np.flatnonzero(data.body == self.bodies.index(beam))
+        data = self.mesh.cells
+        cells = np.flatnonzero(data.body == self._numbers[beam.name])
         order = _chain(data.cells[cells].astype(np.int64))
         if order is None:
             raise ValueError(f'Beam "{beam.name}": group "{beam.group}" branches or falls apart')
@@ -115,10 +141,7 @@ class SE3BeamFamily(Family):
 
     @override
     def contact_chain(self, name: str) -> IntArray:
-        data = self.serial.cells
-        own = data.body == [beam.name for beam in self.bodies].index(name)
-        cells: IntArray = data.cells[own].astype(np.int64)
-        return cells
+        return self.mesh.nodes(self._numbers[name])
 
     @override
     def contact_numbers(self, body: Beam, contact: Contact) -> tuple[float, float]:
@@ -133,36 +156,35 @@ class SE3BeamFamily(Family):
 
     @override
     def block(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, ElementFamily]:
-        serial, data = self.serial, self.serial.cells
-        mesh = create_beam_mesh(comm, serial.points, data.cells, ranks)
+        own, data = self.mesh, self.mesh.cells
+        mesh = create_beam_mesh(comm, own.points, data.cells, ranks)
         ids = mesh.cell_ids
         mine = BeamCells(
             mesh.cells, data.body[ids], data.section[ids], data.frames[ids], data.damping[ids]
         )
-        frames = serial.frames[mesh.node_ids]
+        frames = own.frames[mesh.node_ids]
         block = FrameBlock(
-            "beams", comm, frames, serial.velocities[mesh.node_ids], mesh.node_ids, mesh.index_map,
+            "beams", comm, frames, own.velocities[mesh.node_ids], mesh.node_ids, mesh.index_map,
             inertial=True, elements=mesh.cell_ids,
         )  # fmt: skip
-        owners = section_owners(self.own, serial.sections)
-        return block, SE3Beams(comm, mine, serial.sections, owners, frames)
+        owners = section_owners(self.own, own.sections)
+        return block, SE3Beams(comm, mine, own.sections, owners, frames)
 
     @override
     def forces(
         self, block: FrameBlock, elements: ElementFamily | None, node_body: IntArray
     ) -> tuple[list[Force], list[InnerForces]]:
-        serial, kind = self.serial, self.kind
-        at_nodes = list(se3_beam_forces(serial, self.own, block))
-        inside = list(line_forces(serial, kind, self.own, block))
+        at_nodes = list(se3_node_forces(self.serial, self.mesh, self.own, block))
+        inside = list(se3_line_forces(self.serial, self.kind, self.own, block))
         return at_nodes, list(by_kind(inside, node_body, block))
 
     @override
     def sensor(self, probe: AnyProbe, part: BlockPart) -> Sensor | None:
         model = self.serial.model
         if isinstance(probe, StrainProbe) and model[probe.beam] in self.own:
-            return StrainSensor(part, self.serial, probe)
+            return StrainSensor(part, self.mesh, probe.nodes(model))
         if isinstance(probe, ElongationProbe) and model[probe.body] in self.own:
-            return BeamElongation(part, [beam.name for beam in self.bodies].index(probe.body))
+            return BeamElongation(part, self._numbers[probe.body])
         return None
 
 

@@ -3,14 +3,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.families.beam_se3.elements import SE3Beams
-from flexfem.layout.numbered_model import NumberedModel
-from flexfem.model.probes.measured import StrainProbe
+from flexfem.families.beam_se3.mesh import BeamMesh
 
 if TYPE_CHECKING:
     from flexfem.system.system import BlockPart
@@ -21,13 +21,13 @@ __all__ = ["BeamElongation", "StrainSensor"]
 class StrainSensor:
     """Strains and resultants of one SE(3) cell, on its rank."""
 
-    def __init__(self, part: BlockPart, serial: NumberedModel, probe: StrainProbe) -> None:
-        """Find the cell."""
+    def __init__(self, part: BlockPart, mesh: BeamMesh, nodes: Sequence[int]) -> None:
+        """Find the cell of two nodes, given by their numbers in the model's mesh."""
         self._part = part
         beams, ids = self._part.elements, self._part.block.node_ids
         assert isinstance(beams, SE3Beams)
         self._beams = beams
-        wanted = np.sort(serial.mesh_nodes(probe.nodes(serial.model)))
+        wanted = np.sort(mesh.numbers(nodes))
         ends = np.sort(ids[beams.data.cells], axis=1).reshape(-1, 2)
         self._cells = np.flatnonzero((ends == wanted).all(axis=1))
 

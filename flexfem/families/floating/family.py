@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import TYPE_CHECKING, override
 
 from mpi4py import MPI
@@ -10,6 +11,8 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.inertia import inertia_about
+from flexfem.core.joint import Joint
 from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.common.block_nodes import distributed
@@ -21,6 +24,7 @@ from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import Family, Sensor
 from flexfem.layout.lines import Line
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.lie import se3
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.model import Model
 from flexfem.model.probes.base import AnyProbe
@@ -40,6 +44,7 @@ class FloatingBodyFamily(Family):
     """See :class:`flexfem.layout.family.Family`."""
 
     bodies_have_places = False
+    noun = "floating body"
     series = "flexfem.io.paraview.family_series:FloatingSeries"
 
     serial: NumberedModel
@@ -53,7 +58,6 @@ class FloatingBodyFamily(Family):
         """Lay out the bodies."""
         super().__init__(serial, kind)
         self.nodes = FloatingNodes(serial.model.floating_bodies)
-        serial.floating = self.nodes
         self._lines: dict[Carrier, Line] = {}
 
     @property
@@ -85,6 +89,30 @@ class FloatingBodyFamily(Family):
     @override
     def body_of_node(self) -> IntArray:
         return self.nodes.body_of_node
+
+    @override
+    def joints(self) -> Sequence[Joint]:
+        return self.nodes.locks
+
+    @override
+    def elements(self, body: FloatingBody) -> int:
+        return 0
+
+    @override
+    def outline(self, body: FloatingBody) -> FloatArray:
+        places = [one.position for one in body.reduced.interfaces] or [body.reduced.mass_centre]
+        return body.position + np.array(places) @ body.rotation.T
+
+    @override
+    def inertia(self, body: FloatingBody, origin: FloatArray) -> FloatArray:
+        frame = se3.frame(body.position, body.rotation)
+        return inertia_about(origin, frame[np.newaxis], body.inertia_matrix)
+
+    @override
+    def patches(self) -> IntArray:
+        first, count = self.nodes.first[:-1, np.newaxis], np.diff(self.nodes.first)[:, np.newaxis]
+        numbers = np.arange(count.max())
+        return np.where(numbers < count, first + numbers, -1)
 
     @override
     def node(self, marker: Marker, place: Place | None) -> int:

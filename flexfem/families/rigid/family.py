@@ -8,12 +8,14 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.inertia import inertia_about
 from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.common.body_lines import rigid_line
 from flexfem.layout.family import Family
 from flexfem.layout.lines import Line
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.lie import se3
 from flexfem.model.bodies.basic import RigidBody
 from flexfem.model.model import Model
 from flexfem.model.structure.place import Place
@@ -26,6 +28,7 @@ class RigidBodyFamily(Family):
 
     energy_momentum = True
     follows = True
+    noun = "rigid body"
     series = "flexfem.io.paraview.family_series:RigidSeries"
 
     serial: NumberedModel
@@ -39,6 +42,8 @@ class RigidBodyFamily(Family):
         """Lay out the bodies."""
         super().__init__(serial, kind)
         self._index = {body.name: i for i, body in enumerate(self.bodies)}
+        frames = [se3.frame(body.position, body.rotation) for body in self.bodies]
+        self._frames = np.array(frames).reshape(-1, 12)
         self._lines: dict[Carrier, Line] = {}
 
     @property
@@ -49,7 +54,7 @@ class RigidBodyFamily(Family):
     @property
     @override
     def frames(self) -> FloatArray:
-        return self.serial.rigid_frames
+        return self._frames
 
     @property
     @override
@@ -60,6 +65,20 @@ class RigidBodyFamily(Family):
     @override
     def body_of_node(self) -> IntArray:
         return np.arange(len(self.bodies))
+
+    @override
+    def elements(self, body: RigidBody) -> int:
+        return 0
+
+    @override
+    def outline(self, body: RigidBody) -> FloatArray:
+        points = body.centre[np.newaxis] if body.shape is None else body.shape.corners
+        return body.position + points @ body.rotation.T
+
+    @override
+    def inertia(self, body: RigidBody, origin: FloatArray) -> FloatArray:
+        frame = se3.frame(body.position, body.rotation)
+        return inertia_about(origin, frame[np.newaxis], body.inertia_matrix)
 
     @override
     def node(self, marker: Marker, place: Place | None) -> int:

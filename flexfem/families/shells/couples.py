@@ -58,9 +58,8 @@ def shell_couples(
 
 
 def _mesh(serial: NumberedModel) -> SurfaceMesh:
-    assert serial.surface is not None
-    mesh: SurfaceMesh = serial.surface.mesh
-    return mesh
+    assert serial.model.surface is not None  # checked by validate()
+    return serial.model.surface
 
 
 def _triangle(kind: int, nodes: IntArray, row: int, weights: FloatArray) -> ElementPlace:

@@ -18,10 +18,11 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.common.block_nodes import distributed
 from flexfem.families.common.shell_surface import ShellSurface
 from flexfem.families.shell_director.elements import DirectorShells
-from flexfem.families.shell_director.surface import director_cells
+from flexfem.families.shell_director.surface import director_cells, shell_surface
 from flexfem.families.shell_rotation_free.cells import shell_cells, shell_laws
 from flexfem.families.shell_rotation_free.elements import RotationFreeShells
 from flexfem.families.shells.couples import shell_couples
+from flexfem.families.shells.facts import shell_facts, shell_inertia, shell_patches
 from flexfem.families.shells.loads import pressures, shell_forces
 from flexfem.families.shells.sensors import ShellEnergySensor, ShellStrainSensor
 from flexfem.families.shells.strain_kernels import StrainKernels
@@ -31,6 +32,7 @@ from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import ContactSurface, Family, Sensor
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.line_loads import by_kind
+from flexfem.layout.mesh_facts import MeshFacts
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.layout.surface_places import SurfacePlace
@@ -50,8 +52,6 @@ from flexfem.model.structure.place import Place
 if TYPE_CHECKING:
     from flexfem.system.system import BlockPart
 
-from flexfem.families.shell_director.surface import shell_surface
-
 __all__ = ["ShellFamily"]
 
 #: Cost of a third of a triangle relative to a beam element, measured on chains and sheets.
@@ -66,6 +66,7 @@ class ShellFamily(Family):
     """See :class:`flexfem.layout.family.Family`."""
 
     axes = False
+    noun = "shell"
     series = "flexfem.io.paraview.family_series:ShellSeries"
 
     serial: NumberedModel
@@ -79,7 +80,6 @@ class ShellFamily(Family):
         """Lay out the shells."""
         super().__init__(serial, kind)
         self.surface = shell_surface(serial.model)
-        serial.surface = self.surface
 
     @property
     @override
@@ -115,6 +115,26 @@ class ShellFamily(Family):
     def fingerprint(self) -> Mapping[str, Any]:
         s = self.surface
         return {"surface": [s.mesh.triangles, s.frames, s.rules, s.held, s.averaged]}
+
+    @override
+    def elements(self, body: Shell) -> int:
+        return len(self.surface.mesh.body_rows(body.body))
+
+    @override
+    def outline(self, body: Shell) -> FloatArray:
+        return self.surface.mesh.points[self.surface.mesh.body_nodes(body.body)]
+
+    @override
+    def inertia(self, body: Shell, origin: FloatArray) -> FloatArray:
+        return shell_inertia(self.surface, body, origin)
+
+    @override
+    def mesh_facts(self, body: Shell) -> MeshFacts:
+        return shell_facts(self.surface, body)
+
+    @override
+    def patches(self) -> IntArray:
+        return shell_patches(self.surface)
 
     @override
     def node(self, marker: Marker, place: Place | None) -> int:
@@ -209,7 +229,7 @@ class ShellFamily(Family):
     ) -> tuple[list[Force], list[InnerForces]]:
         serial = self.serial
         assert isinstance(elements, (RotationFreeShells, DirectorShells))
-        forces = list(shell_forces(serial, block))
+        forces = list(shell_forces(serial, self.surface, block))
         inside: list[InnerForces] = [*pressures(serial, elements.carriers, elements.body)]
         couples = shell_couples(serial, self.kind, block, elements.carriers)
         return forces, inside + list(by_kind(couples, node_body, block))

@@ -96,13 +96,14 @@ def pressures(serial: NumberedModel, nodes: IndexArray, body: IntArray) -> list[
     ]
 
 
-def shell_forces(serial: NumberedModel, block: FrameBlock) -> Iterator[Force]:
+def shell_forces(
+    serial: NumberedModel, surface: ShellSurface, block: FrameBlock
+) -> Iterator[Force]:
     """Dead loads on shells as forces at the nodes that this rank owns."""
     still = se3.frame(np.zeros(3), np.eye(3))
     for number, load in enumerate(serial.model.loads):
         if isinstance(load, ShellLoad):
-            assert serial.surface is not None
-            nodes, sizes = _shares(serial.surface, load, serial.model[load.shell].body)
+            nodes, sizes = _shares(surface, load, serial.model[load.shell].body)
             local = block.owned_index(nodes)
             for k in np.flatnonzero(local >= 0):
                 yield Force(

@@ -21,7 +21,7 @@ from flexfem.forms.energy import EnergyForms
 from flexfem.kernels.driver import CellKernel, Nodal, cell_kernel
 from flexfem.kernels.ffcx import Kernel, compile_kernel
 from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import ContactSurface, Family
+from flexfem.layout.family import ContactSurface, Family, one_width
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.lines import Line
 from flexfem.layout.node_loads import Force
@@ -142,6 +142,11 @@ class UFLBodyFamily(Family):
     @override
     def line(self, carrier: Carrier) -> Line:
         raise ValueError(f'Carrier on "{carrier.body}": a UFLBody has no line')
+
+    @override
+    def patches(self) -> IntArray:
+        bodies = zip(self.first[:-1], self._bodies, strict=True)
+        return one_width([first + body.mesh.cells for first, body in bodies])
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:

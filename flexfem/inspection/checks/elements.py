@@ -8,7 +8,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
-from flexfem.inspection.mesh_facts import MeshFacts
+from flexfem.layout.mesh_facts import MeshFacts
 from flexfem.model.bodies.shell import Shell
 
 #: Length relative to the median of the body below which an element is tiny.

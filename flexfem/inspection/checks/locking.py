@@ -15,9 +15,10 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.families.beam_nurbs.curves import NurbsLines
+from flexfem.families.beam_nurbs.family import NurbsBeamFamily
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
-from flexfem.inspection.mesh_facts import section_depth
+from flexfem.layout.mesh_facts import section_depth
 from flexfem.lie import se3
 from flexfem.materials.section import Section
 from flexfem.mesh.nurbs.elements import NurbsElements, evaluate
@@ -35,9 +36,10 @@ _STIFF = 5e-3
 
 def find(inspection: Inspection) -> Iterator[Finding]:
     """At most one finding for each beam."""
-    curves = inspection.serial.curves
-    if curves is None:
+    family = inspection.serial.family(NurbsBeamFamily)
+    if family is None:
         return
+    curves = family.curves
     for beam, share in stiffened(curves, excess(curves, se3.position(curves.frames), _BENT)):
         parts = curves.parts[curves.index(beam.name)]
         yield Finding(

@@ -59,9 +59,11 @@ def _points(serial: NumberedModel, number: int) -> tuple[FloatArray, FloatArray]
         curve = serial.model.curve(beam)
         ends = np.array([curve.points[0], curve.points[-1]])
         return ends, np.ones(2, dtype=np.bool_)
-    cells = serial.cells.cells[serial.cells.body == number]
-    nodes, counts = np.unique(cells, return_counts=True)
-    return serial.points[nodes], counts == 1
+    family = serial.family_of(beam.name)
+    chain = family.contact_chain(beam.name)
+    assert chain is not None
+    nodes, counts = np.unique(chain, return_counts=True)
+    return family.frames[nodes, :3], counts == 1
 
 
 class _Places:

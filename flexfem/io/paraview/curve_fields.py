@@ -4,11 +4,10 @@
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.families.beam_nurbs.curves import elements_on_rank
+from flexfem.families.beam_nurbs.curves import NurbsLines, elements_on_rank
 from flexfem.families.beam_nurbs.elements import NurbsBeams
 from flexfem.io.vtu.beam_fields import BeamFields
 from flexfem.layout.element_places import ElementPlaces
-from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.system.system import BlockPart
 
@@ -21,15 +20,15 @@ _SEGMENTS = 4
 class CurveSampler:
     """Points along this rank's elements of NURBS beams, shared by neighbouring elements."""
 
-    def __init__(self, part: BlockPart, serial: NumberedModel) -> None:
+    def __init__(self, part: BlockPart, curves: NurbsLines, first_section: int) -> None:
         """Choose the points.
 
         Args:
             part: control points and elements of this rank.
-            serial: serial data of the model.
+            curves: all NURBS beams of the model.
+            first_section: number of their first section among all beams'.
         """
-        curves, beams = serial.curves, part.elements
-        assert curves is not None
+        beams = part.elements
         assert isinstance(beams, NurbsBeams)
         self._block, self._beams = part.block, beams
         chosen = elements_on_rank(curves, part.block)
@@ -49,7 +48,7 @@ class CurveSampler:
             )
             segments.append(count + pieces)
             bodies.append(np.full(len(pieces), curves.numbers[beam]))
-            sections.append(np.full(len(pieces), len(serial.sections) + curves.section[beam]))
+            sections.append(np.full(len(pieces), first_section + curves.section[beam]))
             cells[number].append(family[first : first + len(mine)])
             count, first = count + len(xi), first + len(mine)
         self._segments = np.concatenate(segments)

@@ -8,7 +8,7 @@ only removes files of an earlier run. All calls are collective.
 from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
-from typing import Protocol
+from typing import Any, Protocol
 
 from mpi4py import MPI
 
@@ -16,7 +16,9 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.families.beam_nurbs.family import NurbsBeamFamily
 from flexfem.families.beam_se3.elements import SE3Beams
+from flexfem.families.beam_se3.family import SE3BeamFamily
 from flexfem.families.floating.elements import FloatingBodies
 from flexfem.families.shell_director.elements import DirectorShells
 from flexfem.families.shell_rotation_free.elements import RotationFreeShells
@@ -74,13 +76,17 @@ class BeamSeries:
         resume: float | None,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
-        self._samplers = [
-            _LineSampler(part) if isinstance(part.elements, SE3Beams)
-            else CurveSampler(part, serial)
-            for part in parts
-        ]  # fmt: skip
-        curves = [] if serial.curves is None else serial.curves.sections
-        outlines = [section.walls for section in (*serial.sections, *curves)]
+        self._samplers: list[_LineSampler | CurveSampler] = []
+        outlines: list[Any] = []
+        for part in parts:
+            family, first = part.family, len(outlines)
+            if isinstance(family, SE3BeamFamily):
+                self._samplers.append(_LineSampler(part, first))
+                outlines += [section.walls for section in family.mesh.sections]
+            else:
+                assert isinstance(family, NurbsBeamFamily)
+                self._samplers.append(CurveSampler(part, family.curves, first))
+                outlines += [section.walls for section in family.curves.sections]
         self._writer = BeamWriter(folder, comm, outlines, resume=resume)
 
     def write(self, time: float, step: int) -> None:
@@ -174,14 +180,15 @@ def node_motion(block: FrameBlock) -> tuple[FloatArray, FloatArray, FloatArray, 
 class _LineSampler:
     """Nodes and cells of beams of two nodes."""
 
-    def __init__(self, part: BlockPart) -> None:
-        """Compute what does not change with time."""
+    def __init__(self, part: BlockPart, first: int) -> None:
+        """Compute what does not change with time; ``first`` is the number of the first section."""
         assert isinstance(part.elements, SE3Beams)
         self._block, self._beams = part.block, part.elements
         data = part.elements.data
         start = se3.rotation(part.block.start_frames)[data.cells]
         self._turn = np.swapaxes(start, -1, -2) @ se3.rotation(data.frames)
         self._start, self._cells = part.block.start_frames[:, :3], data.cells.astype(np.int64)
+        self._section = first + data.section
 
     def fields(self) -> BeamFields:
         """State of the nodes and cells."""
@@ -197,7 +204,7 @@ class _LineSampler:
             body=self._beams.data.body,
             strain=strain,
             resultant=resultant,
-            section=self._beams.data.section,
+            section=self._section,
             turn=self._turn,
         )
 

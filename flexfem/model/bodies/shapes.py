@@ -2,13 +2,15 @@
 """Shapes of rigid bodies, for pictures."""
 
 from collections.abc import Sequence
+from itertools import product
 from typing import Any
 
+import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._fields import Array, Given, array, checked, declared, number, vector
-from flexfem._types import IntArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.pose import Pose
 
 __all__ = ["SHAPES", "Box", "CompoundShape", "Cylinder", "Shape", "Sphere", "SurfaceShape"]
@@ -18,6 +20,12 @@ def _sizes(owner: str, what: str, value: Any) -> None:
     """Check three positive numbers."""
     if (_checks.vector(owner, what, value) <= 0.0).any():
         raise ValueError(f"{owner}: {what} must be positive, got {_checks.show(value)}")
+
+
+def _corners(sizes: FloatArray) -> FloatArray:
+    """Corners (8, 3) of a box about the origin."""
+    corners: FloatArray = 0.5 * sizes * np.array(list(product((-1.0, 1.0), repeat=3)))
+    return corners
 
 
 @declared(eq=True)
@@ -34,6 +42,11 @@ class Box:
 
     sizes: tuple[float, float, float] = checked(_sizes, as_given=True)
 
+    @property
+    def corners(self) -> FloatArray:
+        """Corners (8, 3) of its box along the body axes, m."""
+        return _corners(np.array(self.sizes))
+
 
 @declared(eq=True)
 class Sphere:
@@ -48,6 +61,11 @@ class Sphere:
     """
 
     radius: float = number(positive=True, as_given=True)
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners (8, 3) of its box along the body axes, m."""
+        return _corners(np.full(3, 2.0 * self.radius))
 
 
 @declared(eq=True)
@@ -67,6 +85,13 @@ class Cylinder:
     radius: float = number(positive=True, as_given=True)
     length: float = number(positive=True, as_given=True)
     axis: tuple[float, float, float] = vector(default=(1.0, 0.0, 0.0), nonzero=True, as_given=True)
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners (8, 3) of its box along the body axes, m."""
+        along = np.abs(self.axis) / np.linalg.norm(self.axis)
+        across = np.sqrt(np.clip(1.0 - along**2, 0.0, 1.0))
+        return _corners(self.length * along + 2.0 * self.radius * across)
 
 
 @declared
@@ -91,6 +116,11 @@ class SurfaceShape:
         if len(corners) == 0:
             raise ValueError("SurfaceShape: triangles must hold at least one, got none")
         _checks.assign(self, triangles=_checks.freeze(corners, "int64"))
+
+    @property
+    def corners(self) -> FloatArray:
+        """Its points (n, 3) in body axes, m."""
+        return self.points
 
 
 def _parts(owner: str, what: str, value: Any) -> tuple[tuple["Shape", Pose], ...]:
@@ -120,6 +150,12 @@ class CompoundShape:
     """
 
     parts: Sequence[tuple["Shape", Pose]] = checked(_parts)
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners (n, 3) of the boxes of its parts in body axes, m."""
+        placed = [shape.corners @ pose.rotation.T + pose.position for shape, pose in self.parts]
+        return np.concatenate(placed)
 
 
 #: Appearance of a rigid body.

@@ -6,6 +6,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.families.beam_nurbs.curves import NurbsLines
 from flexfem.families.beam_nurbs.elements import NurbsBeams
+from flexfem.families.beam_nurbs.family import NurbsBeamFamily
 from flexfem.inspection.checks.locking import excess, percent, stiffened
 from flexfem.inspection.finding import owner_of
 from flexfem.layout.numbered_model import NumberedModel
@@ -16,9 +17,10 @@ __all__ = ["locked_shapes"]
 
 def locked_shapes(serial: NumberedModel, system: System) -> list[str]:
     """A line for each beam that locks in its present shape, on every rank (collective)."""
-    curves = serial.curves
-    if curves is None:
+    family = serial.family(NurbsBeamFamily)
+    if family is None:
         return []
+    curves = family.curves
     return [
         f"{owner_of(beam)}: its smooth elements lock in the final shape, where it is too stiff by "
         f"about {percent(share)} %; use its curve with_continuity(0), more elements or a higher "
