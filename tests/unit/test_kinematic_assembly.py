@@ -157,8 +157,8 @@ def test_curves_and_shells_move_with_meshes():
     moved = ff.assemble(model)
     assert gaps(moved) < 1e-11
     old, new = NumberedModel(model), NumberedModel(moved)
-    for name, frames in (("arch", "curves"), ("post", None)):
-        before, after = (a.frames if frames is None else a.curves.frames for a in (old, new))
+    for name in ("arch", "post"):
+        before, after = (a.family_of(name).frames for a in (old, new))
         motion = se3.compose(after, se3.inverse(before))
         # one rigid motion for all nodes: newly chosen frames would differ by rotations about the
         # line

@@ -86,6 +86,13 @@ class BeamMesh:
         nodes: IntArray = self.cells.cells[self.cells.body == beam].astype(np.int64)
         return nodes
 
+    def common_nodes(self) -> IntArray:
+        """(k, 2) numbers of two beams for each node that both have."""
+        body = np.repeat(self.cells.body, 2)
+        node, body = np.unique(np.stack([self.cells.cells.ravel(), body]), axis=1)
+        again = node[1:] == node[:-1]
+        return np.stack([body[:-1][again], body[1:][again]], axis=1)
+
     def inertia(self, beam: int, section: Section, origin: FloatArray) -> FloatArray:
         """Inertia matrix (6, 6) of a beam at the start about a frame (12,)."""
         ends = self.cells.frames[self.cells.body == beam]
