@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.families.shells.family import ShellFamily
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3, so3
 from flexfem.system.system import System
@@ -52,7 +53,7 @@ def test_pressure_depends_on_the_rim_alone(rng):
     disturb(system, rng, 0.1)
     points = _places(system)
     (rim,) = curved().boundary_lines("shell")
-    serial = NumberedModel(_model_of(curved())).surface
+    serial = NumberedModel(_model_of(curved())).family(ShellFamily).surface
     middles = serial.directors.nodes[:, 3:].ravel()
     ends = np.stack([np.roll(serial.mesh.triangles, -k, 1).ravel() for k in (1, 2)], 1)
     pairs = [tuple(sorted(pair)) for pair in ends.tolist()]

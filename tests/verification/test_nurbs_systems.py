@@ -299,7 +299,7 @@ def test_sampled_lines_lie_on_the_curve():
     model.add(ff.Beam("arc", SECTION, curve=ARC, angular_velocity=(0.0, 0.0, 2.0)))
     serial = NumberedModel(model)
     system = build(serial, COMM, split_above=2)
-    fields = CurveSampler(system.parts[0], serial).fields()
+    fields = CurveSampler(system.parts[0], 0).fields()
     x, e1 = fields.position, fields.rotation[:, :, 0]
     # round-off of the exact arc; frames are interpolated
     np.testing.assert_allclose(np.linalg.norm(x, axis=1), 1.0, atol=1e-12)

@@ -27,6 +27,7 @@ from flexfem.layout.lines import Line
 from flexfem.layout.mesh_facts import MeshFacts, beam_facts
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.materials.section import Section
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.model import Model
 from flexfem.model.probes.base import AnyProbe
@@ -67,6 +68,11 @@ class NurbsBeamFamily(Family):
     @override
     def own(self) -> list[Beam]:
         return self.curves.beams
+
+    @property
+    def sections(self) -> list[Section]:
+        """The different sections of the beams."""
+        return self.curves.sections
 
     @property
     @override

@@ -26,6 +26,7 @@ from flexfem.layout.lines import Line, se3_line
 from flexfem.layout.mesh_facts import MeshFacts, beam_facts
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.materials.section import Section
 from flexfem.mesh.distributed.beam_mesh import create_beam_mesh
 from flexfem.mesh.geometry.topology import trace_lines
 from flexfem.model.bodies.basic import Beam
@@ -71,6 +72,11 @@ class SE3BeamFamily(Family):
     @override
     def own(self) -> list[Beam]:
         return self.members(self.serial.model)
+
+    @property
+    def sections(self) -> list[Section]:
+        """The different sections of the beams."""
+        return self.mesh.sections
 
     @property
     @override

@@ -4,8 +4,9 @@
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.families.beam_nurbs.curves import NurbsLines, elements_on_rank
+from flexfem.families.beam_nurbs.curves import elements_on_rank
 from flexfem.families.beam_nurbs.elements import NurbsBeams
+from flexfem.families.beam_nurbs.family import NurbsBeamFamily
 from flexfem.io.vtu.beam_fields import BeamFields
 from flexfem.layout.element_places import ElementPlaces
 from flexfem.lie import se3
@@ -20,15 +21,10 @@ _SEGMENTS = 4
 class CurveSampler:
     """Points along this rank's elements of NURBS beams, shared by neighbouring elements."""
 
-    def __init__(self, part: BlockPart, curves: NurbsLines, first_section: int) -> None:
-        """Choose the points.
-
-        Args:
-            part: control points and elements of this rank.
-            curves: all NURBS beams of the model.
-            first_section: number of their first section among all beams'.
-        """
-        beams = part.elements
+    def __init__(self, part: BlockPart, first: int) -> None:
+        """Choose the points; ``first`` is the number of the first section."""
+        assert isinstance(part.family, NurbsBeamFamily)
+        curves, beams = part.family.curves, part.elements
         assert isinstance(beams, NurbsBeams)
         self._block, self._beams = part.block, beams
         chosen = elements_on_rank(curves, part.block)
@@ -48,7 +44,7 @@ class CurveSampler:
             )
             segments.append(count + pieces)
             bodies.append(np.full(len(pieces), curves.numbers[beam]))
-            sections.append(np.full(len(pieces), first_section + curves.section[beam]))
+            sections.append(np.full(len(pieces), first + curves.section[beam]))
             cells[number].append(family[first : first + len(mine)])
             count, first = count + len(xi), first + len(mine)
         self._segments = np.concatenate(segments)

@@ -79,14 +79,11 @@ class BeamSeries:
         self._samplers: list[_LineSampler | CurveSampler] = []
         outlines: list[Any] = []
         for part in parts:
-            family, first = part.family, len(outlines)
-            if isinstance(family, SE3BeamFamily):
-                self._samplers.append(_LineSampler(part, first))
-                outlines += [section.walls for section in family.mesh.sections]
-            else:
-                assert isinstance(family, NurbsBeamFamily)
-                self._samplers.append(CurveSampler(part, family.curves, first))
-                outlines += [section.walls for section in family.curves.sections]
+            assert isinstance(part.family, (SE3BeamFamily, NurbsBeamFamily))
+            straight = isinstance(part.family, SE3BeamFamily)
+            sampler = _LineSampler if straight else CurveSampler
+            self._samplers.append(sampler(part, len(outlines)))
+            outlines += [section.walls for section in part.family.sections]
         self._writer = BeamWriter(folder, comm, outlines, resume=resume)
 
     def write(self, time: float, step: int) -> None:
