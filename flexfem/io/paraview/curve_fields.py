@@ -21,8 +21,8 @@ _SEGMENTS = 4
 class CurveSampler:
     """Points along this rank's elements of NURBS beams, shared by neighbouring elements."""
 
-    def __init__(self, part: BlockPart, first: int) -> None:
-        """Choose the points; ``first`` is the number of the first section."""
+    def __init__(self, part: BlockPart, first_section: int) -> None:
+        """Choose the points; ``first_section`` is the number of the first section."""
         assert isinstance(part.family, NurbsBeamFamily)
         curves, beams = part.family.curves, part.elements
         assert isinstance(beams, NurbsBeams)
@@ -44,7 +44,7 @@ class CurveSampler:
             )
             segments.append(count + pieces)
             bodies.append(np.full(len(pieces), curves.numbers[beam]))
-            sections.append(np.full(len(pieces), first + curves.section[beam]))
+            sections.append(np.full(len(pieces), first_section + curves.section[beam]))
             cells[number].append(family[first : first + len(mine)])
             count, first = count + len(xi), first + len(mine)
         self._segments = np.concatenate(segments)

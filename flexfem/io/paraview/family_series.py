@@ -177,15 +177,15 @@ def node_motion(block: FrameBlock) -> tuple[FloatArray, FloatArray, FloatArray, 
 class _LineSampler:
     """Nodes and cells of beams of two nodes."""
 
-    def __init__(self, part: BlockPart, first: int) -> None:
-        """Compute what does not change with time; ``first`` is the number of the first section."""
+    def __init__(self, part: BlockPart, first_section: int) -> None:
+        """Compute what does not change with time; ``first_section`` is the number of the first."""
         assert isinstance(part.elements, SE3Beams)
         self._block, self._beams = part.block, part.elements
         data = part.elements.data
         start = se3.rotation(part.block.start_frames)[data.cells]
         self._turn = np.swapaxes(start, -1, -2) @ se3.rotation(data.frames)
         self._start, self._cells = part.block.start_frames[:, :3], data.cells.astype(np.int64)
-        self._section = first + data.section
+        self._section = first_section + data.section
 
     def fields(self) -> BeamFields:
         """State of the nodes and cells."""
