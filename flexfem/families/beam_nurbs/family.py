@@ -12,24 +12,23 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.marker import Carrier, Marker
+from flexfem.core.marker import Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.beam_nurbs.curves import NurbsLines
 from flexfem.families.beam_nurbs.elements import NurbsBeams, NurbsCells
 from flexfem.families.beam_nurbs.loads import nurbs_line_forces, nurbs_node_forces
 from flexfem.families.beam_nurbs.sensors import CurveStrainSensor
+from flexfem.families.common.beam_family import BeamFamily
 from flexfem.families.common.block_nodes import distributed, section_owners
 from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import Family, Sensor, one_width
+from flexfem.layout.family import Sensor, one_width
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.line_loads import by_kind
 from flexfem.layout.lines import Line
 from flexfem.layout.mesh_facts import MeshFacts, beam_facts
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.materials.section import Section
 from flexfem.model.bodies.basic import Beam
-from flexfem.model.model import Model
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.probes.measured import StrainProbe
 from flexfem.model.structure.place import Place
@@ -40,54 +39,15 @@ if TYPE_CHECKING:
 __all__ = ["NurbsBeamFamily"]
 
 
-class NurbsBeamFamily(Family):
-    """See :class:`flexfem.layout.family.Family`; bodies count all beams of the model."""
+class NurbsBeamFamily(BeamFamily):
+    """See :class:`flexfem.layout.family.Family`."""
 
-    noun = "beam"
-    series = "flexfem.io.paraview.family_series:BeamSeries"
-
-    serial: NumberedModel
-
-    @classmethod
-    def members(cls, model: Model) -> list[Beam]:
-        """Bodies of a model that belong to the family."""
-        return model.beams_of("nurbs")
+    formulation = "nurbs"
 
     def __init__(self, serial: NumberedModel, kind: int) -> None:
         """Lay out the beams."""
-        super().__init__(serial, kind)
         self.curves = NurbsLines.of(serial.model)
-        self._lines: dict[str, Line] = {}
-
-    @property
-    @override
-    def bodies(self) -> list[Beam]:
-        return self.serial.model.beams
-
-    @property
-    @override
-    def own(self) -> list[Beam]:
-        return self.curves.beams
-
-    @property
-    def sections(self) -> list[Section]:
-        """The different sections of the beams."""
-        return self.curves.sections
-
-    @property
-    @override
-    def frames(self) -> FloatArray:
-        return self.curves.frames
-
-    @property
-    @override
-    def velocities(self) -> FloatArray:
-        return self.curves.velocities
-
-    @property
-    @override
-    def body_of_node(self) -> IntArray:
-        return self.curves.body_of_node
+        super().__init__(serial, kind, self.curves)
 
     @override
     def fingerprint(self) -> Mapping[str, Any]:
@@ -125,11 +85,8 @@ class NurbsBeamFamily(Family):
         return int(self.curves.first_node[self.curves.index(marker.body)]) + place.node
 
     @override
-    def line(self, carrier: Carrier) -> Line:
-        name = carrier.body
-        if name not in self._lines:
-            self._lines[name] = self.curves.line(self.curves.index(name), self.kind)
-        return self._lines[name]
+    def beam_line(self, beam: Beam) -> Line:
+        return self.curves.line(self.curves.index(beam.name), self.kind)
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:

@@ -11,27 +11,26 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.marker import Carrier, Marker
+from flexfem.core.marker import Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.beam_se3.elements import BeamCells, SE3Beams
 from flexfem.families.beam_se3.loads import se3_line_forces, se3_node_forces
 from flexfem.families.beam_se3.mesh import BeamMesh
 from flexfem.families.beam_se3.sensors import BeamElongation, StrainSensor
+from flexfem.families.common.beam_family import BeamFamily
 from flexfem.families.common.block_nodes import section_owners
 from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import Family, Sensor
+from flexfem.layout.family import Sensor
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.line_loads import by_kind
 from flexfem.layout.lines import Line, se3_line
 from flexfem.layout.mesh_facts import MeshFacts, beam_facts
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.materials.section import Section
 from flexfem.mesh.distributed.beam_mesh import create_beam_mesh
 from flexfem.mesh.geometry.topology import trace_lines
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.contact import Contact
-from flexfem.model.model import Model
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.probes.measured import ElongationProbe, StrainProbe
 from flexfem.model.structure.place import Place
@@ -42,56 +41,17 @@ if TYPE_CHECKING:
 __all__ = ["SE3BeamFamily"]
 
 
-class SE3BeamFamily(Family):
-    """See :class:`flexfem.layout.family.Family`; bodies count all beams of the model."""
+class SE3BeamFamily(BeamFamily):
+    """See :class:`flexfem.layout.family.Family`."""
 
+    formulation = "se3"
     energy_momentum = True
-    noun = "beam"
-    series = "flexfem.io.paraview.family_series:BeamSeries"
-
-    serial: NumberedModel
-
-    @classmethod
-    def members(cls, model: Model) -> list[Beam]:
-        """Bodies of a model that belong to the family."""
-        return model.beams_of("se3")
 
     def __init__(self, serial: NumberedModel, kind: int) -> None:
         """Lay out the beams."""
-        super().__init__(serial, kind)
         self.mesh = BeamMesh.of(serial.model)
+        super().__init__(serial, kind, self.mesh)
         self._numbers = {beam.name: i for i, beam in enumerate(self.bodies)}
-        self._lines: dict[str, Line] = {}
-
-    @property
-    @override
-    def bodies(self) -> list[Beam]:
-        return self.serial.model.beams
-
-    @property
-    @override
-    def own(self) -> list[Beam]:
-        return self.members(self.serial.model)
-
-    @property
-    def sections(self) -> list[Section]:
-        """The different sections of the beams."""
-        return self.mesh.sections
-
-    @property
-    @override
-    def frames(self) -> FloatArray:
-        return self.mesh.frames
-
-    @property
-    @override
-    def velocities(self) -> FloatArray:
-        return self.mesh.velocities
-
-    @property
-    @override
-    def body_of_node(self) -> IntArray:
-        return self.mesh.body_of_node
 
     @override
     def fingerprint(self) -> Mapping[str, Any]:
@@ -99,11 +59,11 @@ class SE3BeamFamily(Family):
 
     @override
     def elements(self, body: Beam) -> int:
-        return len(self._nodes(body))
+        return len(self._cells(body))
 
     @override
     def outline(self, body: Beam) -> FloatArray:
-        return self.mesh.points[np.unique(self._nodes(body))]
+        return self.mesh.points[np.unique(self._cells(body))]
 
     @override
     def inertia(self, body: Beam, origin: FloatArray) -> FloatArray:
@@ -111,7 +71,7 @@ class SE3BeamFamily(Family):
 
     @override
     def mesh_facts(self, body: Beam) -> MeshFacts:
-        ends = self.mesh.points[self._nodes(body)]
+        ends = self.mesh.points[self._cells(body)]
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
         return beam_facts(body, body.section, lengths, ends.mean(axis=1))
 
@@ -119,7 +79,7 @@ class SE3BeamFamily(Family):
     def patches(self) -> IntArray:
         return self.mesh.cells.cells.astype(np.int64)
 
-    def _nodes(self, beam: Beam) -> IntArray:
+    def _cells(self, beam: Beam) -> IntArray:
         """(m, 2) nodes of the cells of a beam."""
         return self.mesh.nodes(self._numbers[beam.name])
 
@@ -130,13 +90,7 @@ class SE3BeamFamily(Family):
         return int(self.mesh.numbers([place.node])[0])
 
     @override
-    def line(self, carrier: Carrier) -> Line:
-        name = carrier.body
-        if name not in self._lines:
-            self._lines[name] = self._line(self.serial.model[name])
-        return self._lines[name]
-
-    def _line(self, beam: Beam) -> Line:
+    def beam_line(self, beam: Beam) -> Line:
         data = self.mesh.cells
         cells = np.flatnonzero(data.body == self._numbers[beam.name])
         order = _chain(data.cells[cells].astype(np.int64))

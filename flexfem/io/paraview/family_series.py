@@ -16,9 +16,8 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.families.beam_nurbs.family import NurbsBeamFamily
 from flexfem.families.beam_se3.elements import SE3Beams
-from flexfem.families.beam_se3.family import SE3BeamFamily
+from flexfem.families.common.beam_family import BeamFamily
 from flexfem.families.floating.elements import FloatingBodies
 from flexfem.families.shell_director.elements import DirectorShells
 from flexfem.families.shell_rotation_free.elements import RotationFreeShells
@@ -79,9 +78,8 @@ class BeamSeries:
         self._samplers: list[_LineSampler | CurveSampler] = []
         outlines: list[Any] = []
         for part in parts:
-            assert isinstance(part.family, (SE3BeamFamily, NurbsBeamFamily))
-            straight = isinstance(part.family, SE3BeamFamily)
-            sampler = _LineSampler if straight else CurveSampler
+            assert isinstance(part.family, BeamFamily)
+            sampler = _LineSampler if isinstance(part.elements, SE3Beams) else CurveSampler
             self._samplers.append(sampler(part, len(outlines)))
             outlines += [section.walls for section in part.family.sections]
         self._writer = BeamWriter(folder, comm, outlines, resume=resume)

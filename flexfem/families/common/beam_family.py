@@ -1,0 +1,103 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What the families of beams have in common, whatever their elements."""
+
+from __future__ import annotations
+
+from abc import abstractmethod
+from typing import ClassVar, Protocol, override
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.marker import Carrier
+from flexfem.layout.family import Family
+from flexfem.layout.lines import Line
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.materials.section import Section
+from flexfem.model.bodies.basic import Beam
+from flexfem.model.model import Model
+
+__all__ = ["BeamFamily", "BeamNodes"]
+
+
+class BeamNodes(Protocol):
+    """Serial data of the nodes of all beams of a family."""
+
+    @property
+    def frames(self) -> FloatArray:
+        """(n, 12) at the start."""
+
+    @property
+    def velocities(self) -> FloatArray:
+        """(n, 6) local twists at the start."""
+
+    @property
+    def body_of_node(self) -> IntArray:
+        """(n,) number of the beam in the model."""
+
+    @property
+    def sections(self) -> list[Section]:
+        """The beams' different sections."""
+
+
+class BeamFamily(Family):
+    """Beams of one formulation; bodies count all beams of the model.
+
+    Attributes:
+        formulation: that of the beams in the model.
+    """
+
+    formulation: ClassVar[str]
+    noun = "beam"
+    series = "flexfem.io.paraview.family_series:BeamSeries"
+
+    serial: NumberedModel
+
+    @classmethod
+    def members(cls, model: Model) -> list[Beam]:
+        """Bodies of a model that belong to the family."""
+        return model.beams_of(cls.formulation)
+
+    def __init__(self, serial: NumberedModel, kind: int, nodes: BeamNodes) -> None:
+        """Lay out the beams with these nodes."""
+        super().__init__(serial, kind)
+        self._nodes = nodes
+        self._lines: dict[str, Line] = {}
+
+    @property
+    @override
+    def bodies(self) -> list[Beam]:
+        return self.serial.model.beams
+
+    @property
+    def sections(self) -> list[Section]:
+        """The different sections of the beams."""
+        return self._nodes.sections
+
+    @property
+    @override
+    def frames(self) -> FloatArray:
+        return self._nodes.frames
+
+    @property
+    @override
+    def velocities(self) -> FloatArray:
+        return self._nodes.velocities
+
+    @property
+    @override
+    def body_of_node(self) -> IntArray:
+        return self._nodes.body_of_node
+
+    @override
+    def line(self, carrier: Carrier) -> Line:
+        name = carrier.body
+        if name not in self._lines:
+            self._lines[name] = self.beam_line(self.serial.model[name])
+        return self._lines[name]
+
+    @abstractmethod
+    def beam_line(self, beam: Beam) -> Line:
+        """Elements of a beam in order.
+
+        Raises:
+            ValueError: it branches or is disconnected.
+        """
