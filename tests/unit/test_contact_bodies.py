@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.core.status import Status
 from tests.unit.contact_motion import ball, check_tangents, moved, same_on_ranks, sheet
 from tests.unit.particle_body import bar
 
@@ -74,6 +75,27 @@ def test_drop_keeps_the_momenta(floating):
     np.testing.assert_allclose(momentum - momentum[:, :1], 0, atol=share * abs(momentum).max())
     # to the order of the scheme in time: measured 6e-6; a force beside the centre gives 1e-2
     np.testing.assert_allclose(spin - spin[:, :1], 0, atol=1e-4 * abs(spin).max())
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("shape", ["sphere", "mesh"])
+def test_restart_of_friction_goes_on_as_before(shape):
+    model = thrown(shape, friction=0.3)
+    whole, _ = moved(model, 16, tolerance=1e-11)
+    first, _ = moved(model, 10, tolerance=1e-11)
+    state = first.system.state()
+    (surface,) = first.system.contacts[0].groups[0].every
+    assert len(surface.closed.slaves)
+    second, _ = moved(model, 0, tolerance=1e-11)
+    second.system.restore(state)
+    (again,) = second.system.contacts[0].groups[0].every
+    np.testing.assert_array_equal(again.closed.slaves, surface.closed.slaves)
+    np.testing.assert_array_equal(again.closed.pulls, surface.closed.pulls)
+    for _ in range(6):
+        assert second.advance(2e-4) is Status.OK
+    ends = [s.system.parts[0].block.frames[:, :3] for s in (whole, second)]
+    # the same equations from the same state; friction forgotten gives 1e-6
+    np.testing.assert_allclose(ends[1], ends[0], atol=1e-10)
 
 
 @pytest.mark.parametrize(("shape", "friction"), [("sphere", 0.3), ("mesh", 0.0)])

@@ -7,6 +7,7 @@ closed forms.
 """
 
 import textwrap
+import time
 from dataclasses import replace
 from types import SimpleNamespace
 
@@ -15,7 +16,10 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+import flexfem as ff
 from flexfem import research
+from flexfem.core.status import Status
+from flexfem.research.equations.vector_equations import Motion
 from flexfem.research.formalisms.compiled import energies_of
 from flexfem.research.formalisms.counting import Count, count_form, count_operations
 from flexfem.research.formalisms.equations import MechanismEquations
@@ -26,6 +30,7 @@ from flexfem.research.formalisms.formalism import (
     partition,
 )
 from flexfem.research.formalisms.motion import FormalismMotion
+from flexfem.research.formalisms.runs.motion import SideBySide
 from tests.unit import elastic_bodies as eb
 
 KINDS = [("beam", False), ("beam", True), ("plane", False), ("solid", True)]
@@ -114,6 +119,38 @@ def test_tangents_are_differences_of_residuals(pair, rng):
         # a missing geometric or gyroscopic term is 1e-3 of the largest entry
         error = np.abs((ends[0] - ends[1]) / (2 * h) - K[:, j]).max()
         assert error < 1e-8 * np.abs(K).max(), j
+
+
+@pytest.mark.serial
+def test_pictures_show_displacements_from_the_start(pair, rng):
+    motion = FormalismMotion(pair, "lagrange")
+    q, v = motion.start()
+    places = [
+        {
+            name: (picture.points, picture.point_data["displacement"])
+            for name, picture in motion.pictures(Motion(0.0, at, v, v, v)).items()
+        }
+        for at in (q, eb.random_state(pair, rng)[0])
+    ]
+    for name, (start, still) in places[0].items():
+        points, moved = places[1][name]
+        assert not still.any()
+        np.testing.assert_array_equal(moved, points - start)
+        assert moved.any()
+
+
+@pytest.mark.serial
+def test_seconds_of_formalisms_are_those_of_their_steps(pair):
+    both = SideBySide(pair, ("lagrange", "gibbs_appell"))
+    options = ff.RunOptions(dt=1e-4, t_end=1e-3)
+    both.stepper.begin(both, options)
+    begin = time.perf_counter()
+    for _ in range(2):
+        assert both.stepper.step(1e-4) is Status.OK
+    whole = time.perf_counter() - begin
+    seconds = both.summary()["wall_seconds_of_formalisms"]
+    assert min(seconds.values()) > 0.01 * whole
+    assert sum(seconds.values()) <= whole
 
 
 @pytest.mark.serial

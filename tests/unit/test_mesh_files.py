@@ -424,6 +424,10 @@ BAD = [
     ),
     (lines("GRID,1\nGRID,2,,1.\nCBAR,1,1,1\n", "bad.bdf"), "line 3: CBAR: field 5 must be the"),
     (
+        lines("GRID,1\nGRID,2,,1.\nCROD,1,P,1,2\n", "bad.bdf"),
+        "line 3: CROD: property 'P' is no number",
+    ),
+    (
         lines("GRID,1,4\nCORD2R,4,4,1.\n", "bad.bdf"),
         "line 2: CORD2R: system 4 is defined by itself",
     ),
