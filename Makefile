@@ -15,9 +15,6 @@ CASE ?= slider_crank
 # More ranks than cores would spend their time waiting: MPICH polls. To nproc, threads are cores.
 RANKS := $(shell test "$$(env -u OMP_NUM_THREADS nproc 2>/dev/null || echo 1)" -ge 2 && echo 2 || echo 1)
 
-# MPICH's own way to wait: ranks that poll leave their core to others. For more ranks than cores.
-GIVE_WAY := MPIR_CVAR_ENABLE_HEAVY_YIELD=1
-
 # Ranks share the cores; threads of BLAS and OpenMP on top make timings and sums vary.
 export OMP_NUM_THREADS := 1
 export OPENBLAS_NUM_THREADS := 1
@@ -67,7 +64,7 @@ test: $(STAMP) ## lint, documentation, then all tests on 1 and 2 ranks, some on 
 	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist loadfile --no-loadscope-reorder \
 		--ignore tests/test_architecture.py
 	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests
-	$(GIVE_WAY) $(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m three_ranks tests
+	$(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m three_ranks tests
 
 # what two processes of tests would wait for at the same time
 compiled-%: $(STAMP)

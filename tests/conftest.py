@@ -25,8 +25,6 @@ with contextlib.suppress(ImportError):
 
 # Several processes of tests compile already.
 os.environ.setdefault("FLEXFEM_COMPILE_BESIDE", "0")
-# Ranks of MPICH that tests start poll while they wait; here they leave their core to other tests.
-os.environ.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")
 
 #: Seconds that a rank on which a test failed waits for the others.
 PATIENCE = 60.0

@@ -42,7 +42,7 @@ def compile_ahead(cases: Sequence[str], jobs: int) -> Iterator[Compiled]:
         cases: names of shipped cases, or paths of case files.
         jobs: number of runs at the same time.
     """
-    processes = Processes(1, jobs)
+    processes = Processes(jobs)
     begun: dict[str, float] = {}
     left = list(cases)
     with tempfile.TemporaryDirectory(prefix="flexfem-compile-") as folder:

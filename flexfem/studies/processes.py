@@ -50,21 +50,13 @@ class Processes:
         running: tasks of the running processes.
     """
 
-    def __init__(self, ranks: int, limit: int) -> None:
-        """None runs yet.
-
-        Args:
-            ranks: of each.
-            limit: number of processes at the same time.
-        """
+    def __init__(self, limit: int) -> None:
+        """None runs yet; ``limit`` is the number of processes at the same time."""
         self._running: dict[Any, subprocess.Popen[bytes]] = {}
         self._limit = limit
         self._environment = environment_of_runs()
         if limit > 1:  # they compile beside each other already
             self._environment.setdefault(_beside.SWITCH, "0")
-        if ranks * limit > cores() and ranks > 1:
-            # ranks of MPICH poll while they wait: they leave their core to others
-            self._environment.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")
 
     @property
     def running(self) -> list[Any]:

@@ -170,7 +170,7 @@ class Sweep:
 
     def _locked(self, study: StudyFolder) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
         study.prepare()
-        processes = Processes(self._ranks, self._jobs)
+        processes = Processes(self._jobs)
         waiting = [k for k, folder in enumerate(study.runs) if not folder.finished]
         known = set(range(len(study.runs))) - set(waiting)
         self.results = self._collect(study)

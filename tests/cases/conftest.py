@@ -21,13 +21,9 @@ RunCases = Callable[[int, Sequence[Sequence[object]]], subprocess.CompletedProce
 
 @pytest.fixture(scope="session")
 def environment() -> dict[str, str]:
-    """Environment without what a launcher has set, one thread per process.
-
-    Ranks of MPICH poll while they wait; here they leave their core to others, which are more than
-    there are cores: up to three ranks, and as many tests at once as pytest is given.
-    """
+    """Environment without what a launcher has set, one thread per process."""
     kept = {k: v for k, v in os.environ.items() if not k.startswith(("PMI", "OMPI_", "HYDI_"))}
-    own = {"OMP_NUM_THREADS": "1", "MPIR_CVAR_ENABLE_HEAVY_YIELD": "1", "PYTHONPATH": str(ROOT)}
+    own = {"OMP_NUM_THREADS": "1", "PYTHONPATH": str(ROOT)}
     return kept | own
 
 
