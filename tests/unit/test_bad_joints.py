@@ -34,6 +34,10 @@ ALONE = {
         lambda: ff.ConstantVelocity("j", A, B, axis=X, second_axis=(-1, 0, 0)),
         r"second_axis must not oppose axis, got \(-1, 0, 0\)",
     ),
+    "SpringDamper": (lambda: ff.SpringDamper("j", A, B), "stiffness and damping must not both be zero"),
+    "SpringDamper sign": (
+        lambda: ff.SpringDamper("j", A, B, stiffness=-1.0), "stiffness must not be negative, got -1"
+    ),
     "Screw": (lambda: ff.Screw("j", A, B, axis=X, pitch=0.0), "pitch must not be zero, got 0.0"),
     "Screw text": (lambda: ff.Screw("j", A, B, axis=X, pitch="1"), "pitch must be a number"),
     "Planar": (lambda: ff.Planar("j", A, B, axis=(0, 0, 0)), "axis must not be zero"),

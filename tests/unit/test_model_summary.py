@@ -242,6 +242,18 @@ def test_plane_of_symmetry_may_be_oblique() -> None:
     assert (counts.motions, counts.supports, counts.fixed) == (3, 3, 3)
 
 
+def test_plane_of_symmetry_is_that_of_the_own_triangles() -> None:
+    """A wall that comes last in the mesh is no neighbour of triangles at an edge."""
+    ticks = [0.0, 0.5, 1.0]
+    sheet = ff.SurfaceMesh.grid("sheet", ticks, ticks, lambda p: np.insert(p, 2, 0.0, axis=1))
+    wall = ff.SurfaceMesh.grid("wall", ticks, ticks, lambda p: np.insert(p, 0, 3.0, axis=1))
+    model = ff.Model(surface=ff.SurfaceMesh.join([sheet, wall]))
+    model.add(ff.Shell("sheet", SKIN, edges={"sheet_left": "symmetric"}), ff.Shell("wall", SKIN))
+    # refused as curved if it were; the wall is free
+    counts = ff.describe(model).mobility
+    assert (counts.motions, counts.supports, counts.fixed) == (3 + 6, 3, 3)
+
+
 def test_matrix_entries_are_those_of_the_tangent() -> None:
     """Of beams, shells and joints; a missing pattern of patches would leave out two thirds."""
     model = many_bodies("rotation_free")

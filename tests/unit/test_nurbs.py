@@ -419,6 +419,7 @@ BAD = [
     (lambda: some_curve(2).elevate(0), ValueError, "times must be positive, got 0"),
     (lambda: some_curve(2).position(1.5), ValueError, "parameter must be between 0 and 1, got 1.5"),
     (lambda: some_curve(2).parameter_at(-0.1), ValueError, "fraction must be between 0 and 1"),
+    (lambda: some_curve(2).parameter_at(1.1), ValueError, "fraction must be between 0 and 1"),
     (
         lambda: ff.NurbsCurve(2, [0, 0, 0, 1, 1, 1], [EX, 0.01 * EY, EX + 0.02 * EY]).length,
         ValueError,

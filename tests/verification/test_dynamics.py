@@ -11,7 +11,7 @@ import pytest
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
-from flexfem.lie import se3
+from flexfem.lie import se3, so3
 from flexfem.simulation.dynamics import simulate
 from flexfem.simulation.motion.stepping import Simulation
 
@@ -290,3 +290,21 @@ def test_free_vibration_has_the_frequency_of_the_slender_beam(support, root):
     assert trial[best] == pytest.approx(omega, rel=1.5e-3)
     mean = np.linalg.lstsq(basis[best], y)[0][0]
     assert mean == pytest.approx(1e-4, rel=0.01)  # about the static deflection
+
+
+def test_start_of_a_rotation_about_changing_axes():
+    """exp(a t) exp(b t) has the spin a + b and its rate a x b at t = 0, in axes of the body."""
+    a, b = np.array((0.7, -0.4, 1.1)), np.array((-0.3, 0.9, 0.5))
+    model = ff.Model("driven")
+    model.add(ff.RigidBody("body", 1.0, (1.0, 2.0, 3.0), angular_velocity=a + b))
+    model.add(
+        ff.PrescribedRotation(
+            "drive", ff.Ground(), ff.Marker("body"),
+            rotation=lambda t: so3.log(so3.exp(a * t) @ so3.exp(b * t)),
+        )
+    )  # fmt: skip
+    block = Simulation(model, ff.RunOptions(dt=1e-3, t_end=1.0)).system.parts[0].block
+    # differences over a part of the step; without the change of the rows' directions by time other
+    # components have the opposite sign
+    expected = np.cross(a, b)
+    np.testing.assert_allclose(block.acceleration[0, 3:], expected, atol=1e-6)
