@@ -34,7 +34,9 @@ ALONE = {
         lambda: ff.ConstantVelocity("j", A, B, axis=X, second_axis=(-1, 0, 0)),
         r"second_axis must not oppose axis, got \(-1, 0, 0\)",
     ),
-    "SpringDamper": (lambda: ff.SpringDamper("j", A, B), "stiffness and damping must not both be zero"),
+    "SpringDamper": (
+        lambda: ff.SpringDamper("j", A, B), "stiffness and damping must not both be zero"
+    ),
     "SpringDamper sign": (
         lambda: ff.SpringDamper("j", A, B, stiffness=-1.0), "stiffness must not be negative, got -1"
     ),
