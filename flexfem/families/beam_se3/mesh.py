@@ -88,8 +88,9 @@ class BeamMesh:
 
     def common_nodes(self) -> IntArray:
         """(k, 2) numbers of two beams for each node that both have."""
-        body = np.repeat(self.cells.body, 2)
-        node, body = np.unique(np.stack([self.cells.cells.ravel(), body]), axis=1)
+        count = int(self.cells.body.max()) + 1
+        pairs = np.unique(count * self.cells.cells.ravel() + np.repeat(self.cells.body, 2))
+        node, body = np.divmod(pairs, count)
         again = node[1:] == node[:-1]
         return np.stack([body[:-1][again], body[1:][again]], axis=1)
 
