@@ -57,6 +57,16 @@ def beam(rank: int = 0, n: int = 4) -> BeamFields:
     return BeamFields(*motion, cells, body, strain, 2 * strain, kind, turn)
 
 
+def test_joined_beams_keep_the_fields_of_all_groups() -> None:
+    one, two = beam(0, 4), beam(1, 3)
+    both = BeamFields.joined([one, two])
+    ends = np.concatenate([group.position[group.cells] for group in (one, two)])
+    # cells of the second group point at its own nodes, after those of the first
+    np.testing.assert_array_equal(both.position[both.cells], ends)
+    np.testing.assert_array_equal(both.body, [0] * 4 + [1] * 3)
+    assert BeamFields.joined([one]) is one
+
+
 def volume(points: np.ndarray, triangles: np.ndarray) -> float:
     """Volume inside a closed surface; negative if it is inside out."""
     a, b, c = points[triangles].transpose(1, 0, 2)
