@@ -73,6 +73,11 @@ def test_what_is_neglected_is_told() -> None:
     assert small.summary["linear"]["neglected"] < 0.01
     assert large.summary["linear"]["neglected"] > 0.1
     assert "linear: the next iteration would change" in large.summary["warnings"][-1]
+    unloaded = _linear(0.0).summary
+    # rounding, of which the next iteration changes most
+    assert unloaded["linear"]["largest"] < 1e-12
+    assert unloaded["linear"]["neglected"] == 0.0
+    assert unloaded["warnings"] == []
 
 
 @pytest.mark.serial

@@ -15,6 +15,8 @@ __all__ = ["LinearSolution", "solve_linear"]
 #: Displacement (relative) or rotation (rad) of central differences of columns: their error is of
 #: the order of its square, that of rounding 1e-16 over it.
 _SMALL = 1e-4
+#: Size of a solution without loads, from rounding: it has no nonlinear part.
+_ROUNDING = 1e-12
 #: Upper limit of the reported relative change by the next iteration.
 _MOST = 1e9
 
@@ -68,11 +70,10 @@ class LinearSolution:
         """Return the change by one more iteration, relative to the solution (collective)."""
         self.move(equilibrium, 1.0)
         found = _step_size(equilibrium)
-        if found is None or self.size == 0.0:
-            return 0.0 if self.size == 0.0 else 1.0
-        part = found / self.size
         self.move(equilibrium, 1.0)
-        return float(min(part, _MOST))
+        if self.size <= _ROUNDING:
+            return 0.0
+        return 1.0 if found is None else float(min(found / self.size, _MOST))
 
 
 def solve_linear(equilibrium: Equilibrium, start: Snapshot, t: float) -> LinearSolution | None:
