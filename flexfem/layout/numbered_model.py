@@ -53,6 +53,7 @@ class NumberedModel:
         """Number the nodes of all beams and compute all frames at the start."""
         self.model, self.kernels = model, kernels
         self._places: dict[Observed, Place | None] = {}
+        self._lines: dict[str | Carrier, Line] = {}
         self.families: dict[int, Family] = {}
         for kind, family in enumerate(registry(model)):
             if family.members(model):
@@ -106,7 +107,10 @@ class NumberedModel:
         Raises:
             ValueError: it is that of a beam that branches or is disconnected.
         """
-        return self.family_of(carrier.body).line(carrier)
+        key = carrier.body if carrier.line is None else carrier  # a beam has one line
+        if key not in self._lines:
+            self._lines[key] = self.family_of(carrier.body).line(carrier)
+        return self._lines[key]
 
     def family_of(self, name: str) -> Family:
         """Family of a body.

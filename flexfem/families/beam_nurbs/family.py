@@ -12,7 +12,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.marker import Marker
+from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.beam_nurbs.curves import NurbsLines
 from flexfem.families.beam_nurbs.elements import NurbsBeams, NurbsCells
@@ -85,8 +85,8 @@ class NurbsBeamFamily(BeamFamily):
         return int(self.curves.first_node[self.curves.index(marker.body)]) + place.node
 
     @override
-    def beam_line(self, beam: Beam) -> Line:
-        return self.curves.line(self.curves.index(beam.name), self.kind)
+    def line(self, carrier: Carrier) -> Line:
+        return self.curves.line(self.curves.index(carrier.body), self.kind)
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:

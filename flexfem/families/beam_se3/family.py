@@ -11,7 +11,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.marker import Marker
+from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.beam_se3.elements import BeamCells, SE3Beams
 from flexfem.families.beam_se3.loads import se3_line_forces, se3_node_forces
@@ -90,8 +90,8 @@ class SE3BeamFamily(BeamFamily):
         return int(self.mesh.numbers([place.node])[0])
 
     @override
-    def beam_line(self, beam: Beam) -> Line:
-        data = self.mesh.cells
+    def line(self, carrier: Carrier) -> Line:
+        beam, data = self.serial.model[carrier.body], self.mesh.cells
         cells = np.flatnonzero(data.body == self._numbers[beam.name])
         order = _chain(data.cells[cells].astype(np.int64))
         if order is None:

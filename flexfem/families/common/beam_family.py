@@ -3,13 +3,10 @@
 
 from __future__ import annotations
 
-from abc import abstractmethod
 from typing import ClassVar, Protocol, override
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.marker import Carrier
 from flexfem.layout.family import Family
-from flexfem.layout.lines import Line
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.materials.section import Section
 from flexfem.model.bodies.basic import Beam
@@ -60,7 +57,6 @@ class BeamFamily(Family):
         """Lay out the beams with these nodes."""
         super().__init__(serial, kind)
         self._nodes = nodes
-        self._lines: dict[str, Line] = {}
 
     @property
     @override
@@ -86,18 +82,3 @@ class BeamFamily(Family):
     @override
     def body_of_node(self) -> IntArray:
         return self._nodes.body_of_node
-
-    @override
-    def line(self, carrier: Carrier) -> Line:
-        name = carrier.body
-        if name not in self._lines:
-            self._lines[name] = self.beam_line(self.serial.model[name])
-        return self._lines[name]
-
-    @abstractmethod
-    def beam_line(self, beam: Beam) -> Line:
-        """Elements of a beam in order.
-
-        Raises:
-            ValueError: it branches or is disconnected.
-        """

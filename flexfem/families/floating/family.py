@@ -58,7 +58,6 @@ class FloatingBodyFamily(Family):
         """Lay out the bodies."""
         super().__init__(serial, kind)
         self.nodes = FloatingNodes(serial.model.floating_bodies)
-        self._lines: dict[Carrier, Line] = {}
 
     @property
     @override
@@ -126,11 +125,8 @@ class FloatingBodyFamily(Family):
 
     @override
     def line(self, carrier: Carrier) -> Line:
-        if carrier not in self._lines:
-            body = self.serial.model[carrier.body]
-            first = self._first(carrier.body)
-            self._lines[carrier] = floating_line(self.kind, first, body, carrier)
-        return self._lines[carrier]
+        body = self.serial.model[carrier.body]
+        return floating_line(self.kind, self._first(carrier.body), body, carrier)
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:

@@ -44,7 +44,6 @@ class RigidBodyFamily(Family):
         self._index = {body.name: i for i, body in enumerate(self.bodies)}
         frames = [se3.frame(body.position, body.rotation) for body in self.bodies]
         self._frames = np.array(frames).reshape(-1, 12)
-        self._lines: dict[Carrier, Line] = {}
 
     @property
     @override
@@ -86,9 +85,7 @@ class RigidBodyFamily(Family):
 
     @override
     def line(self, carrier: Carrier) -> Line:
-        if carrier not in self._lines:
-            self._lines[carrier] = rigid_line(self.kind, self._index[carrier.body], carrier)
-        return self._lines[carrier]
+        return rigid_line(self.kind, self._index[carrier.body], carrier)
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:
