@@ -105,7 +105,6 @@ class Family:
     """
 
     noun: ClassVar[str] = "element body"
-
     energy_momentum: ClassVar[bool] = False
     follows: ClassVar[bool] = False
     axes: ClassVar[bool] = True

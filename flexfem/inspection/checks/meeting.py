@@ -55,13 +55,12 @@ def find(inspection: Inspection) -> Iterator[Finding]:
 def _points(serial: NumberedModel, number: int) -> tuple[FloatArray, FloatArray]:
     """Nodes (n, 3) of a beam, m, and which of them (n,) are ends of its line."""
     beam = serial.model.beams[number]
-    if beam.formulation == "nurbs":
+    family = serial.family_of(beam.name)
+    chain = family.contact_chain(beam.name)
+    if chain is None:
         curve = serial.model.curve(beam)
         ends = np.array([curve.points[0], curve.points[-1]])
         return ends, np.ones(2, dtype=np.bool_)
-    family = serial.family_of(beam.name)
-    chain = family.contact_chain(beam.name)
-    assert chain is not None
     nodes, counts = np.unique(chain, return_counts=True)
     return family.frames[nodes, :3], counts == 1
 
