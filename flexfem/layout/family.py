@@ -314,6 +314,18 @@ class Family:
         """Owned nodes that are bodies, with inertia matrices (6, 6) in the nodes' axes."""
         return [], []
 
+    def deflections(self, part: Any) -> tuple[IntArray, FloatArray]:
+        """Numbers (m,) of linear elastic bodies of this rank, and how far each bends, rad.
+
+        That is the largest rotation of an interface in the body's frame, or three times the root
+        mean square of the displacements there over the body's size, which is as much for a
+        cantilever. Bodies whose equations hold at any displacement are not among them.
+
+        Args:
+            part: the family's ``BlockPart``.
+        """
+        return np.empty(0, dtype=np.int64), np.empty(0)
+
     def sensor(self, probe: AnyProbe, part: Any) -> Sensor | None:
         """Sensor of a probe that the family measures, None for other probes (collective).
 

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
 from typing import Any
 
@@ -13,6 +13,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem import _checks
+from flexfem._types import FloatArray
 from flexfem.analyses.relaxation import RelaxationOptions
 from flexfem.core.status import Status
 from flexfem.integrators.start import check_start
@@ -26,6 +27,7 @@ from flexfem.simulation.run.outcome import Outcome, Results
 from flexfem.simulation.run.recording import Recorder
 from flexfem.simulation.run.setup import set_up
 from flexfem.simulation.run.time_grid import TimeGrid
+from flexfem.simulation.watch.validity import doubtful_state
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.relaxation.solver import Relaxation, Scheme
 from flexfem.system.bounding_box import model_extent
@@ -183,6 +185,10 @@ class _Iterations(Steps):
         if culprit := not_finite(self._serial, np.array([self._options.at_time])):
             return f"{culprit} after {at} iterations"
         return with_hint(f"the relaxation diverged after {at} iterations", RELAXATION[1])
+
+    def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> None:
+        """See :class:`Steps`."""
+        self.cautions.say(doubtful_state(self._serial, self.system))
 
     def summary(self) -> dict[str, Any]:
         """See :class:`Steps`."""

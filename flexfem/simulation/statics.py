@@ -45,6 +45,7 @@ from flexfem.simulation.run.setup import set_up
 from flexfem.simulation.run.time_grid import TimeGrid
 from flexfem.simulation.watch.inside_out import inside_out
 from flexfem.simulation.watch.locked_shapes import locked_shapes
+from flexfem.simulation.watch.validity import doubtful_state
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.statics.buckling import LinearBuckling
 from flexfem.solvers.statics.equilibrium import Equilibrium, Limits, settle
@@ -445,6 +446,7 @@ class StaticSteps(Steps):
         if reason == "ok":
             self.cautions.say(self._targets.missed)
         self.cautions.say(locked_shapes(self._serial, self.system))
+        self.cautions.say(doubtful_state(self._serial, self.system))
 
     def summary(self) -> dict[str, Any]:
         """See :class:`Steps`."""

@@ -7,7 +7,7 @@ from flexfem._types import FloatArray
 from flexfem.constraints.connect import all_ends
 from flexfem.layout.numbered_model import NumberedModel
 
-__all__ = ["model_box", "model_extent"]
+__all__ = ["diagonal", "model_box", "model_extent"]
 
 
 def model_box(serial: NumberedModel) -> FloatArray:
@@ -20,7 +20,12 @@ def model_box(serial: NumberedModel) -> FloatArray:
     return box
 
 
+def diagonal(box: FloatArray) -> float:
+    """Diagonal of a box (2, 3), m; 1 m for a point."""
+    low, high = box
+    return float(np.linalg.norm(high - low)) or 1.0
+
+
 def model_extent(serial: NumberedModel) -> float:
     """Diagonal of the box about all nodes, bodies and markers of joints at the start, m."""
-    low, high = model_box(serial)
-    return float(np.linalg.norm(high - low)) or 1.0
+    return diagonal(model_box(serial))

@@ -101,6 +101,36 @@ class FloatingGroup:
         stretched: FloatArray = 1.0 + (change / squares).min(axis=1, initial=np.inf)
         return stretched
 
+    @cached_property
+    def _squares(self) -> tuple[FloatArray, float]:
+        """Integral (n, n) of the squared displacement over volume by mass, and the size squared.
+
+        The size is the length of a uniform rod with the same polar moment about the mass centre.
+        """
+        data, n = self.data, len(self.data.stiffness)
+        products = data.products.reshape(3, 3, -1, data.products.shape[1])
+        traces = np.einsum("aaij->ij", products) / data.mass
+        centre = data.moments[:, 0] / data.mass
+        size = 12.0 * float(traces[0, 0] - centre @ centre)
+        return traces[1 : n + 1, 1 : n + 1], size or 1.0  # a point has none
+
+    def deflections(self, coordinates: FloatArray) -> FloatArray:
+        """How far each body (m,) bends in its frame, see ``Family.deflections``, rad.
+
+        Args:
+            coordinates: (m, n, 3), with derivatives.
+        """
+        matrix, size = self._squares
+        eta = coordinates[:, :, 0]
+        squares = np.einsum("mi,ij,mj->m", eta, matrix, eta, optimize=True)
+        k = len(self.data.rest)
+        rotations = eta[:, : 6 * k].reshape(len(eta), k, 6)[:, :, 3:]
+        largest = np.sqrt(np.einsum("mki,mki->mk", rotations, rotations))
+        bent: FloatArray = np.maximum(
+            3.0 * np.sqrt(np.maximum(squares, 0.0) / size), largest.max(axis=1, initial=0.0)
+        )
+        return bent
+
 
 class FloatingBodies:
     """Residual, tangent and energies of all bodies in floating frames of this rank.
@@ -200,6 +230,14 @@ class FloatingBodies:
         still = np.zeros((len(frames), 6))
         parts = [
             group.stretches(group.coordinates(frames, still, still)[1]) for group in self.groups
+        ]
+        return np.concatenate([np.empty(0), *parts])
+
+    def deflections(self, frames: FloatArray) -> FloatArray:
+        """How far each body bends in its frame, see ``Family.deflections``, rad."""
+        still = np.zeros((len(frames), 6))
+        parts = [
+            group.deflections(group.coordinates(frames, still, still)[1]) for group in self.groups
         ]
         return np.concatenate([np.empty(0), *parts])
 

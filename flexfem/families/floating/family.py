@@ -152,6 +152,11 @@ class FloatingBodyFamily(Family):
         return block, FloatingBodies(groups)
 
     @override
+    def deflections(self, part: BlockPart) -> tuple[IntArray, FloatArray]:
+        assert isinstance(part.elements, FloatingBodies)
+        return part.elements.body, part.elements.deflections(part.block.frames)
+
+    @override
     def sensor(self, probe: AnyProbe, part: BlockPart) -> Sensor | None:
         if isinstance(probe, ElongationProbe) and self.serial.model[probe.body] in self.bodies:
             return BodyElongation(part, self.bodies, probe)

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Monitors of a motion: spurious energy, inverted bodies, locking, unresolved rotations."""
+"""Monitors of a run: spurious energy, invalid states, locking, unresolved rotations."""

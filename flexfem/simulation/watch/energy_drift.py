@@ -26,7 +26,7 @@ def energy_drift(model: Model, history: Mapping[str, FloatArray]) -> list[str]:
         model: the model.
         history: columns of the motion.
     """
-    return list(_found(model, history)) if history else []
+    return list(_found(model, history)) if len(history.get("t", ())) else []
 
 
 def _found(model: Model, history: Mapping[str, FloatArray]) -> Iterator[str]:

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Monitor of all motions: energy balance, rotations, jumps, inverted elements, not finite values.
+"""Monitor of all motions: energy balance, rotations, jumps, invalid states, not finite values.
 
 The work of loads and drives is summed up in every step, by few numbers; energies are summed over
 the model only at some of them, chosen by count and not by time, so that runs and ranks agree.
@@ -16,7 +16,8 @@ from flexfem.core.row import LawKind
 from flexfem.inspection.finding import owner_of
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.simulation.watch.inside_out import InsideOut
-from flexfem.system.bounding_box import model_extent
+from flexfem.simulation.watch.validity import ValidityWatch
+from flexfem.system.bounding_box import diagonal, model_box
 from flexfem.system.measure.drive_changes import DriveChanges
 from flexfem.system.measure.energies import EnergyMeter, work_of_loads
 from flexfem.system.system import System
@@ -62,7 +63,9 @@ class EnergyWatch:
         self._advice = f"{_DAMPED}{_SMALLER}" if undamped else _SMALLER
         model, rows = serial.model, system.constraints
         self._meter = EnergyMeter(system, model)
-        self._drives = DriveChanges(rows, model_extent(serial))
+        box = model_box(serial)
+        self._drives = DriveChanges(rows, diagonal(box))
+        self._validity = ValidityWatch(serial, system, box)
         self._driven = bool(system.comm.allreduce(len(self._drives.rows)))
         self._complete = not system.comm.allreduce(not self._drives.complete, op=MPI.LOR)
         steady = all(
@@ -151,6 +154,7 @@ class EnergyWatch:
         if system.comm.size > 1:
             system.comm.Allreduce(MPI.IN_PLACE, shares)
         self._note_turns()
+        self._validity.look()
         if self._inverted is None and (found := InsideOut.worst(system)):
             self._inverted = (system.time, found)
         self._note(shares)
@@ -194,6 +198,7 @@ class EnergyWatch:
         return [
             *self._not_finite(),
             *self._inside_out(),
+            *self._validity.texts(),
             *self._turns(),
             *self._jumps(),
             *self._balance(),
