@@ -168,6 +168,8 @@ def located(function: object, error: BaseException) -> str:
         return f"{why}, from {place}"
     if isinstance(error, SystemExit):
         return f"{place}: sys.exit({error.code!r})"
+    if isinstance(error, ImportError) and "libmpi" in why:  # the wheels of DOLFINx bring one
+        why = f"{why}: import dolfinx_solver before dolfinx"
     kind = type(error).__name__
     return f"{place}: {kind}: {why}" if why else f"{place}: {kind}"
 

@@ -7,6 +7,7 @@ import sys
 import time
 import traceback
 from collections.abc import Callable, Sequence
+from itertools import pairwise
 from pathlib import Path
 from typing import Any, NoReturn
 
@@ -14,6 +15,10 @@ from flexfem import launch
 from flexfem.installation import InstallationError
 from flexfem.options import Option, is_text, meant
 
+#: Values that people give to switches.
+_TRUTH = {"yes": True, "true": True, "on": True, "1": True} | {
+    "no": False, "false": False, "off": False, "0": False,
+}  # fmt: skip
 #: Start of argparse's message about an unknown option.
 _UNKNOWN = "unrecognized arguments: "
 #: Seconds that other ranks leave the first one to say that it was interrupted and to end them.
@@ -62,18 +67,34 @@ class Parser(argparse.ArgumentParser):
             **arguments,
         )
 
+    def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
+        """See argparse; the arguments are kept for messages."""
+        self._arguments = list(sys.argv[1:] if args is None else args)
+        return super().parse_known_args(args, namespace)
+
     def error(self, message: str) -> NoReturn:
         """Wrong input in one line, with close names and a pointer to the help."""
         raise UsageError(f"{message}{self._meant(message)} (see {self.prog} --help)")
 
     def _meant(self, message: str) -> str:
         """Options that are spelt like the first one that is unknown."""
+        if switch := self._switch_with_value():
+            return f"; it takes no value, write {switch}"
         unknown = message.removeprefix(_UNKNOWN).split()
         if not message.startswith(_UNKNOWN) or not unknown[0].startswith("--"):
             return ""
         known = [text for text in self._option_string_actions if text.startswith("--")]
         hint = meant(unknown[0].partition("=")[0], known)
         return f"; {hint}?" if hint else ""
+
+    def _switch_with_value(self) -> str:
+        """The right form of the first ``--name`` beside a ``--no-name`` that has a truth value."""
+        words = [word for text in self._arguments for word in text.split("=", 1)]
+        for name, value in pairwise(words):
+            no = f"--no-{name.removeprefix('--')}"
+            if value.lower() in _TRUTH and no in self._option_string_actions:
+                return name if _TRUTH[value.lower()] else no
+        return ""
 
     def _print_message(self, message: str, file: Any = None) -> None:
         if launch.rank() == 0:

@@ -8,7 +8,8 @@ from typing import Any
 from flexfem import _checks
 from flexfem._fields import Given, checked, declared, flag, number, text
 from flexfem.model.bodies.base import Body
-from flexfem.model.bodies.basic import Beam
+from flexfem.model.bodies.basic import Beam, RigidBody
+from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.bodies.shell import Shell
 from flexfem.model.probes.base import AnyProbe, name_columns
 from flexfem.model.rigid_surface import RigidSurface
@@ -37,6 +38,21 @@ def _surfaces(owner: str, what: str, surfaces: Any) -> tuple[RigidSurface, ...]:
     for surface in surfaces:
         _checks.instance(owner, what, surface, RigidSurface)
     return tuple(surfaces)
+
+
+def _not_found(model: Structure, wanted: str, name: str) -> str:
+    """Text for a name that is none of the wanted bodies, with what else it is."""
+    thing = model.get(name)
+    text = f'{model!r} has no {wanted} "{name}"'
+    if thing is None:
+        return text
+    kind = type(thing).__name__
+    if isinstance(thing, (RigidBody, FloatingBody)):
+        return (
+            f"{text}, which is a {kind}: give what it touches with as surfaces=[RigidSphere(Marker("
+            f'"{name}"), ...)], or another RigidSurface'
+        )
+    return f"{text}, which is a {kind}"
 
 
 @declared
@@ -114,11 +130,11 @@ class Contact:
             if isinstance(body, Beam):
                 self._check_beam(owner, body)
             elif not (isinstance(body, Shell) or _has_surface(body)):
-                raise ValueError(f'{owner}: {model!r} has no shell or beam "{name}"')
+                raise ValueError(f"{owner}: {_not_found(model, 'shell or beam', name)}")
         for name in self.masters:
             body = model.get(name)
             if not (isinstance(body, Shell) or _has_surface(body)):
-                raise ValueError(f'{owner}: masters: {model!r} has no shell "{name}"')
+                raise ValueError(f"{owner}: masters: {_not_found(model, 'shell', name)}")
         for surface in self.surfaces:
             surface.check(model, owner)
 

@@ -115,9 +115,11 @@ class Model(Structure):
         """Append one named object to the list of its kind."""
         attribute = next((name for kind, name in _LISTS if isinstance(thing, kind)), None)
         if attribute is None:
+            part_of = getattr(type(thing), "part_of", "")
+            hint = f", which is part of a {part_of}" if part_of else ""
             raise TypeError(
                 f"{self!r}: only bodies, joints, loads, contacts, probes, events, controllers and "
-                f"gravity can be added, got {_checks.show(thing)}"
+                f"gravity can be added, got {_checks.show(thing)}{hint}"
             )
         if thing.name in self._named:
             other = type(self._named[thing.name]).__name__

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rigid surfaces that shells and beams touch: fixed in space, or moving with a body."""
 
+from typing import ClassVar
+
 import numpy as np
 
 from flexfem import _checks
@@ -32,6 +34,8 @@ class RigidSurface:
     """
 
     place: Attachment = instance((Ground, Marker))
+
+    part_of: ClassVar[str] = "Contact"
 
     def __post_init__(self) -> None:
         """Check that the place is a frame."""

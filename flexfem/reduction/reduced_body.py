@@ -13,7 +13,7 @@ Needs NumPy only: the reduction of meshes is in the other modules of this packag
 
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import NoReturn
+from typing import ClassVar, NoReturn
 
 import numpy as np
 
@@ -149,6 +149,8 @@ class ReducedBody:
     recovery: Recovery | None = None
     lines: Mapping[str, BodyLine] = field(default_factory=dict)
 
+    part_of: ClassVar[str] = "FloatingBody"
+
     def __post_init__(self) -> None:
         """Check the data against each other.
 
@@ -197,6 +199,12 @@ class ReducedBody:
         self._check_symmetry()
         self._check_held()
         self._check_rigid_motions()
+
+    def __repr__(self) -> str:
+        """Mass, interfaces and modes in one line; its arrays are long."""
+        names = ", ".join(interface.name for interface in self.interfaces) or "none"
+        highest = f" up to {self.frequencies[-1]:.5g} rad/s" if self.modes else ""
+        return f"ReducedBody({self.mass:.5g} kg; interfaces: {names}; modes: {self.modes}{highest})"
 
     @property
     def size(self) -> int:

@@ -25,6 +25,7 @@ from flexfem.model.bodies.basic import Beam, PointMass, RigidBody
 from flexfem.model.bodies.shapes import Box, CompoundShape, Cylinder, Sphere, SurfaceShape
 from flexfem.model.model import Model
 from flexfem.model.probes.base import PositionProbe, Probe
+from flexfem.model.rigid_surface import RigidPlane
 from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
@@ -386,6 +387,7 @@ MODELS = [
         lambda: [3.0],
         'Model "bad": only bodies, joints, loads, contacts, probes, events, controllers .* got 3.0',
     ),
+    (lambda: [RigidPlane(Ground())], "only bodies, .*, which is part of a Contact$"),
     (lambda: [Gravity((0, 0, 1)), Gravity((0, 0, 2))], r"gravity is there already.*\[0.0, 0.0, 2"),
     (lambda: [beam("bar")], 'Beam "bar": LineMesh: group "bar" is not in the mesh; its lines are'),
     (lambda: [beam("a", group="tip")], 'Beam "a": LineMesh: group "tip" is a point, not a line'),

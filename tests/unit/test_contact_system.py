@@ -156,6 +156,18 @@ def test_restart_goes_on_as_before():
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize("role", ["slaves", "masters"])
+def test_rigid_bodies_touch_with_surfaces(role: str) -> None:
+    model = impact()
+    model.add(ff.RigidBody("ball", 1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 1.0)))
+    roles = {"slaves": "up", "masters": "low"} | {role: "ball"}
+    model.add(ff.Contact("more", **roles))
+    message = r'"ball", which is a RigidBody: give .* surfaces=\[RigidSphere\(Marker\("ball"\)'
+    with pytest.raises(ValueError, match=message):
+        model.validate()
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("options", "message"),
     [

@@ -305,6 +305,10 @@ def _controller(**given: Any) -> ff.Controller:
         ({"law": lambda t, y: y}, r"law must return 1 number, got array\(\[0., 0.\]\) at t = 0"),
         ({"law": lambda t, y: None}, "law must return 1 number, got None at t = 0"),
         (
+            {"law": lambda t, y: np.nan},
+            r"law returned \[nan\] at t = 0 s, from lambda",
+        ),
+        (
             {"law": lambda t, y: 1 / 0, "sample_time": 0.002},
             r"lambda \(test_control.py, line \d+\): ZeroDivisionError: division",
         ),

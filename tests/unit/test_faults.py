@@ -293,6 +293,27 @@ def test_statics_and_relaxation_and_modes(shared_tmp_path: Path) -> None:
     assert [path.name for path in shared_tmp_path.iterdir()] == ["statics"]
 
 
+def test_a_first_step_that_fails_leaves_columns_without_rows() -> None:
+    """A script that reads a column after its run does not end in a KeyError."""
+    steel = ff.Material(2.1e11, 0.3, 7850.0)
+    model = ff.Model("arm", mesh=ff.LineMesh.straight({"arm": [(0, 0, 0), (1, 0, 0)]}, elements=4))
+    end = ff.Marker("arm", "end")
+    model.add(
+        ff.Gravity((0.0, 0.0, -1e10)),
+        ff.Beam("arm", ff.Section.circle(0.02, steel)),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("arm", "start")),
+        ff.PositionProbe("tip", end),
+        ff.EnergyProbe(),
+    )
+    seen: list[Any] = []
+    options = ff.StaticOptions(gravity_load="constant", quiet=True)
+    outcome = ff.solve_static(model, options, results=lambda history: seen.append(history) or {})
+    assert outcome.status.startswith("the Newton iteration diverged at t = 0")
+    assert {len(values) for values in outcome.history.values()} <= {0}
+    assert ("tip_z" in outcome.history) == (COMM.rank == 0)
+    assert not seen
+
+
 def test_speeds_before_one_that_fails(shared_tmp_path: Path) -> None:
     """Of a Campbell diagram: a probe, which one rank calls, fails at the third of five speeds."""
 

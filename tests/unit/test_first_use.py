@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Help on first use: near spellings, messages on slow or suspicious parts, panels."""
 
+import argparse
 from pathlib import Path
 from types import SimpleNamespace
 
@@ -8,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.case import case_file
+from flexfem.case import case_file, load_case
 from flexfem.cli.postprocessing import script
 from flexfem.cli.usage import Parser, UsageError
 from flexfem.simulation.watch.energy_drift import energy_drift
@@ -28,6 +29,25 @@ pytestmark = pytest.mark.serial
 def test_near_options_are_named(given: str, told: str) -> None:
     parser = Parser(prog="x")
     parser.add_argument("--elements")
+    with pytest.raises(UsageError) as caught:
+        parser.parse_args(given.split())
+    assert told in str(caught.value)
+
+
+@pytest.mark.parametrize(
+    ("given", "told"),
+    [
+        ("--aero no", "no; it takes no value, write --no-aero (see"),
+        ("--aero=OFF", "; it takes no value, write --no-aero (see"),
+        ("--speed 3 --aero true", "true; it takes no value, write --aero (see"),
+        ("--speed 3 no", "no (see"),
+        ("no --aero", "no (see"),
+    ],
+)
+def test_switches_take_no_value(given: str, told: str) -> None:
+    parser = Parser(prog="x")
+    parser.add_argument("--aero", action=argparse.BooleanOptionalAction)
+    parser.add_argument("--speed")
     with pytest.raises(UsageError) as caught:
         parser.parse_args(given.split())
     assert told in str(caught.value)
@@ -207,3 +227,10 @@ def test_long_compilation_is_told_once(clock: list[float]) -> None:
     event.start_event("numba:compile")
     event.end_event("numba:compile")
     assert len(told) == 1
+
+
+def test_what_a_case_must_import_first_is_named(tmp_path: Path) -> None:
+    file = tmp_path / "mine.py"
+    file.write_text('raise ImportError("libmpi.so.12: cannot open shared object file")\n')
+    with pytest.raises(ValueError, match=r"import dolfinx_solver before dolfinx$"):
+        load_case(str(file))

@@ -86,6 +86,11 @@ def test_wrong_data_are_refused(change: dict[str, Any], message: str) -> None:
     assert_on_page(str(raised.value))
 
 
+def test_a_body_is_shown_in_one_line() -> None:
+    # with its arrays 30,000 characters, which hide every message that shows a body
+    assert repr(two_masses()) == "ReducedBody(8 kg; interfaces: a, b; modes: 0)"
+
+
 def test_unknown_interfaces_are_refused() -> None:
     with pytest.raises(ValueError, match="no interface 'c'; there are a, b"):
         two_masses().interface("c")

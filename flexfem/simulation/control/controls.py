@@ -127,7 +127,11 @@ class _Continuous(_Loop):
                 y = y + (t - self._last[0]) / change[0] * change[1:]
             assert callable(self.controller.law)
             try:
-                self._outputs = self.checked(t, self.controller.law(t, y.copy()))
+                outputs = self.checked(t, self.controller.law(t, y.copy()))
+                if not np.isfinite(outputs).all():
+                    found = _checks.show(outputs.tolist())
+                    raise ReturnError(f"law returned {found} at t = {t:.6g} s")
+                self._outputs = outputs
             except FAILURES as error:
                 noted(self.owner, self.controller.law, error)
                 self._outputs = np.full(self.count, np.nan)

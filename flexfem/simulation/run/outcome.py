@@ -27,7 +27,8 @@ class Outcome:
     Attributes:
         status: "ok" or the reason of failure.
         summary: contents of ``summary.json``.
-        history: columns of the history, angles unwrapped; empty on other ranks than the first.
+        history: columns of the history, angles unwrapped, without rows if nothing was accepted;
+            no columns on other ranks than the first.
     """
 
     status: str
@@ -54,7 +55,7 @@ def conclude(
     its status, if that was "ok" before.
     """
     faults = current()
-    if history and results is not None:
+    if len(history.get("t", ())) and results is not None:
         try:
             summary["results"] = dict(results(history))
         except FAILURES as error:

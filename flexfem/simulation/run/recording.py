@@ -324,8 +324,8 @@ class Recorder:
                 self._fields.close()
 
     def history(self) -> dict[str, FloatArray]:
-        """Columns recorded so far, on the first rank."""
-        if not self._rows:
+        """Columns recorded so far, on the first rank; without rows before the first record."""
+        if self._system.comm.rank:
             return {}
-        table = np.array(self._rows)
+        table = np.array(self._rows).reshape(-1, 1 + len(self._columns))
         return dict(zip(["t", *self._columns], table.T.copy(), strict=True))

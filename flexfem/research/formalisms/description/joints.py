@@ -9,7 +9,7 @@ accelerations, and the change of G^T lambda.
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -109,6 +109,8 @@ class Constraint:
     data: Sequence[float] = ()
     motion: Motion | None = None
 
+    part_of: ClassVar[str] = "flexfem.research.Mechanism"
+
     def __post_init__(self) -> None:
         """Check the arguments."""
         _check_joint(self)
@@ -141,6 +143,8 @@ class AppliedForce:
     function: Function
     force: Callable[[float], Any]
     data: Sequence[float] = field(default=())
+
+    part_of: ClassVar[str] = "flexfem.research.Mechanism"
 
     def __post_init__(self) -> None:
         """Check the arguments."""

@@ -63,6 +63,8 @@ class EnergyBody:
     angular_velocity: Array = vector(default=ZERO)
     motion: FrameMotion | None = instance(FrameMotion, default=None)
 
+    part_of: ClassVar[str] = "flexfem.research.Mechanism"
+
     def __post_init__(self) -> None:
         """Check the functions, and the frame's motion against its kind."""
         owner = _checks.named(self, self.name)
