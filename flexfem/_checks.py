@@ -325,3 +325,23 @@ def stiffness_and_damping(owner: str, stiffness: object, damping: object) -> Non
     c = number(owner, "damping", damping, nonnegative=True)
     if k == 0.0 and c == 0.0:
         raise ValueError(f"{owner}: stiffness and damping must not both be zero")
+
+
+def shaped_spring(owner: str, stiffness: float, preload: float, **shapes: float) -> None:
+    """Check what makes a spring other than linear through zero against one another.
+
+    Args:
+        owner: owner of the spring in messages.
+        stiffness: N/m or N m/rad.
+        preload: force or moment at rest.
+        **shapes: backlash, or a flag, by their names; not more than one of them may be set.
+
+    Raises:
+        ValueError: two that exclude each other, or one without stiffness.
+    """
+    names = [name for name, value in shapes.items() if value]
+    given = [*names, *(["preload"] if preload else [])]
+    if given and stiffness == 0.0:
+        raise ValueError(f"{owner}: {given[0]} needs a stiffness, got 0.0")
+    if len(names) > 1 or (preload and "backlash" in names):
+        raise ValueError(f"{owner}: {' and '.join(given)} exclude each other, give one of them")

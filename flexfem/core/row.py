@@ -116,6 +116,22 @@ def spring(stiffness: float, damping: float) -> Law:
     return Law(LawKind.SPRING, stiffness, damping)
 
 
+def sprung(stiffness: float, damping: float, backlash: float, *, tension_only: bool = False) -> Law:
+    """Spring and damper that is slack in a range of its value about rest.
+
+    Args:
+        stiffness: N/m or N m/rad.
+        damping: N s/m or N m s/rad.
+        backlash: width of the range, m or rad.
+        tension_only: True if it is slack below rest, whatever the backlash.
+    """
+    if tension_only:
+        return limit(None, 0.0, stiffness, damping)
+    if backlash:
+        return limit(-0.5 * backlash, 0.5 * backlash, stiffness, damping)
+    return spring(stiffness, damping)
+
+
 def applied(force: float) -> Law:
     """A force (N or N m), whatever the row's value and rate."""
     return Law(LawKind.SPRING, first=force)

@@ -4,44 +4,58 @@
 from collections.abc import Sequence
 
 from flexfem import _checks
-from flexfem._fields import declared, number
+from flexfem._fields import declared, flag, number
 from flexfem.core.joint import Joint, distance
 from flexfem.core.pose import Pose
-from flexfem.core.row import Row, RowKind, Term, spring
+from flexfem.core.row import Row, RowKind, Term, sprung
 
 __all__ = ["SpringDamper"]
 
 
 @declared
 class SpringDamper(Joint):
-    """Linear spring and damper along the line between two markers.
+    """Spring and damper along the line between two markers.
 
-    It pulls with ``stiffness * (length - rest_length) + damping * d(length)/dt`` (N) and enters the
-    equations as a constraint with compliance, so that any stiffness leaves the frozen factors of
-    the bodies as they are.
+    It pulls with ``stiffness * (length - rest_length) + preload + damping * d(length)/dt`` (N) and
+    enters the equations as a constraint with compliance, so that any stiffness leaves the frozen
+    factors of the bodies as they are. One that is slack, by ``tension_only`` or ``backlash``, pulls
+    or presses with ``k d (1 + tanh(c v / (k d)))`` where it is stretched or compressed beyond that
+    by d at the rate v, as a ``LimitStop``: its damper acts softly at first, and never reverses it.
 
     Attributes:
         stiffness: N/m.
         damping: N s/m.
         rest_length: m; None for the distance at the start.
+        preload: force at the rest length, N; positive for tension.
+        tension_only: True for a cable, which is slack where the spring would press.
+        backlash: range of lengths about the rest length without force, m.
 
     Raises:
-        TypeError: an argument is not a number.
-        ValueError: stiffness, damping or rest length is negative, or both former are zero.
+        TypeError: an argument is not a number, or no truth value.
+        ValueError: stiffness, damping, rest length or backlash is negative, both former are zero, a
+            preload, backlash or cable without stiffness, or a backlash with one of the others.
     """
 
     stiffness: float = 0.0
     damping: float = 0.0
     rest_length: float | None = number(default=None, nonnegative=True, as_given=True)
+    preload: float = number(default=0.0)
+    tension_only: bool = flag(default=False)
+    backlash: float = number(default=0.0, nonnegative=True)
 
     def __post_init__(self) -> None:
         """Check that there is a spring or a damper."""
         super().__post_init__()
         _checks.stiffness_and_damping(self.owner, self.stiffness, self.damping)
+        _checks.shaped_spring(
+            self.owner, self.stiffness, self.preload,
+            tension_only=self.tension_only, backlash=self.backlash,
+        )  # fmt: skip
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`; raises ValueError when both markers start at one point."""
         length = distance(self.owner, poses)
         rest = length if self.rest_length is None else self.rest_length
-        law = spring(self.stiffness, self.damping)
-        return (Row((Term(RowKind.DISTANCE),), rest, law),)
+        slack = self.preload / self.stiffness if self.preload else 0.0
+        law = sprung(self.stiffness, self.damping, self.backlash, tension_only=self.tension_only)
+        return (Row((Term(RowKind.DISTANCE),), rest - slack, law),)

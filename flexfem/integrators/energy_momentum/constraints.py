@@ -128,7 +128,7 @@ class StepRows:
 
 def _check_laws(rows: Constraints) -> None:
     laws = np.unique(rows.joint_of_row[~np.isin(rows.elastic[:, 0], _SUPPORTED)]).tolist()
-    found = [(i, "friction, stops and functions of forces") for i in laws]
+    found = [(i, "friction, stops, slack springs and functions of forces") for i in laws]
     functions = np.unique(rows.joint_of_row[rows.row_of_term[rows.kinds >= RowKind.FUNCTION]])
     found += [(i, "functions as constraints") for i in functions.tolist()]
     found += [(i, "sliding along beams") for i in rows.lines.joints]
