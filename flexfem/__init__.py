@@ -139,6 +139,11 @@ _MODULES = {
     "read_history": "io.tables.history",
     "save_reduced_body": "io.hdf5.reduced_body",
     "load_reduced_body": "io.hdf5.reduced_body",
+    "Joint": "core.joint",
+    "AxisJoint": "core.joint",
+    "Row": "core.row",
+    "RowKind": "core.row",
+    "Term": "core.row",
     "Spherical": "joints.spherical",
     "Sliding": "joints.sliding",
     "PrescribedSlide": "joints.prescribed_slide",
@@ -230,23 +235,26 @@ _MODULES = {
     "main": "cli",
     "run_case": "studies.separate_run",
 }
-__all__ = [*_MODULES, "__version__"]  # noqa: PLE0604
+# Names that are modules.
+_NAMESPACES = {"laws": "core.laws", "research": "research"}
+__all__ = [*_MODULES, *_NAMESPACES, "__version__"]  # noqa: PLE0604
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used."""
-    if name not in _MODULES:
+    if name in _NAMESPACES:
+        value: Any = import_module(f"flexfem.{_NAMESPACES[name]}")
+    elif name in _MODULES:
+        value = getattr(import_module(f"flexfem.{_MODULES[name]}"), name)
+    else:
         return _moved(name)
-    value = getattr(import_module(f"flexfem.{_MODULES[name]}"), name)
     globals()[name] = value
     return value
 
 
 def _moved(name: str) -> Any:
-    """The package of studies, or a name of it, which was here in version 0.1 and warns."""
+    """A name of the package of studies, which was here in version 0.1 and warns."""
     research = import_module("flexfem.research")
-    if name == "research":
-        return research
     if name not in research.__all__:
         raise AttributeError(f"module 'flexfem' has no attribute '{name}'")
     warnings.warn(
@@ -257,4 +265,4 @@ def _moved(name: str) -> Any:
 
 def __dir__() -> list[str]:
     """List the public names, also those not loaded yet."""
-    return sorted({*globals(), *_MODULES})
+    return sorted({*globals(), *__all__})

@@ -30,8 +30,9 @@ from flexfem.constraints.rows.kernels import (
 )
 from flexfem.constraints.rows.laws import static_forces
 from flexfem.constraints.rows.placed_joint import PlacedJoint
+from flexfem.core.laws import DAMPED_BY_COEFFICIENT, LawKind
 from flexfem.core.nodes.action_kernels import add_turning_forces
-from flexfem.core.row import DAMPED_BY_COEFFICIENT, LawKind, RowKind
+from flexfem.core.row import RowKind
 from flexfem.core.state import State
 
 __all__ = ["Constraints"]

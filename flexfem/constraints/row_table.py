@@ -10,7 +10,8 @@ from flexfem.constraints.lines.joints import LineJoints
 from flexfem.constraints.rows.kernels import ON_LINES
 from flexfem.constraints.rows.placed_joint import PlacedJoint, RowLayout
 from flexfem.constraints.terms.compiled_functions import address, kind_number
-from flexfem.core.row import FRICTION_LAWS, LINEAR_LAWS, LawKind, Row, RowKind
+from flexfem.core.laws import FRICTION_LAWS, LINEAR_LAWS, LawKind
+from flexfem.core.row import Row, RowKind
 from flexfem.core.runs import starts
 
 __all__ = ["RowTable"]

@@ -18,10 +18,11 @@ import numpy as np
 from flexfem import _checks
 from flexfem._fields import declared, instance, vector
 from flexfem._types import FloatArray
+from flexfem.core.laws import Law
 from flexfem.core.marker import Attachment, Carrier, Ground, Marker
 from flexfem.core.node_row import NodeRow
 from flexfem.core.pose import Pose
-from flexfem.core.row import Law, Row, RowKind, Term
+from flexfem.core.row import Row, RowKind, Term
 
 __all__ = [
     "AxisJoint",
@@ -56,11 +57,11 @@ class Joint:
     a: Attachment
     b: Attachment
 
-    #: rows change with time: they are asked for at every step
+    #: rows change with time, and are asked for at every step
     driven: ClassVar[bool] = False
     #: marker a may be the line of a beam, on which marker b slides
     slides: ClassVar[bool] = False
-    #: markers may be lines of shells: it is evaluated as its parts
+    #: markers may be lines of shells; it is evaluated as its parts
     joins_lines: ClassVar[bool] = False
     #: relative motions left along ("translation") and about ("rotation") the axis of the joint
     leaves: ClassVar[tuple[str, ...]] = ()

@@ -31,8 +31,8 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray
+from flexfem.core.laws import LawKind
 from flexfem.core.nodes.action_kernels import add_products
-from flexfem.core.row import LawKind
 from flexfem.integrators.drive_rates import drive_rates
 from flexfem.integrators.start import laws_settled
 from flexfem.solvers.frozen.solver import FrozenSolver

@@ -7,8 +7,9 @@ from typing import ClassVar
 from flexfem import _checks
 from flexfem._fields import declared, one_of, time_function
 from flexfem.core.joint import AxisJoint, distance, turn_angle
+from flexfem.core.laws import applied
 from flexfem.core.pose import Pose
-from flexfem.core.row import Row, RowKind, Term, applied
+from flexfem.core.row import Row, RowKind, Term
 
 __all__ = ["Actuator"]
 

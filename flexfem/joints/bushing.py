@@ -10,8 +10,9 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.core.joint import Joint, turn_angles
+from flexfem.core.laws import Law, spring
 from flexfem.core.pose import Pose
-from flexfem.core.row import Law, Row, RowKind, Term, spring
+from flexfem.core.row import Row, RowKind, Term
 
 __all__ = ["Bushing"]
 

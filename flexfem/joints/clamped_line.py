@@ -10,9 +10,10 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.joint import Joint, perpendicular, turn_angle, unit
+from flexfem.core.laws import Law, spring
 from flexfem.core.node_row import NodeRow
 from flexfem.core.pose import Pose
-from flexfem.core.row import Law, Row, RowKind, Term, spring
+from flexfem.core.row import Row, RowKind, Term
 from flexfem.joints.hinge_line import HingeLine, LinePart
 
 __all__ = ["ClampedLine"]

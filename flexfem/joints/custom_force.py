@@ -5,9 +5,9 @@ from collections.abc import Callable, Sequence
 
 from flexfem._fields import declared, one_of
 from flexfem.core.joint import AxisJoint, distance, turn_angle
+from flexfem.core.laws import Law, custom
 from flexfem.core.pose import Pose
-from flexfem.core.row import Law, LawKind, Row, RowKind, Term
-from flexfem.core.user_function import FunctionKind, UserFunction
+from flexfem.core.row import Row, RowKind, Term
 
 __all__ = ["CustomForce"]
 
@@ -45,12 +45,11 @@ class CustomForce(AxisJoint):
     def __post_init__(self) -> None:
         """Check function and parameters."""
         super().__post_init__()
-        _ = self._user
+        _ = self._law
 
     @property
-    def _user(self) -> UserFunction:
-        kind = FunctionKind.FORCE
-        return UserFunction.checked(self.owner, "force", self.force, kind, self.parameters)
+    def _law(self) -> Law:
+        return custom(self.owner, self.force, self.parameters)
 
     def coordinate(self, poses: Sequence[Pose]) -> Term:
         """The distance (m), displacement (m) or angle (rad) that it acts on.
@@ -68,5 +67,4 @@ class CustomForce(AxisJoint):
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
-        law = Law(LawKind.FUNCTION, function=self._user)
-        return (Row((self.coordinate(poses),), 0.0, law),)
+        return (Row((self.coordinate(poses),), 0.0, self._law),)

@@ -8,8 +8,9 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem.core.joint import Joint, check_limits, equal_rotation, turn_angles
+from flexfem.core.laws import Law, limit
 from flexfem.core.pose import Pose
-from flexfem.core.row import Law, Row, RowKind, Term, limit
+from flexfem.core.row import Row, RowKind, Term
 
 __all__ = ["Generic"]
 

@@ -6,8 +6,9 @@ from collections.abc import Callable, Sequence
 from flexfem import _checks
 from flexfem._fields import declared, number
 from flexfem.core.joint import Joint, JointAction
+from flexfem.core.laws import friction
 from flexfem.core.pose import Pose
-from flexfem.core.row import Row, friction
+from flexfem.core.row import Row
 from flexfem.core.user_function import FunctionKind, UserFunction
 
 __all__ = ["JointFriction"]

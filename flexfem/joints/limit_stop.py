@@ -10,8 +10,9 @@ from flexfem import _checks
 from flexfem._fields import declared, one_of
 from flexfem._types import FloatArray
 from flexfem.core.joint import Joint, check_limits, displacement, distance, turn_angle, unit
+from flexfem.core.laws import limit
 from flexfem.core.pose import Pose
-from flexfem.core.row import Row, RowKind, Term, limit
+from flexfem.core.row import Row, RowKind, Term
 
 __all__ = ["LimitStop"]
 

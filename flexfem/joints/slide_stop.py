@@ -5,8 +5,9 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from flexfem.core.joint import Joint, JointAction, check_limits, check_sliding
+from flexfem.core.laws import limit
 from flexfem.core.pose import Pose
-from flexfem.core.row import Row, limit
+from flexfem.core.row import Row
 
 __all__ = ["SlideStop"]
 

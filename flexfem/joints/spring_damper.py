@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from flexfem import _checks
 from flexfem._fields import declared, flag, number
 from flexfem.core.joint import Joint, distance
+from flexfem.core.laws import spring
 from flexfem.core.pose import Pose
-from flexfem.core.row import Row, RowKind, Term, sprung
+from flexfem.core.row import Row, RowKind, Term
 
 __all__ = ["SpringDamper"]
 
@@ -57,5 +58,7 @@ class SpringDamper(Joint):
         length = distance(self.owner, poses)
         rest = length if self.rest_length is None else self.rest_length
         slack = self.preload / self.stiffness if self.preload else 0.0
-        law = sprung(self.stiffness, self.damping, self.backlash, tension_only=self.tension_only)
+        law = spring(
+            self.stiffness, self.damping, backlash=self.backlash, tension_only=self.tension_only
+        )
         return (Row((Term(RowKind.DISTANCE),), rest - slack, law),)

@@ -6,8 +6,9 @@ from collections.abc import Sequence
 from flexfem import _checks
 from flexfem._fields import declared, number
 from flexfem.core.joint import AxisJoint, turn_angle
+from flexfem.core.laws import spring
 from flexfem.core.pose import Pose
-from flexfem.core.row import Row, sprung
+from flexfem.core.row import Row
 
 __all__ = ["TorsionalSpringDamper"]
 
@@ -48,6 +49,6 @@ class TorsionalSpringDamper(AxisJoint):
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
         a, b = poses
-        law = sprung(self.stiffness, self.damping, self.backlash)
+        law = spring(self.stiffness, self.damping, backlash=self.backlash)
         slack = self.preload / self.stiffness if self.preload else 0.0
         return (Row((turn_angle(self.direction, a, b),), self.rest_angle - slack, law),)

@@ -11,8 +11,9 @@ from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
 from flexfem.core.joint import Joint
+from flexfem.core.laws import applied
 from flexfem.core.pose import Pose
-from flexfem.core.row import Row, applied
+from flexfem.core.row import Row
 from flexfem.joints.actuator import Actuator
 from flexfem.kinematics.differences import stencil
 from flexfem.kinematics.distribution import Distribution, DriveState, LeastEffort

@@ -4,7 +4,7 @@
 import numpy as np
 import pytest
 
-from flexfem.core.row import LawKind
+from flexfem.core.laws import LawKind
 from flexfem.lie import se3
 from tests.contract.line_examples import FIXED, LINES, SLIDING, PlacedOnLine
 

@@ -14,7 +14,8 @@ import flexfem as ff
 from flexfem.constraints.rows.laws import elastic_part, static_forces
 from flexfem.constraints.terms.compiled_functions import address
 from flexfem.core.joint import Joint
-from flexfem.core.row import Law, LawKind, Row, RowKind, Term, friction, limit, spring
+from flexfem.core.laws import Law, LawKind, friction, limit, spring
+from flexfem.core.row import Row, RowKind, Term
 from flexfem.core.user_function import FunctionKind, UserFunction
 
 #: Force on the body (N), stiffness of the spring that holds it (N/m), and its mass (kg).

@@ -5,7 +5,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.constraints.terms.compiled_functions import call
-from flexfem.core.row import LawKind
+from flexfem.core.laws import LawKind
 from flexfem.kernels.compiled import kernel, subroutine
 
 __all__ = ["FUNCTION", "LIMIT", "RIGID", "SPRING", "elastic_part", "force_law", "static_forces"]

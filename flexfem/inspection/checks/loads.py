@@ -6,7 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from flexfem.analyses.modes import StateOptions
-from flexfem.core.row import LawKind
+from flexfem.core.laws import LawKind
 from flexfem.inspection.finding import Finding
 from flexfem.inspection.inspection import Inspection
 

@@ -5,7 +5,7 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from flexfem.core.row import LawKind
+from flexfem.core.laws import LawKind
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
 from flexfem.model.bodies.basic import Beam

@@ -12,7 +12,8 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.constraints.batch import Constraints
 from flexfem.constraints.rows.kernels import marker_poses
-from flexfem.core.row import LawKind, RowKind
+from flexfem.core.laws import LawKind
+from flexfem.core.row import RowKind
 from flexfem.integrators.energy_momentum.rows import StepTerms, add_step_hessians, evaluate_step
 
 __all__ = ["StepRows"]

@@ -17,8 +17,8 @@ from flexfem._checks import InputError
 from flexfem._faults import FAILURES, FunctionError, ReturnError, noted
 from flexfem._types import BoolArray, FloatArray
 from flexfem.constraints.batch import Constraints
+from flexfem.core.laws import LawKind
 from flexfem.core.nodes.prediction import Prediction
-from flexfem.core.row import LawKind
 from flexfem.core.state import counts
 from flexfem.core.status import Status
 from flexfem.integrators.start import make_consistent, project_velocities

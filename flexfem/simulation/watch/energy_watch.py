@@ -12,7 +12,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.row import LawKind
+from flexfem.core.laws import LawKind
 from flexfem.inspection.finding import owner_of
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.simulation.watch.inside_out import InsideOut

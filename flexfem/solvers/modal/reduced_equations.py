@@ -8,7 +8,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.row import LawKind
+from flexfem.core.laws import LawKind
 from flexfem.la.dense import gather_rows
 from flexfem.solvers.modal.linearization import Linearization, Matrices
 from flexfem.solvers.modal.mode_errors import ComplexArray

@@ -16,7 +16,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray
-from flexfem.core.row import LawKind
+from flexfem.core.laws import LawKind
 from flexfem.core.status import Status
 from flexfem.lie import so3
 from flexfem.solvers.linear.schur_kernels import largest_entry

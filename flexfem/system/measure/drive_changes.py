@@ -7,7 +7,8 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.constraints.batch import Constraints
-from flexfem.core.row import LawKind, RowKind
+from flexfem.core.laws import LawKind
+from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import kernel, subroutine
 
 __all__ = ["DriveChanges", "isolated"]

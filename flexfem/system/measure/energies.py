@@ -9,8 +9,8 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.constraints.batch import Constraints
 from flexfem.constraints.rows.laws import elastic_part
+from flexfem.core.laws import LawKind
 from flexfem.core.nodes import motion
-from flexfem.core.row import LawKind
 from flexfem.kernels.compiled import kernel
 from flexfem.model.model import Model
 from flexfem.system.measure.momenta import ChosenBodies

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Force laws of rows: what a row carries for its value and its rate, as data."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from enum import IntEnum
+
+import numpy as np
+
+from flexfem.core.user_function import FunctionKind, UserFunction
+
+__all__ = [
+    "DAMPED_BY_COEFFICIENT",
+    "FRICTION_LAWS",
+    "LINEAR_LAWS",
+    "Law",
+    "LawKind",
+    "applied",
+    "custom",
+    "friction",
+    "limit",
+    "spring",
+]
+
+
+class LawKind(IntEnum):
+    """Laws of the force F that a row carries for its value x and its rate v."""
+
+    #: none; the value is zero and the force whatever this takes
+    RIGID = 0
+    #: F = k x + c v + F_0
+    SPRING = 1
+    #: zero within lower <= x <= upper; beyond by d, F = k d (1 + tanh(c v / (k d))) against it
+    LIMIT = 2
+    #: F(x, v, t), a user's function
+    FUNCTION = 3
+    #: F = F_c tanh(v / v_0) + c v; F_c may be a user's function of abs(v)
+    FRICTION = 4
+    #: the same with F_c = mu N, N the resultant of other rows
+    NORMAL_FRICTION = 5
+
+
+#: Laws that are linear in value and rate.
+LINEAR_LAWS = (LawKind.RIGID, LawKind.SPRING)
+#: Laws without a force at rest, which statics leave out; theirs depends on the iterate.
+FRICTION_LAWS = (LawKind.FRICTION, LawKind.NORMAL_FRICTION)
+#: Laws whose force changes with the rate only if there is a damping coefficient.
+DAMPED_BY_COEFFICIENT = (LawKind.RIGID, LawKind.SPRING, LawKind.LIMIT)
+
+
+@dataclass(frozen=True)
+class Law:
+    """Force law of a row.
+
+    Attributes:
+        kind: number of the law, `LawKind`.
+        stiffness: k, N/m or N m/rad.
+        damping: c, N s/m or N m s/rad.
+        first, second: ``SPRING``: F_0 (N or N m) and nothing; ``LIMIT``: lower and upper limit;
+            ``FRICTION``: F_c (N or N m) and v_0 (m/s or rad/s); ``NORMAL_FRICTION``: mu (1, or m
+            for a moment) and v_0.
+        function: user's function of the force, or of a factor of F_c or mu; None for the laws above
+            alone.
+    """
+
+    kind: LawKind
+    stiffness: float = 0.0
+    damping: float = 0.0
+    first: float = 0.0
+    second: float = 0.0
+    function: UserFunction | None = None
+
+
+def spring(
+    stiffness: float, damping: float = 0.0, *, backlash: float = 0.0, tension_only: bool = False
+) -> Law:
+    """Spring and damper, linear unless it is slack in a range of its value about rest.
+
+    Args:
+        stiffness: N/m or N m/rad.
+        damping: N s/m or N m s/rad.
+        backlash: width of the range, m or rad.
+        tension_only: True if it is slack below rest.
+    """
+    if tension_only:
+        return limit(None, 0.0, stiffness, damping)
+    if backlash:
+        return limit(-0.5 * backlash, 0.5 * backlash, stiffness, damping)
+    return Law(LawKind.SPRING, stiffness, damping)
+
+
+def applied(force: float) -> Law:
+    """A force (N or N m), whatever the row's value and rate."""
+    return Law(LawKind.SPRING, first=force)
+
+
+def limit(lower: float | None, upper: float | None, stiffness: float, damping: float) -> Law:
+    """Stop below ``lower`` and above ``upper``, None for none.
+
+    Damping never makes it pull, and acts softly where it begins to press: the force stays between
+    none and twice that of the spring.
+    """
+    low, high = -np.inf if lower is None else lower, np.inf if upper is None else upper
+    return Law(LawKind.LIMIT, stiffness, damping, low, high)
+
+
+def friction(
+    force: float,
+    velocity: float,
+    viscous: float,
+    normal: bool = False,
+    function: UserFunction | None = None,
+) -> Law:
+    """Regularised Coulomb friction and a viscous part; ``normal``: ``force`` is a coefficient.
+
+    ``function`` of the absolute velocity multiplies ``force``.
+    """
+    kind = LawKind.NORMAL_FRICTION if normal else LawKind.FRICTION
+    return Law(kind, 0.0, viscous, force, velocity, function)
+
+
+def custom(owner: str, force: Callable[..., float], parameters: Sequence[float] = ()) -> Law:
+    """A function of the user's, see ``CustomForce``; its work counts as that of applied forces.
+
+    Args:
+        owner: owner of the function in messages.
+        force: ``force(x, v)``, ``force(x, v, t)`` or ``force(x, v, t, parameters)``; N or N m.
+        parameters: up to eight numbers that it is given.
+
+    Raises:
+        TypeError: it is no function, or parameters are no numbers.
+        ValueError: a function of other arguments, or too many parameters.
+    """
+    user = UserFunction.checked(owner, "force", force, FunctionKind.FORCE, parameters)
+    return Law(LawKind.FUNCTION, function=user)
