@@ -16,9 +16,9 @@ from flexfem.installation import InstallationError
 from flexfem.options import Option, is_text, meant
 
 #: Values that people give to switches.
-_TRUTH = {"yes": True, "true": True, "on": True, "1": True} | {
-    "no": False, "false": False, "off": False, "0": False,
-}  # fmt: skip
+_TRUTH = dict.fromkeys(("yes", "true", "on", "1"), True) | dict.fromkeys(
+    ("no", "false", "off", "0"), False
+)
 #: Start of argparse's message about an unknown option.
 _UNKNOWN = "unrecognized arguments: "
 #: Seconds that other ranks leave the first one to say that it was interrupted and to end them.
@@ -66,6 +66,7 @@ class Parser(argparse.ArgumentParser):
             formatter_class=argparse.RawDescriptionHelpFormatter,
             **arguments,
         )
+        self._arguments: list[str] = []
 
     def parse_known_args(self, args: Any = None, namespace: Any = None) -> Any:
         """See argparse; the arguments are kept for messages."""

@@ -102,8 +102,8 @@ class FloatingGroup:
         return stretched
 
     @cached_property
-    def _squares(self) -> tuple[FloatArray, float]:
-        """Integral (n, n) of the squared displacement over volume by mass, and the size squared.
+    def _mean_squares(self) -> tuple[FloatArray, float]:
+        """Products (n, n) of displacements, their mean over the mass, and the size squared.
 
         The size is the length of a uniform rod with the same polar moment about the mass centre.
         """
@@ -120,7 +120,7 @@ class FloatingGroup:
         Args:
             coordinates: (m, n, 3), with derivatives.
         """
-        matrix, size = self._squares
+        matrix, size = self._mean_squares
         eta = coordinates[:, :, 0]
         squares = np.einsum("mi,ij,mj->m", eta, matrix, eta, optimize=True)
         k = len(self.data.rest)
