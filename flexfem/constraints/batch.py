@@ -240,6 +240,13 @@ class Constraints(NumberedRows):
         return works
 
     @property
+    def storing(self) -> BoolArray:
+        """(r,) drives that move the rest of a spring or stop, which works on what it stores."""
+        sprung = np.isin(self.elastic[:, 0], (LawKind.SPRING, LawKind.LIMIT))
+        stores: BoolArray = self.working & sprung & (self.elastic[:, 1] > 0.0)
+        return stores
+
+    @property
     def size(self) -> int:
         """Number of rows of this rank, shared ones included."""
         return len(self.values)
@@ -297,8 +304,9 @@ class Constraints(NumberedRows):
     def _drives(self) -> Iterator[tuple[int, PlacedJoint]]:
         """Driven joints with constraint equations, with their numbers."""
         for i, joint in self._driven:
-            start = self.start[i]
-            if self.elastic[start, 0] == LawKind.RIGID and not self.held[start]:
+            own = slice(self.start[i], self.start[i + 1])
+            rigid = (self.elastic[own, 0] == LawKind.RIGID).any()
+            if rigid and not self.held[own.start]:
                 yield i, joint
 
     def evaluate(self, dynamics: FloatArray) -> None:

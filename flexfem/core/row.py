@@ -98,7 +98,8 @@ class Row:
     Attributes:
         terms: the functions that are summed.
         target: value that the sum takes (m, rad or 1).
-        law: force that the row carries as a function of its value; None for a rigid row.
+        law: force that the row carries as a function of its value, and of the rate of its terms,
+            without that of a target that moves; None for a rigid row.
         switchable: the row can be locked and released during a run.
         locked: it holds at the start; a row that is released carries no force.
     """

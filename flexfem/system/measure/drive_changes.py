@@ -7,6 +7,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.constraints.batch import Constraints
+from flexfem.constraints.rows.laws import elastic_part
 from flexfem.core.laws import LawKind
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import kernel, subroutine
@@ -97,9 +98,11 @@ class DriveChanges:
         self._held: BoolArray = rows.elastic[self.rows, 0] == LawKind.RIGID
         # constraint equations are at their targets; forces act at any value
         self._all_held = bool(self._held.all())
+        self._storing = rows.storing
+        self._stores, self._pulls = bool(self._storing.any()), np.zeros(rows.size)
         self._angles = angles
         values = self._values()[self.rows]
-        self._last = np.array([rows.forces[self.rows], values])
+        self._last = np.array([self._forces()[self.rows], values])
         self._past = np.zeros((len(self.rows), _WIDTH))
         self._past[:, 0] = values
         self._largest, self._jumps = np.zeros(len(self.rows)), np.zeros((len(self.rows), 3))
@@ -107,13 +110,29 @@ class DriveChanges:
         self.work = np.zeros(2)
 
     def _values(self) -> FloatArray:
-        """(r,) sums of the rows, valid for the driven ones only."""
-        return self._table.targets if self._all_held else self._table.sums()
+        """(r,) sums of the rows, or targets of moved springs; valid for the driven ones only."""
+        rows = self._table
+        if self._all_held:
+            return rows.targets
+        return np.where(self._storing, rows.targets, rows.sums()) if self._stores else rows.sums()
+
+    def _forces(self) -> FloatArray:
+        """(r,) forces that work on bodies, or elastic ones that work on moved springs."""
+        rows = self._table
+        if not self._stores:
+            return rows.forces
+        energies, pulls = np.zeros((2, rows.size))
+        elastic_part(rows.elastic, rows.active, rows.sums() - rows.targets, energies, pulls)
+        before, self._pulls = self._pulls, pulls
+        # beside forces that are means over the step
+        return np.where(
+            self._storing, 0.5 * (before + pulls) if rows.mean_forces else pulls, rows.forces
+        )
 
     def follow(self) -> None:
         """Add the work since the last call to that so far."""
         rows = self._table
-        _work(self.rows, rows.forces, self._values(), rows.mean_forces, self._last, self.work)
+        _work(self.rows, self._forces(), self._values(), rows.mean_forces, self._last, self.work)
 
     def forget(self) -> None:
         """Discard the history of steps: an event may have changed locked rows."""

@@ -46,6 +46,7 @@ class _State:
         rates: (r,) rates of the rows that do work, by the motion of their working sides.
         sprung, pulls: (r,) energy stored in rows, and the elastic part of their forces.
         all_rates: (r,) of all rows; of none if there are no dampers.
+        values: (r,) sums less targets, where drives move springs; else none.
     """
 
     loads: FloatArray
@@ -56,6 +57,7 @@ class _State:
     sprung: FloatArray
     pulls: FloatArray
     all_rates: FloatArray
+    values: FloatArray
 
 
 def refresh_rows(system: System) -> None:
@@ -117,10 +119,15 @@ class EnergyMeter:
         crossing = np.bincount(rows.row_of_term, ~sides.all(axis=1), rows.size) > 0.0
         owned = rows.owned > 0.0
         driven = rows.working
+        self._moved = owned & rows.storing & ~crossing
+        self._moves = bool(self._moved.any())
         # a drive works on all its sides, any row works on a chosen body against another one
-        self._working = sides & (owned & (driven | crossing))[rows.row_of_term][:, np.newaxis]
+        works = owned & ((driven & ~self._moved) | crossing)
+        self._working = sides & works[rows.row_of_term][:, np.newaxis]
         self._springs = owned & ~crossing
-        self._dampers = self._springs & (rows.elastic[:, 0] != LawKind.RIGID) & ~driven
+        self._dampers = (
+            self._springs & (rows.elastic[:, 0] != LawKind.RIGID) & (~driven | self._moved)
+        )
         self._damped = bool(self._dampers.any())
         # strain energies and viscous stresses, with the weights of the chosen elements in sums
         self._elastic, self._viscous = [], []
@@ -180,6 +187,7 @@ class EnergyMeter:
             self.loads(), *self._viscosity(), rows.forces.copy(),
             rows.of_rows(change * self._working), *_springs(rows),
             rows.of_rows(change) if self._damped else _NONE,
+            rows.sums() - rows.targets if self._moves else _NONE,
         )  # fmt: skip
 
     def _viscosity(self) -> tuple[FloatArray, FloatArray]:
@@ -258,9 +266,16 @@ class EnergyMeter:
         return 0.5 * (before.forces + after.forces)
 
     def _drive(self, before: _State, after: _State, h: float) -> float:
-        """Work over a step of drives and of other bodies, by the forces and rates of rows."""
+        """Work over a step of drives and of other bodies, by the forces and rates of rows.
+
+        A drive that moves the rest of a spring changes its value by what the bodies do not.
+        """
         rate = 0.5 * (before.rates + after.rates)
-        return -h * float(self._mean_force(before, after) @ rate)
+        work = -h * float(self._mean_force(before, after) @ rate)
+        if self._moves:
+            moved = after.values - before.values - 0.5 * h * (before.all_rates + after.all_rates)
+            work += 0.5 * float(((before.pulls + after.pulls) * self._moved) @ moved)
+        return work
 
 
 @kernel
