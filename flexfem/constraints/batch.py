@@ -7,7 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._faults import FAILURES, noted
+from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.constraints.function_checks import Functions
 from flexfem.constraints.interface import Interface
@@ -32,7 +32,7 @@ from flexfem.constraints.rows.laws import static_forces
 from flexfem.constraints.rows.placed_joint import PlacedJoint
 from flexfem.core.laws import DAMPED_BY_COEFFICIENT, LawKind
 from flexfem.core.nodes.action_kernels import add_turning_forces
-from flexfem.core.row import RowKind
+from flexfem.core.row import Row, RowKind
 from flexfem.core.state import State
 
 __all__ = ["Constraints"]
@@ -268,15 +268,27 @@ class Constraints(NumberedRows):
         try:
             self._write_drive(i, joint, t)
         except FAILURES as error:
-            noted(joint.joint.owner, next(filter(callable, vars(joint.joint).values())), error)
+            functions = filter(callable, vars(joint.joint).values())
+            noted(joint.joint.owner, next(functions, joint.joint.rows), error)
             self.targets[self.start[i] : self.start[i + 1]] = np.nan
 
     def _write_drive(self, i: int, joint: PlacedJoint, t: float) -> None:
         targets = joint.targets(t)
         if targets is None:
-            self.write(i, joint.rows(t))
+            rows = joint.rows(t)
+            if not self._fit(i, rows):
+                raise ReturnError("rows must be as many, of as many terms, at all times")
+            self.write(i, rows)
         else:
             self.targets[self.start[i] : self.start[i + 1]] = targets
+
+    def _fit(self, i: int, rows: Sequence[Row]) -> bool:
+        """True if there is room for these rows of a joint, as there was for the first ones."""
+        first, last = int(self.start[i]), int(self.start[i + 1])
+        if self.joints[i].on_lines:
+            return len(rows) == last - first
+        room: list[int] = np.diff(self.term_start[first : last + 1]).tolist()
+        return [len(row.terms) for row in rows] == room
 
     def set_drives(self, t: float) -> None:
         """Update the constraint equations of driven joints to time ``t``, without force laws."""

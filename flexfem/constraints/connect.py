@@ -15,6 +15,7 @@ from flexfem.constraints.function_checks import check_functions
 from flexfem.constraints.interface import Interface
 from flexfem.constraints.lines.data import ON_LINE
 from flexfem.constraints.node_table import NodeTable
+from flexfem.constraints.rows.checks import rows_at_start
 from flexfem.constraints.rows.placed_joint import PlacedJoint
 from flexfem.core.joint import Joint
 from flexfem.core.marker import Attachment, Carrier, Marker
@@ -103,7 +104,7 @@ def joint_ends(serial: NumberedModel, joint: Joint) -> JointEnds:
         points.append(point)
         frames.append(frame)
         poses.append(pose)
-    rows = joint.rows(poses, 0.0)
+    rows = rows_at_start(joint, poses)
     check_functions(rows, poses)
     for number, place in surfaces.items():
         nodes[number], points[number], frames[number] = _on_surface(
