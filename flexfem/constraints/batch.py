@@ -28,7 +28,7 @@ from flexfem.constraints.rows.kernels import (
     sums_of_terms,
     update_angles,
 )
-from flexfem.constraints.rows.laws import static_forces
+from flexfem.constraints.rows.laws import elastic_part, static_forces
 from flexfem.constraints.rows.placed_joint import PlacedJoint
 from flexfem.core.laws import DAMPED_BY_COEFFICIENT, LawKind
 from flexfem.core.nodes.action_kernels import add_turning_forces
@@ -76,6 +76,18 @@ class Constraints(NumberedRows):
         self.interface = interface
         total, terms = len(self.targets), len(self.row_of_term)
         self._driven = [(i, j) for i, j in enumerate(self.joints) if j.joint.driven]
+        self._room: dict[int, list[int] | None] = {
+            i: None
+            if joint.on_lines
+            else np.diff(self.term_start[self.start[i] : self.start[i + 1] + 1]).tolist()
+            for i, joint in self._driven
+        }
+        parts = [slice(*self.start[i : i + 2]) for i, _ in self._driven]
+        self._prescribed = [
+            driven
+            for driven, own in zip(self._driven, parts, strict=True)
+            if (self.elastic[own, 0] == LawKind.RIGID).any()
+        ]
         self.multipliers, self.forces = np.zeros(total), np.zeros(total)
         self.values, self.compliance = np.zeros(total), np.zeros(total)
         self.coupling, self.slopes = np.zeros(len(self.coupled)), np.zeros((total, 2))
@@ -284,10 +296,9 @@ class Constraints(NumberedRows):
 
     def _fit(self, i: int, rows: Sequence[Row]) -> bool:
         """True if there is room for these rows of a joint, as there was for the first ones."""
-        first, last = int(self.start[i]), int(self.start[i + 1])
-        if self.joints[i].on_lines:
-            return len(rows) == last - first
-        room: list[int] = np.diff(self.term_start[first : last + 1]).tolist()
+        room = self._room[i]
+        if room is None:  # lines have room for rows, whatever their terms
+            return len(rows) == int(self.start[i + 1]) - int(self.start[i])
         return [len(row.terms) for row in rows] == room
 
     def set_drives(self, t: float) -> None:
@@ -315,10 +326,8 @@ class Constraints(NumberedRows):
 
     def _drives(self) -> Iterator[tuple[int, PlacedJoint]]:
         """Driven joints with constraint equations, with their numbers."""
-        for i, joint in self._driven:
-            own = slice(self.start[i], self.start[i + 1])
-            rigid = (self.elastic[own, 0] == LawKind.RIGID).any()
-            if rigid and not self.held[own.start]:
+        for i, joint in self._prescribed:
+            if not self.held[self.start[i]]:
                 yield i, joint
 
     def evaluate(self, dynamics: FloatArray) -> None:
@@ -344,6 +353,14 @@ class Constraints(NumberedRows):
         values = self.sums() - self.targets
         static_forces(self.elastic, self.functions, self.function_data, values, out)
         return out
+
+    def stored(self) -> tuple[FloatArray, FloatArray]:
+        """(r,) energy stored in rows, and their elastic force; zero for rigid and released ones."""
+        energies, pulls = np.zeros((2, self.size))
+        if self.elastic[:, 0].any():  # else all are rigid
+            values = self.sums() - self.targets
+            elastic_part(self.elastic, self.active, values, energies, pulls)
+        return energies, pulls
 
     def _hold(self, gradient: FloatArray) -> None:
         """Set gradients (t, 2, 6) to zero along fixed unknowns."""

@@ -13,6 +13,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import flexfem as ff
+from tests.histories import columns
 
 COMM = MPI.COMM_WORLD
 G, THRUST = 9.81, 400.0
@@ -76,13 +77,6 @@ def shaft(omega: float = 0.0, play: float = 1e-3) -> ff.Model:
         ff.EnergyProbe("energy"),
     )
     return model
-
-
-def columns(outcome: Any) -> dict[str, np.ndarray]:
-    """History on every rank."""
-    assert outcome.status == "ok"
-    found: dict[str, np.ndarray] = COMM.bcast(outcome.history)
-    return found
 
 
 @pytest.mark.three_ranks

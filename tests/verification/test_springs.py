@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from tests.histories import columns
 
-COMM = MPI.COMM_WORLD
 MASS, STIFFNESS, LENGTH, G = 2.0, 800.0, 0.5, 9.81
 HOOK = ff.Ground((0.0, 0.0, 1.0))
 
@@ -26,13 +26,6 @@ def hanging(start: float, **spring: Any) -> ff.Model:
         ff.EnergyProbe(),
     )
     return model
-
-
-def columns(outcome: Any) -> dict[str, np.ndarray]:
-    """History on every rank."""
-    assert outcome.status == "ok"
-    found: dict[str, np.ndarray] = COMM.bcast(outcome.history)
-    return found
 
 
 @pytest.mark.three_ranks

@@ -7,7 +7,7 @@ to nodes of beams (absolute interface coordinates; Ellenbroek and Schilder, Mult
 (2018) 193).
 """
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import pairwise
@@ -227,19 +227,19 @@ class FloatingBodies:
 
     def stretches(self, frames: FloatArray) -> FloatArray:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
-        still = np.zeros((len(frames), 6))
-        parts = [
-            group.stretches(group.coordinates(frames, still, still)[1]) for group in self.groups
-        ]
+        parts = [group.stretches(eta) for group, eta in self._at_rest(frames)]
         return np.concatenate([np.empty(0), *parts])
 
     def deflections(self, frames: FloatArray) -> FloatArray:
         """How far each body bends in its frame, see ``Family.deflections``, rad."""
-        still = np.zeros((len(frames), 6))
-        parts = [
-            group.deflections(group.coordinates(frames, still, still)[1]) for group in self.groups
-        ]
+        parts = [group.deflections(eta) for group, eta in self._at_rest(frames)]
         return np.concatenate([np.empty(0), *parts])
+
+    def _at_rest(self, frames: FloatArray) -> Iterator[tuple[FloatingGroup, FloatArray]]:
+        """Groups with the coordinates (m, n, 3) of their bodies in frames without velocities."""
+        still = np.zeros((len(frames), 6))
+        for group in self.groups:
+            yield group, group.coordinates(frames, still, still)[1]
 
     def energies(self, frames: FloatArray) -> FloatArray:
         """See :class:`flexfem.layout.elements.ElementFamily`."""

@@ -7,7 +7,6 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.constraints.batch import Constraints
-from flexfem.constraints.rows.laws import elastic_part
 from flexfem.core.laws import LawKind
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import kernel, subroutine
@@ -121,8 +120,7 @@ class DriveChanges:
         rows = self._table
         if not self._stores:
             return rows.forces
-        energies, pulls = np.zeros((2, rows.size))
-        elastic_part(rows.elastic, rows.active, rows.sums() - rows.targets, energies, pulls)
+        _, pulls = rows.stored()
         before, self._pulls = self._pulls, pulls
         # beside forces that are means over the step
         return np.where(

@@ -7,8 +7,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.constraints.batch import Constraints
-from flexfem.constraints.rows.laws import elastic_part
 from flexfem.core.laws import LawKind
 from flexfem.core.nodes import motion
 from flexfem.kernels.compiled import kernel
@@ -65,15 +63,6 @@ def refresh_rows(system: System) -> None:
     system.constraints.evaluate(_UNSCALED)
 
 
-def _springs(rows: Constraints) -> tuple[FloatArray, FloatArray]:
-    """Stored energy and elastic force of every row, (r,) each; zero for rigid and released ones."""
-    energies, pulls = np.zeros((2, rows.size))
-    if not rows.elastic[:, 0].any():  # all are rigid
-        return energies, pulls
-    elastic_part(rows.elastic, rows.active, rows.sums() - rows.targets, energies, pulls)
-    return energies, pulls
-
-
 class EnergyMeter:
     """Meter of energies on this rank; work and dissipation are summed from call to call.
 
@@ -118,16 +107,13 @@ class EnergyMeter:
         # rows that also act on a body that is not chosen
         crossing = np.bincount(rows.row_of_term, ~sides.all(axis=1), rows.size) > 0.0
         owned = rows.owned > 0.0
-        driven = rows.working
         self._moved = owned & rows.storing & ~crossing
         self._moves = bool(self._moved.any())
+        driven = rows.working & ~self._moved
         # a drive works on all its sides, any row works on a chosen body against another one
-        works = owned & ((driven & ~self._moved) | crossing)
-        self._working = sides & works[rows.row_of_term][:, np.newaxis]
+        self._working = sides & (owned & (driven | crossing))[rows.row_of_term][:, np.newaxis]
         self._springs = owned & ~crossing
-        self._dampers = (
-            self._springs & (rows.elastic[:, 0] != LawKind.RIGID) & (~driven | self._moved)
-        )
+        self._dampers = self._springs & (rows.elastic[:, 0] != LawKind.RIGID) & ~driven
         self._damped = bool(self._dampers.any())
         # strain energies and viscous stresses, with the weights of the chosen elements in sums
         self._elastic, self._viscous = [], []
@@ -185,7 +171,7 @@ class EnergyMeter:
         change = rows.side_changes(system.interface.velocities)
         return _State(
             self.loads(), *self._viscosity(), rows.forces.copy(),
-            rows.of_rows(change * self._working), *_springs(rows),
+            rows.of_rows(change * self._working), *rows.stored(),
             rows.of_rows(change) if self._damped else _NONE,
             rows.sums() - rows.targets if self._moves else _NONE,
         )  # fmt: skip
@@ -215,7 +201,7 @@ class EnergyMeter:
 
         Rows must be those of the accepted state, see :func:`refresh_rows` (collective).
         """
-        return self._stored(_springs(self._system.constraints)[0])
+        return self._stored(self._system.constraints.stored()[0])
 
     def _stored(self, sprung: FloatArray) -> FloatArray:
         """The same with the energies (r,) stored in rows."""
