@@ -66,6 +66,10 @@ def row(law: Any = None, **term: Any) -> Callable[[float], Any]:
         (lambda t: (ff.Row(()),), "row 0: it has no terms"),
         (lambda t: (ff.Row((along(),), np.nan),), "row 0: target must be finite, got nan"),
         (lambda t: (ff.Row((along(),), t),), "its rows change with time; set driven = True"),
+        (
+            lambda t: (ff.Row((along(),), law=ff.laws.limit(None, 1.0 + t, 9.0, 0.0)),),
+            "its rows change with time; set driven = True",
+        ),
         (row(u=np.ones(2)), "row 0: u must hold 3 numbers"),
         (row(u=np.zeros(3)), "row 0: u must not be zero"),
         (row(factor=np.inf), "row 0: factor must be finite, got inf"),

@@ -2,6 +2,7 @@
 """Checks of the rows that joints of a script return: compiled loops trust what is in them."""
 
 from collections.abc import Sequence
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -70,7 +71,8 @@ def _numbers(rows: Sequence[Row]) -> list[Any]:
         (
             row.target,
             [(term.factor, term.data.tolist()) for term in row.terms],
-            row.law and (row.law.kind, row.law.stiffness, row.law.damping, row.law.first),
+            # functions are left out: a lambda is another one at each call
+            row.law and replace(row.law, function=None),
         )
         for row in rows
     ]
