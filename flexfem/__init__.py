@@ -164,6 +164,8 @@ _MODULES = {
     "Pulley": "joints.pulley",
     "CustomJoint": "joints.custom_joint",
     "CustomForce": "joints.custom_force",
+    "Ends": "joints.force",
+    "Force": "joints.force",
     "Distance": "joints.distance",
     "Generic": "joints.generic",
     "RigidNodes": "joints.rigid_nodes",

@@ -39,6 +39,8 @@ __all__ = ["Constraints"]
 
 #: (kinds, 2) of ``RowKind.axes``
 _BY_AXES = np.array([kind.axes for kind in RowKind])
+#: Factors with which rows are evaluated at a state, not as part of a time step.
+_UNSCALED = np.array([1.0, 1.0])
 
 
 class Constraints(NumberedRows):
@@ -63,6 +65,7 @@ class Constraints(NumberedRows):
             drive.
         values, compliance: (r,) residuals and compliances of the last evaluation.
         coupling: (k,) compliances between the multipliers of ``coupled`` rows.
+        instant: time of drives and laws, s.
         slopes: (r, 2) derivatives of ``values`` by a row's sum and its rate.
         force_jacobian: (t, 2, 6) gradients with respect to the nodes' local twists.
         step_jacobian: (t, 2, 6) derivatives of ``values`` along these twists.
@@ -93,6 +96,7 @@ class Constraints(NumberedRows):
         self.coupling, self.slopes = np.zeros(len(self.coupled)), np.zeros((total, 2))
         self.force_jacobian, self.step_jacobian = np.zeros((terms, 2, 6)), np.zeros((terms, 2, 6))
         self.mean_forces = self.consistent = False
+        self.instant = 0.0
         self.reported: FloatArray | None = None
         self.held: BoolArray = np.zeros(total, dtype=np.bool_)
         self.poses = np.zeros((len(self.marker_node), 12))
@@ -110,7 +114,8 @@ class Constraints(NumberedRows):
             slopes=self.slopes, line_sums=self.lines.sums, relaxation=0.0, coupled=self.coupled,
             coupling=self.coupling,
         )  # fmt: skip
-        damping = (self.elastic[:, 2] != 0.0) | ~np.isin(self.elastic[:, 0], DAMPED_BY_COEFFICIENT)
+        of_rate = ~np.isin(self.elastic[:, 0], (*DAMPED_BY_COEFFICIENT, LawKind.ELEMENT))
+        damping = (self.elastic[:, 2] != 0.0) | of_rate
         self._damped = bool(damping.any())
         self._holds = bool(interface.held.any())
         self._functions = Functions(self)
@@ -133,7 +138,8 @@ class Constraints(NumberedRows):
             "places": {"places": self.lines.accepted_places()},
             "line_terms": {"line_angles": self.lines.angles},
         }
-        return State(values, {"rows": rows, "terms": {"angles": self.angles}, **lines})
+        state = State(values, {"rows": rows, "terms": {"angles": self.angles}, **lines})
+        return state | self.elements.state() if self.has_elements else state
 
     def restore(self, state: State) -> None:
         """Restore a result of :meth:`state`."""
@@ -144,6 +150,8 @@ class Constraints(NumberedRows):
         self.lines.restore_places(state.rows["places"]["places"])
         self.lines.angles[:] = state.rows["line_terms"]["line_angles"]
         self.relaxation = float(state.values["relaxation"][0])
+        if self.has_elements:
+            self.elements.restore(state)
         self.consistent, self.reported = False, None
 
     def active_components(self) -> IntArray:
@@ -239,16 +247,26 @@ class Constraints(NumberedRows):
         return held
 
     @property
+    def of_elements(self) -> BoolArray:
+        """(r,) active rows of force elements."""
+        found: BoolArray = self.active & (self.elastic[:, 0] == LawKind.ELEMENT)
+        return found
+
+    @property
     def pulling(self) -> BoolArray:
-        """(r,) rows with forces that depend on positions: springs, stops, functions of forces."""
-        nonlinear = ~self.linear & self.static_forces().any(axis=1)
+        """(r,) rows with forces that depend on positions: springs, stops, functions of forces.
+
+        Forces of whole elements, which may act along all motions, do not count.
+        """
+        nonlinear = ~self.linear & self._forces_alone().any(axis=1)
         return self.active & ((self.elastic[:, 1] > 0.0) | nonlinear)
 
     @property
     def working(self) -> BoolArray:
         """(r,) rows whose forces do work on the model: drives, and functions of forces."""
         driven = np.array([j.joint.driven for j in self.joints], dtype=np.bool_)
-        works: BoolArray = driven[self.joint_of_row] | (self.elastic[:, 0] == LawKind.FUNCTION)
+        free = np.isin(self.elastic[:, 0], (LawKind.FUNCTION, LawKind.ELEMENT))
+        works: BoolArray = driven[self.joint_of_row] | free
         return works
 
     @property
@@ -270,6 +288,7 @@ class Constraints(NumberedRows):
 
     def set_time(self, t: float) -> None:
         """Update the rows of driven joints and the data of force functions to time ``t``."""
+        self.instant = t
         self.function_data[:, 0] = t
         for i, joint in self._driven:
             if not self.held[self.start[i]]:
@@ -346,9 +365,37 @@ class Constraints(NumberedRows):
             self._add_line_dampers(self.slopes[:, 1], dynamics[0])
         self._hold(self.force_jacobian)
         self._hold(self.step_jacobian)
+        if len(self.elements):
+            self.elements.evaluate(self, dynamics)
+
+    def rate_changes(self, slopes: FloatArray, velocity: float, *, held: bool) -> FloatArray:
+        """(t, 2, 6) changes of the rates of rows along steps, times their slopes.
+
+        Args:
+            slopes: (r, 2) derivatives by sums, which are not used, and by rates.
+            velocity: dv/dn of the time integrator, 1/s.
+            held: True if the nodes' velocities do not depend on steps.
+        """
+        out, face = np.zeros_like(self.step_jacobian), self.interface
+        add_dampers(self.own.memory, face.interface_nodes.memory, velocity, held, slopes, out)
+        if self.lines.joints:
+            memory = face.interface_nodes.memory
+            by_step = (
+                np.zeros((len(face.keys), 6, 6)) if held else velocity_changes(memory, velocity)
+            )
+            self.lines.add_dampers(slopes[:, 1], face.velocities, by_step, self.force_jacobian, out)
+        self._hold(out)
+        return out
 
     def static_forces(self) -> FloatArray:
         """(r, 2) forces at rest and their slopes; zero for rigid rows and for friction."""
+        out = self._forces_alone()
+        if len(self.elements):
+            self.elements.static_forces(self, out)
+        return out
+
+    def _forces_alone(self) -> FloatArray:
+        """The same without those of force elements."""
         out = np.zeros((self.size, 2))
         values = self.sums() - self.targets
         static_forces(self.elastic, self.functions, self.function_data, values, out)
@@ -438,6 +485,9 @@ class Constraints(NumberedRows):
         self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
         self._hold(self.force_jacobian)
         self.lines.accept()
+        if len(self.elements):
+            evaluate_rows(self.own.memory, self.interface.interface_nodes.memory, _UNSCALED)
+            self.elements.accept(self)
 
     def _place_markers(self) -> None:
         """Poses of all markers at the interface's state."""
@@ -468,7 +518,10 @@ class Constraints(NumberedRows):
         return out
 
     def local_jacobian(self) -> FloatArray:
-        """(t, 2, 6) derivatives of ``values`` along local twists at fixed local velocities."""
+        """(t, 2, 6) derivatives of ``values`` along local twists at fixed local velocities.
+
+        Those of force elements are left out.
+        """
         rigid = self.rigid[self.row_of_term]
         slope = np.where(rigid, 1.0, self.slopes[self.row_of_term, 0])
         jacobian: FloatArray = self.force_jacobian * slope[:, np.newaxis, np.newaxis]

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.constraints.elements.force_elements import ForceElements
 from flexfem.constraints.row_table import RowTable
 from flexfem.constraints.rows.placed_joint import PlacedJoint
 from flexfem.core.state import Numbering
@@ -26,6 +27,8 @@ class NumberedRows(RowTable):
         shared_numbers: numbers of the shared rows among those of all ranks, ``shared_size`` in
             total.
         holders: number of ranks that evaluate each shared row.
+        elements: joints whose rows have one law together.
+        has_elements: True if there are any on any rank.
     """
 
     def __init__(self, comm: MPI.Intracomm, joints: Sequence[PlacedJoint]) -> None:
@@ -37,6 +40,8 @@ class NumberedRows(RowTable):
         self.interior = len(self.targets) - int(shared.sum())
         self.owned: FloatArray = np.repeat([float(j.owned) for j in self.joints], counts)
         self._number()
+        self.elements = ForceElements(self.layout)
+        self.has_elements: bool = comm.allreduce(len(self.elements) > 0, op=MPI.LOR)
 
     def _number(self) -> None:
         """Global numbers of the multipliers: owners number their rows, the others ask by joint."""
@@ -79,6 +84,9 @@ class NumberedRows(RowTable):
             "places": self.lines.counts("places"),
             "line_terms": self.lines.counts("line_terms"),
         }
+        if self.has_elements:
+            for name in ("element_states", "element_slopes"):
+                per_joint[name] = self.elements.counts(name)
         joint = np.array([j.owned for j in self.joints], dtype=np.bool_)
         owned = {name: np.repeat(joint, counts) for name, counts in per_joint.items()}
         return {name: self._in_order(per_joint[name], owned[name]) for name in owned}

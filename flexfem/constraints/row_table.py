@@ -40,6 +40,7 @@ class RowTable:
         term_marker, term_nodes: (t, 2) both markers and the interface numbers of their nodes.
         pair_of_term: (t,) pair of markers of a term, ``pair_nodes`` (p, 2), ``pair_owned`` (p,).
         coupled: (k, 2) rows with friction, and rows whose resultant is the normal force.
+        layout: where the rows of each joint are.
         lines: evaluation of the joints with markers on lines; each term here has two nodes of their
             gradients.
     """
@@ -68,11 +69,11 @@ class RowTable:
         self.directions = np.zeros((terms, 3, 3))
         self.factors, self.angles = np.zeros(terms), np.zeros(terms)
         self.kinds[line_rows[self.row_of_term]] = ON_LINES
-        layout = RowLayout(
+        self.layout = RowLayout(
             self.joints, self.start, self.marker_start, self.marker_node, self.marker_offset,
             self.targets, self.term_start, self.term_nodes, self.pair_nodes,
         )  # fmt: skip
-        self.lines = LineJoints(layout, listed)
+        self.lines = LineJoints(self.layout, listed)
         for i, part in enumerate(listed):
             self.write(i, part)
         self._normals(rows)

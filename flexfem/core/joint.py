@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field
+from functools import cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -18,7 +19,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._fields import declared, instance, vector
 from flexfem._types import FloatArray
-from flexfem.core.laws import Law
+from flexfem.core.laws import ElementLaw, Law
 from flexfem.core.marker import Attachment, Carrier, Ground, Marker
 from flexfem.core.node_row import NodeRow
 from flexfem.core.pose import Pose
@@ -81,7 +82,7 @@ class Joint:
         """All markers with the names by which messages call them; a and b unless overridden."""
         return ("a", self.a), ("b", self.b)
 
-    @property
+    @cached_property
     def markers(self) -> tuple[Attachment, ...]:
         """All markers."""
         return tuple(marker for _, marker in self.places)
@@ -94,6 +95,14 @@ class Joint:
     @property
     def partner(self) -> Joint | None:
         """Joint with the same markers that this one acts on, such as the one with friction."""
+        return None
+
+    @property
+    def element(self) -> tuple[ElementLaw, int] | None:
+        """Law of the forces of all its rows together, and its number among the law's elements.
+
+        None for most joints, whose rows have laws of their own.
+        """
         return None
 
     @property

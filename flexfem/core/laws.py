@@ -6,19 +6,24 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
+from typing import Any, Protocol
 
 import numpy as np
 
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.user_function import FunctionKind, UserFunction
 
 __all__ = [
     "DAMPED_BY_COEFFICIENT",
     "FRICTION_LAWS",
     "LINEAR_LAWS",
+    "ElementLaw",
+    "ElementMotion",
     "Law",
     "LawKind",
     "applied",
     "custom",
+    "element",
     "friction",
     "limit",
     "spring",
@@ -40,6 +45,8 @@ class LawKind(IntEnum):
     FRICTION = 4
     #: the same with F_c = mu N, N the resultant of other rows
     NORMAL_FRICTION = 5
+    #: forces of all rows of a joint together, see `ElementLaw`
+    ELEMENT = 6
 
 
 #: Laws that are linear in value and rate.
@@ -48,6 +55,84 @@ LINEAR_LAWS = (LawKind.RIGID, LawKind.SPRING)
 FRICTION_LAWS = (LawKind.FRICTION, LawKind.NORMAL_FRICTION)
 #: Laws whose force changes with the rate only if there is a damping coefficient.
 DAMPED_BY_COEFFICIENT = (LawKind.RIGID, LawKind.SPRING, LawKind.LIMIT)
+
+
+@dataclass(frozen=True)
+class ElementMotion:
+    """Motion of the joints of one `ElementLaw` at an instant, e of them with m markers, r rows.
+
+    Attributes:
+        time: s.
+        poses: (e, m, 12) position and rotation of the markers, row by row, in inertial axes.
+        sums: (e, r) sums of the terms of their rows, less the targets (m, rad or 1).
+        rates: (e, r) their time derivatives.
+    """
+
+    time: float
+    poses: FloatArray
+    sums: FloatArray
+    rates: FloatArray
+
+
+class ElementLaw(Protocol):
+    """Law of the forces of all rows of a joint by its whole motion and by states of its own.
+
+    Several joints may have one law, and are its elements: it is called once for all of them. It
+    knows nothing of time steps: ``dz/dt`` is integrated by the scheme of the motion.
+    """
+
+    @property
+    def owner(self) -> str:
+        """Class and name of its owner, with which messages begin."""
+        ...
+
+    @property
+    def function(self) -> Callable[..., Any]:
+        """The user's function, for messages."""
+        ...
+
+    @property
+    def states(self) -> int:
+        """Number of states z of an element."""
+        ...
+
+    @property
+    def explicit(self) -> bool:
+        """True if forces are those of the last accepted state throughout a step."""
+        ...
+
+    def initial(self, elements: IntArray) -> FloatArray:
+        """States (e, states) of elements at the start."""
+        ...
+
+    def forces(
+        self, elements: IntArray, motion: ElementMotion, z: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Forces (e, r) that rows carry (N or N m) and rates (e, states) of the states.
+
+        Args:
+            elements: (e,) their numbers.
+            motion: their motion.
+            z: (e, states) their states.
+
+        Raises:
+            Exception: whatever the user's function raises.
+        """
+        ...
+
+    def displaced(self, motion: ElementMotion, row: int, step: float) -> ElementMotion:
+        """The motion where all elements are displaced along one of their rows, rates kept."""
+        ...
+
+    def derivatives(
+        self, elements: IntArray, motion: ElementMotion, z: FloatArray
+    ) -> FloatArray | None:
+        """Derivatives (e, r + states, 2 r + states) of forces and rates of the states.
+
+        By displacements along the rows, by their rates, and by the states; None to have them found
+        by differences.
+        """
+        ...
 
 
 @dataclass(frozen=True)
@@ -135,3 +220,8 @@ def custom(owner: str, force: Callable[..., float], parameters: Sequence[float] 
     """
     user = UserFunction.checked(owner, "force", force, FunctionKind.FORCE, parameters)
     return Law(LawKind.FUNCTION, function=user)
+
+
+def element() -> Law:
+    """Forces of all rows of a joint together, by its `ElementLaw`."""
+    return Law(LawKind.ELEMENT)

@@ -40,13 +40,16 @@ class RowKind(IntEnum):
     ANGLE = 4
     #: arc length of the place of marker a on its line, in the undeformed state
     ARC = 5
+    #: no position, but the twist of a marker in its own axes (m/s, rad/s) as rate: component 0 to
+    #: 5 of (V, Omega) of marker a, 6 to 11 of those of b
+    TWIST = 6
     #: a user's function of R_a^T (x_b - x_a) and R_a^T R_b
-    FUNCTION = 6
+    FUNCTION = 7
 
     @property
     def axes(self) -> tuple[bool, bool]:
         """Dependence on the axes of markers a and b, two flags; else on positions alone."""
-        both = self in (RowKind.AXES, RowKind.ANGLE, RowKind.FUNCTION)
+        both = self in (RowKind.AXES, RowKind.ANGLE, RowKind.TWIST, RowKind.FUNCTION)
         return both or self is RowKind.ALONG, both
 
 
@@ -79,13 +82,14 @@ class Term:
     def data(self) -> FloatArray:
         """(3, 3) data of the function besides the markers: u, v and p.
 
-        For a user's function its component and its parameters.
+        For a twist its component, for a user's function that and its parameters.
         """
-        if self.function is None:
+        if self.kind not in (RowKind.TWIST, RowKind.FUNCTION):
             return np.array([self.u, self.v, self.p])
         out = np.zeros(9)
         out[0] = self.component
-        out[1 : 1 + len(self.function.parameters)] = self.function.parameters
+        if self.function is not None:
+            out[1 : 1 + len(self.function.parameters)] = self.function.parameters
         return out.reshape(3, 3)
 
 

@@ -21,6 +21,7 @@ from typing import ClassVar
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.constraints.elements.states import StateStep, state_step
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.status import Status
 from flexfem.integrators.integrator import Integrator, discard, predictions
@@ -47,12 +48,14 @@ class StepLaws:
         predict: (7,) laws, one for each ``Prediction``.
         rates: (2,) derivatives of velocity and acceleration by the increment.
         accept: (3,) law of acceptance, see ``core.nodes.frame_kernels``.
+        states: step of the states of force elements.
     """
 
     shifts: Shifts
     predict: tuple[FloatArray, FloatArray, FloatArray]
     rates: FloatArray
     accept: FloatArray
+    states: StateStep
 
 
 @dataclass(frozen=True)
@@ -183,6 +186,7 @@ def _predict(system: System, laws: StepLaws, prediction: Prediction) -> None:
     system.predict(laws.predict[prediction], laws.rates)
     rows = system.constraints
     rows.multipliers[:] = laws.shifts.scale * rows.forces
+    rows.elements.begin(laws.states)
 
 
 @lru_cache(maxsize=_SIZES)
@@ -213,4 +217,5 @@ def step_laws(rho_inf: float, h: float) -> StepLaws:
     plain[1], rest[:2] = 0.0, 0.0
     shifts = Shifts(gamma / (beta * h), weight / scale, scale)
     rates = np.array([shifts.velocity, shifts.acceleration])
-    return StepLaws(shifts, (rest, plain, curved), rates, accept)
+    states = state_step(h, alpha_m, alpha_f, gamma)
+    return StepLaws(shifts, (rest, plain, curved), rates, accept, states)

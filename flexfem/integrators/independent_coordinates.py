@@ -109,6 +109,7 @@ class IndependentCoordinates(Integrator):
             system.predict(laws.predict[prediction], laws.rates)
             rows = system.constraints
             rows.multipliers[:] = laws.shifts.scale * rows.forces
+            rows.elements.begin(laws.states)
 
         status = Status.DIVERGED
         for _ in predictions(system, predict):

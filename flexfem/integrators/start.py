@@ -100,6 +100,7 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
         part.block.start()
     rows.forces[:] = tangent.multiplier_step
     rows.consistent = True
+    rows.elements.start(rows)
     return Status.OK
 
 

@@ -40,7 +40,8 @@ _LINEAR = Probe, StrainProbe, ShellStrainProbe
 class LinearModel:
     """``x' = A x + B u, y = y0 + C x + D u``, the same on every rank.
 
-    The state holds the reduced coordinates, those of the drives, and the rates of both. The inputs
+    The state holds the reduced coordinates, those of the drives, the rates of both, and the states
+    of force elements. The inputs
     are changes of the loads' amplitudes, forces of the actuators (N or N m), and accelerations of
     the drives (the second derivative of the rows' targets, m/s^2 or rad/s^2: no state space has an
     input that acts through its derivatives). The outputs are the columns of the probes of markers
@@ -160,17 +161,21 @@ def _assemble(
 ) -> LinearModel:  # fmt: skip
     """State matrices from ``u = T q + S s`` with the drives' coordinates s, ``s'' = input``."""
     r = reduction
-    n, drives = len(r.mass), r.drives
+    n, drives, states = len(r.mass), r.drives, len(r.state_damping)
     loads = r.loads.shape[1]
     count = n + drives
+    moving, last = slice(count, count + n), slice(2 * count, None)
     free = np.linalg.solve(r.mass, np.hstack([-r.stiffness, -r.damping, r.loads, -r.driven_mass]))
-    stiffness, damping, load, inertia = np.split(free, np.cumsum([count, count, loads]), axis=1)
-    A = np.zeros((2 * count, 2 * count))
-    A[:count, count:] = np.eye(count)
-    A[count : count + n, :count], A[count : count + n, count:] = stiffness, damping
-    B = np.zeros((2 * count, loads + drives))
-    B[count : count + n] = np.hstack([load, inertia])
-    B[count + n :, loads:] = np.eye(drives)
+    widths = np.cumsum([count, states, count, loads])
+    stiffness, by_state, damping, load, inertia = np.split(free, widths, axis=1)
+    A = np.zeros((2 * count + states, 2 * count + states))
+    A[:count, count : 2 * count] = np.eye(count)
+    A[moving] = np.hstack([stiffness, damping, by_state])
+    by_place, by_state = np.split(-r.state_stiffness, [count], axis=1)
+    A[last] = np.hstack([by_place, -r.state_damping, by_state])
+    B = np.zeros((len(A), loads + drives))
+    B[moving] = np.hstack([load, inertia])
+    B[count + n : 2 * count, loads:] = np.eye(drives)
     inputs = (*(load.name for load in model.loads), *r.actuators, *r.names)
-    C = np.hstack([by_position, by_velocity])
+    C = np.hstack([by_position, by_velocity, np.zeros((len(by_position), states))])
     return LinearModel(A, B, C, np.zeros((len(C), loads + drives)), inputs, outputs, y0, status)

@@ -72,7 +72,9 @@ def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> Syste
         np.array([of(kind, np.array([node]))[0] for kind, node in interface.keys], dtype=np.int64)
         for of in (serial.bodies, serial.clusters)
     )
-    return System(comm, parts, interface, constraints, bodies, clusters, model.loads, gravity)
+    system = System(comm, parts, interface, constraints, bodies, clusters, model.loads, gravity)
+    interface.update()
+    return system
 
 
 def _touching(serial: NumberedModel) -> tuple[ContactPoints, list[ContactSurfaces]] | None:

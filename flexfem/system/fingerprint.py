@@ -12,7 +12,7 @@ import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from contextlib import suppress
 from dataclasses import is_dataclass
-from functools import partial
+from functools import cached_property, partial
 from types import CodeType, FunctionType, MethodType, ModuleType
 from typing import Any
 
@@ -148,8 +148,10 @@ class _Digest:
             self._text("function" if callable(value) else type(value).__name__)
 
     def _data(self, value: Any) -> None:
-        self._text(type(value).__name__)
-        self._add(vars(value))
+        kind = type(value)
+        self._text(kind.__name__)
+        kept = {n: x for n, x in vars(value).items() if not _is_derived(kind, n)}
+        self._add(kept)
         if isinstance(value, Marker):  # groups of the mesh may have been renamed or moved
             self._add(self._serial.place(value) or self._serial.key(value))
 
@@ -206,6 +208,11 @@ class _Digest:
             self._text(str(exponent))
             values = np.rint(np.ldexp(values, -exponent) / _STEP)
         self._hash.update(np.ascontiguousarray(values, dtype=np.int64).tobytes())
+
+
+def _is_derived(kind: type, name: str) -> bool:
+    """Return True if an object has a value because it has been asked for, computed from others."""
+    return isinstance(getattr(kind, name, None), cached_property)
 
 
 def _counts(value: Any) -> bool:

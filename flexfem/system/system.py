@@ -387,6 +387,7 @@ class System:
         """Make the trial state equal to the accepted state."""
         for part in self.parts:
             part.block.reset()
+        self.constraints.elements.reset()
 
     def numberings(self) -> dict[str, Numbering]:
         """Numberings of the nodes of every block and of the rows, by the names in :meth:`state`."""

@@ -13,7 +13,7 @@ from numba import njit
 import flexfem as ff
 from flexfem._faults import FunctionError
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.kernels.hyperdual import component, hyperdual
+from flexfem.kernels.users.hyperdual import component, hyperdual
 from flexfem.simulation.motion.stepping import Simulation
 from tests.unit.refusals import assert_on_page, assert_refused
 

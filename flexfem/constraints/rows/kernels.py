@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.rows.data import InterfaceNodes, RowArrays
-from flexfem.constraints.rows.laws import RIGID, force_law
+from flexfem.constraints.rows.laws import ELEMENT, RIGID, force_law
 from flexfem.constraints.terms.dispatch import term
 from flexfem.constraints.terms.vectors import rotate_into
 from flexfem.core.row import RowKind
@@ -226,7 +226,9 @@ def evaluate_rows(memory: Memory, interface_nodes: Memory, dynamics: FloatArray)
             own.values[r] = value - own.relaxation * own.multipliers[r]
             own.compliance[r] = own.relaxation
             continue
-        if own.active[r]:
+        if own.active[r] and own.elastic[r, 0] == ELEMENT:
+            own.slopes[r, 0], own.slopes[r, 1] = 0.0, 0.0  # see ``constraints.elements``
+        elif own.active[r]:
             while at < own.coupling.size and own.coupled[at, 0] < r:
                 at += 1
             _apply_law(own, r, at, value, rate, dynamics, law)

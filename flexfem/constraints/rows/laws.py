@@ -8,9 +8,18 @@ from flexfem.constraints.terms.compiled_functions import call
 from flexfem.core.laws import LawKind
 from flexfem.kernels.compiled import kernel, subroutine
 
-__all__ = ["FUNCTION", "LIMIT", "RIGID", "SPRING", "elastic_part", "force_law", "static_forces"]
+__all__ = [
+    "ELEMENT",
+    "FUNCTION",
+    "LIMIT",
+    "RIGID",
+    "SPRING",
+    "elastic_part",
+    "force_law",
+    "static_forces",
+]
 
-RIGID, SPRING, LIMIT, FUNCTION, FRICTION, NORMAL_FRICTION = (int(kind) for kind in LawKind)
+RIGID, SPRING, LIMIT, FUNCTION, FRICTION, NORMAL_FRICTION, ELEMENT = (int(kind) for kind in LawKind)
 
 
 @subroutine
@@ -123,12 +132,15 @@ def force_law(
 def static_forces(
     laws: FloatArray, functions: IntArray, data: FloatArray, values: FloatArray, out: FloatArray
 ) -> None:
-    """Forces at rest and their slopes in ``out`` (r, 2); zero for rigid rows and for friction."""
+    """Forces at rest and their slopes in ``out`` (r, 2).
+
+    They are zero for rigid rows, for friction and for laws of whole elements.
+    """
     force = np.empty(4)
     out[:] = 0.0
     for r in range(values.size):
         kind = laws[r, 0]
-        if kind != RIGID and kind != FRICTION and kind != NORMAL_FRICTION:
+        if kind in (SPRING, LIMIT, FUNCTION):
             force_law(laws[r], functions[r], data[r], values[r], 0.0, 0.0, 0.0, force)
             out[r, 0], out[r, 1] = force[0], force[1]
 
@@ -139,7 +151,7 @@ def elastic_part(
 ) -> None:
     """Stored energy and elastic force of every row; zero for rigid and released ones.
 
-    User-defined functions count as work, friction as dissipation.
+    User-defined functions and laws of whole elements count as work, friction as dissipation.
     """
     for r in range(active.size):
         kind, stretch = int(laws[r, 0]), 0.0
@@ -147,7 +159,7 @@ def elastic_part(
             stretch = values[r]
         elif kind == LIMIT:
             stretch = values[r] - min(max(values[r], laws[r, 3]), laws[r, 4])
-        elif kind > NORMAL_FRICTION:
+        elif kind > ELEMENT:
             stretch = np.nan
         pulls[r] = laws[r, 1] * stretch if active[r] else 0.0
         energies[r] = 0.5 * pulls[r] * stretch

@@ -2,7 +2,7 @@
 """User-defined functions compiled with their derivatives, called by address from kernels.
 
 Every kind of function becomes a C function ``f(x, data, out)`` of arrays, with derivatives by
-hyper-dual numbers (``kernels.hyperdual``):
+hyper-dual numbers (``kernels.users.hyperdual``):
 
 - of the speed: ``x`` = (speed), ``out`` = (value, slope);
 - forces: ``x`` = (x, v), ``data`` = (t, parameters), ``out`` = (F, dF/dx, dF/dv);
@@ -29,7 +29,8 @@ from flexfem._types import FloatArray
 from flexfem.core.row import Term
 from flexfem.core.user_function import FunctionKind, UserFunction
 from flexfem.kernels.compiled import kernel
-from flexfem.kernels.hyperdual import component, hyperdual
+from flexfem.kernels.users.compiled_law import not_compiled
+from flexfem.kernels.users.hyperdual import component, hyperdual
 from flexfem.lie import se3
 
 __all__ = ["address", "call", "check", "kind_number"]
@@ -175,24 +176,8 @@ def _compiled(user: UserFunction) -> Any:
     try:
         return cfunc(_SIGNATURE, error_model="numpy")(make(function, user))
     except Exception as error:  # numba raises many kinds
-        raise ValueError(f"{user.owner}: {user.what}: {_reason(user, error)}") from error
-
-
-def _reason(user: UserFunction, error: Exception) -> str:
-    """Reason in one line why a function does not compile, with its place in the file."""
-    code = user.function.__code__
-    lines = [line.strip() for line in str(error).splitlines()]
-    file = code.co_filename.rsplit("/", 1)[-1]
-    at = [line for line in lines if line.startswith("File ") and file in line]
-    number = code.co_firstlineno
-    for line in at:
-        digits = "".join(c for c in line.rpartition("line ")[2] if c.isdigit())
-        number = int(digits) if digits else number
-    name = user.place.partition(" (")[0]
-    why = next((line for line in lines if "No implementation" in line or "not " in line), "")
-    said = " ".join((why or (lines[-1] if lines else type(error).__name__)).split())
-    said = said.removesuffix(" found for signature:")[:160]
-    return f"{name} ({file}, line {number}) cannot be compiled: {said}"
+        why = not_compiled(user.function, error)
+        raise ValueError(f"{user.owner}: {user.what}: {why}") from error
 
 
 def _speed(function: Any, user: UserFunction) -> Callable[..., None]:

@@ -30,7 +30,7 @@ from flexfem.lie._coefficients import Triple
 
 __all__ = ["step_change", "step_gradient", "step_vectors", "term", "term_hessian"]
 
-_INERTIAL, _ALONG, _AXES, _DISTANCE, _ANGLE, _, _FUNCTION = (int(kind) for kind in RowKind)
+_INERTIAL, _ALONG, _AXES, _DISTANCE, _ANGLE, _, _TWIST, _FUNCTION = (int(k) for k in RowKind)
 
 
 @kernel
@@ -46,6 +46,9 @@ def term(
         own: float = evaluate_function(kind, Ha, Hb, d, g)
         return own
     g[:] = 0.0
+    if kind == _TWIST:
+        g[int(d[0, 0])] = 1.0
+        return 0.0
     if kind == _AXES:
         return axes.value(Ha, Hb, d, g, s)
     if kind == _ANGLE:
@@ -67,6 +70,8 @@ def term_hessian(kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: Fl
         function_hessian(kind, Ha, Hb, d, h)
         return
     h[:] = 0.0
+    if kind == _TWIST:
+        return
     Ra, Rb = Ha[3:].copy().reshape(3, 3), Hb[3:].copy().reshape(3, 3)
     Rab = product(Ra.T.copy(), Rb)
     Rba = Rab.T.copy()

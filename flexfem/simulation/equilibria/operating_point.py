@@ -43,7 +43,7 @@ class OperatingPoint:
     Attributes:
         serial, system: the model's data and its system.
         linearization: evaluated at the state after :meth:`settle`.
-        freedoms: number of degrees of freedom.
+        freedoms: number of degrees of freedom, and of states of force elements.
         cautions: warnings of the analysis.
         inverted: text on the element that the last solution inverted, empty if there is none.
     """
@@ -75,7 +75,8 @@ class OperatingPoint:
         check_gaps(self.system)
         check_independence(self.system)
         rigid = int(np.sum(rows.owned * rows.rigid))
-        self.freedoms = self.system.unknowns - int(self.system.comm.allreduce(rigid))
+        own = self.linearization.states.count - rigid
+        self.freedoms = self.system.unknowns + int(self.system.comm.allreduce(own))
         self.system.set_time(options.time)
         if saved is not None:
             saved.restore(self.system, self.system)

@@ -26,6 +26,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.la.nest import CoordinateMatrix, block_indices
 from flexfem.lie import se3, so3
 from flexfem.solvers.linear.tangent import JointPattern, part_pattern, part_values
+from flexfem.solvers.modal.state_unknowns import StateUnknowns
 from flexfem.system.system import Shifts, System
 
 __all__ = ["Linearization", "Matrices"]
@@ -57,12 +58,13 @@ class Matrices:
 class Linearization:
     """Matrices and residual of a system in one numbering.
 
-    Every rank owns a contiguous range: the unknowns of each of its nodes, part by part, then its
-    multipliers.
+    Every rank owns a contiguous range: the unknowns of each of its nodes, part by part, the states
+    of its force elements, then its multipliers.
 
     Attributes:
         system: the system.
-        unknowns: number of this rank's unknowns that belong to nodes.
+        states: the states of force elements.
+        unknowns: number of this rank's unknowns that belong to nodes, and of these states.
         size: size of this rank's range; ``sizes`` local and global.
         multipliers: (r,) forces of all rows of this rank after :meth:`evaluate`, N or N m.
     """
@@ -73,7 +75,9 @@ class Linearization:
         for contacts in system.contacts:
             contacts.prepare(0.0)
         rows, comm = system.constraints, system.comm
-        self.unknowns = sum(p.block.sizes[0] for p in system.parts)
+        self.states = StateUnknowns(system)
+        nodal = sum(p.block.sizes[0] for p in system.parts)
+        self.unknowns = nodal + self.states.count
         self.size = self.unknowns + rows.owned_count
         end = comm.scan(self.size)
         self.sizes = (self.size, int(comm.allreduce(self.size)))
@@ -97,6 +101,8 @@ class Linearization:
             starts.append(at)
             own.append(part.block.offset)
             at += part.block.sizes[0]
+        self._first_state = at
+        at += self.states.count
         rows = self.system.constraints
         count = rows.owned_count
         starts.append(at)
@@ -137,7 +143,8 @@ class Linearization:
             j += pair[::-1]
         rows = self.system.constraints
         own = self._row_number(rows.numbers[rows.owned_rows])
-        return np.concatenate([*i, own]), np.concatenate([*j, own])
+        row, column = self.states.pattern(self._first_state, self._unknown, self._row_number)
+        return np.concatenate([*i, own, row]), np.concatenate([*j, own, column])
 
     def _ad_pattern(self) -> tuple[IntArray, IntArray]:
         entries = []
@@ -148,6 +155,11 @@ class Linearization:
             entries.append(first + np.stack(block_indices(nodes, nodes, (width, width))))
         row, column = np.concatenate([np.empty((2, 0), dtype=np.int64), *entries], axis=1)
         return row, column
+
+    @property
+    def states_range(self) -> slice:
+        """Places of the states in this rank's range."""
+        return slice(self.unknowns - self.states.count, self.unknowns)
 
     def vector(self) -> PETSc.Vec:
         """A new vector of all unknowns (collective)."""
@@ -167,6 +179,9 @@ class Linearization:
         system.interface.update()
         for _ in range(_SWEEPS if self._rubbing else 1):
             rows.evaluate(_UNIT)
+            if rows.has_elements:
+                rows.elements.settle(rows, still=False)
+                rows.evaluate(_UNIT)
             force = rows.multipliers.copy()
             force[~rigid] += rows.values[~rigid] / rows.compliance[~rigid]
             settled = np.allclose(force, rows.multipliers, rtol=1e-13, atol=0.0)
@@ -176,6 +191,7 @@ class Linearization:
         self.multipliers = force
         system.add_constraint_forces(self.multipliers)
         pieces = [p.block.owned_residual.ravel() for p in system.parts]
+        pieces.append(np.zeros(self.states.count))  # they are steady
         gaps = np.where(rigid, rows.values, 0.0)[rows.owned_rows]
         return np.concatenate([*pieces, gaps])
 
@@ -192,10 +208,15 @@ class Linearization:
         ]  # fmt: skip
         forces = rows.force_jacobian * free[term][:, np.newaxis, np.newaxis]
         corner = np.where(rows.rigid, 0.0, -scale * rows.compliance)[rows.owned_rows]
-        nothing = np.zeros_like(forces)
-        self._assemble(0, _MASS, 0.0 * turning, (nothing, nothing), 0.0 * corner)
-        self._assemble(1, _VELOCITY, 0.0 * turning, (nothing, velocity), 0.0 * corner)
-        self._assemble(2, _STIFFNESS, turning, (forces, position), corner)
+        nothing, none = np.zeros_like(forces), 0.0 * corner
+        slopes = self._slopes = rows.elements.linearize(rows)
+        position += slopes.position
+        velocity += slopes.velocity
+        self.states.scale(slopes)
+        by_rate, by_state = self.states.damping(slopes), self.states.stiffness(slopes)
+        self._assemble(0, _MASS, 0.0 * turning, (nothing, nothing), (none, 0.0 * by_rate))
+        self._assemble(1, _VELOCITY, 0.0 * turning, (nothing, velocity), (none, by_rate))
+        self._assemble(2, _STIFFNESS, turning, (forces, position), (corner, by_state))
         stiffness = self._with_contacts(stiffness)
         if not self._moving():
             return Matrices(mass, damping, stiffness)
@@ -230,20 +251,24 @@ class Linearization:
         slope = rows.slopes[:, 0]
         sprung = ~rows.rigid & (slope > 0.0)
         scale = np.where(sprung, 1.0 / np.where(sprung, slope, 1.0), 1.0)
-        free = np.where(rows.rigid | np.any(rows.slopes != 0.0, axis=1), 1.0, 0.0)
+        changing = rows.rigid | rows.of_elements | np.any(rows.slopes != 0.0, axis=1)
+        free = np.where(changing, 1.0, 0.0)
         return scale, free
 
     def _assemble(
         self, which: int, shifts: Shifts, joints: FloatArray,
-        gradients: tuple[FloatArray, FloatArray], diagonal: FloatArray,
+        gradients: tuple[FloatArray, FloatArray], others: tuple[FloatArray, FloatArray],
     ) -> None:  # fmt: skip
-        """Set a matrix: blocks of joints, gradients in the columns and the rows of multipliers."""
+        """Set a matrix: blocks of joints, gradients in the columns and the rows of multipliers.
+
+        ``others`` are the diagonal of the multipliers and the entries of states.
+        """
         system, count = self.system, len(self.system.parts)
         values = [part_values(system, part, shifts) for part in system.parts]
         values += [self._couplings.values(a, b, joints) for a in range(count) for b in range(count)]
         for a in range(count):
             values += [self._couplings.side_values(a, gradient) for gradient in gradients]
-        self._mats[which].assemble(np.concatenate([*values, diagonal]))
+        self._mats[which].assemble(np.concatenate([*values, *others]))
 
     def rigid_rows(self) -> FloatArray:
         """1 for the rigid rows in this rank's range, 0 for all other unknowns."""
@@ -292,6 +317,12 @@ class Linearization:
         scale, free = self._row_scales()
         soft = np.where(rows.rigid, 0.0, scale * rows.compliance * free)[rows.owned_rows]
         return np.concatenate([np.zeros(self.unknowns), soft])
+
+    def stiffness_by_states(self) -> FloatArray:
+        """Sizes of stiffnesses of rows by states of force elements in this rank's range, N/m."""
+        sizes = self.states.stiffness_of_rows(self._slopes)
+        owned = sizes[self.system.constraints.owned_rows]
+        return np.concatenate([np.zeros(self.unknowns), owned])
 
     def multiply(
         self, matrix: PETSc.Mat, shapes: npt.NDArray[Any], laws: PETSc.Mat | None = None

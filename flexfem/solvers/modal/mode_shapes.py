@@ -249,4 +249,5 @@ def _motions(linearization: Linearization) -> ComplexArray:
                 (share[:, np.newaxis] * motion).ravel()
                 for share, motion in zip(np.split(weight, ends), local, strict=True)
             ]))  # fmt: skip
-    return np.array(motions, dtype=np.complex128)
+    still = np.zeros((len(motions), linearization.states.count))  # states of force elements
+    return np.concatenate([motions, still], axis=1).astype(np.complex128)

@@ -111,7 +111,8 @@ def _spring_diagonal(linearization: Linearization, K: PETSc.Mat) -> FloatArray:
     )
     soft = linearization.softness()
     x, y = linearization.vector(), linearization.vector()
-    x.setArray(np.where(soft > 0.0, 1.0 / np.where(soft > 0.0, soft, 1.0), 0.0))
+    stiff = np.where(soft > 0.0, 1.0 / np.where(soft > 0.0, soft, 1.0), 0.0)
+    x.setArray(stiff + linearization.stiffness_by_states())
     squares.mult(x, y)
     found: FloatArray = y.getArray()[: linearization.unknowns].copy()
     return found

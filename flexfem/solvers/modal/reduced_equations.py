@@ -22,15 +22,18 @@ _DEPENDENT = 1e-10
 
 @dataclass(frozen=True)
 class Reduction:
-    """``M q'' + C (q', s') + K (q, s) + N s'' = F a``, ``u = T q + S s``, equal on all ranks.
+    """``M q'' + C (q', s') + K (q, s, z) + N s'' = F a``, ``u = T q + S s``, equal on all ranks.
 
     The drives' coordinates s are the changes of the targets of the rows of driven joints, ``G u =
-    s``; S is the least solution of this.
+    s``; S is the least solution of this. The states z of force elements satisfy ``z' + V (q', s') +
+    R (q, s, z) = 0``.
 
     Attributes:
         basis: (n + m, n_local) rows of T and S on this rank's nodes.
         mass: (n, n).
-        damping, stiffness: (n, n + m).
+        damping: (n, n + m).
+        stiffness: (n, n + m + k), the last columns those of k states.
+        state_damping, state_stiffness: (k, n + m) and (k, n + m + k), V and R.
         driven_mass: (n, m), N.
         loads: (n, l), F: forces of the loads at amplitude one, then unit forces of the actuators.
         actuators: names of the actuators.
@@ -41,6 +44,8 @@ class Reduction:
     mass: FloatArray
     damping: FloatArray
     stiffness: FloatArray
+    state_damping: FloatArray
+    state_stiffness: FloatArray
     driven_mass: FloatArray
     loads: FloatArray
     actuators: tuple[str, ...]
@@ -67,9 +72,12 @@ def reduce_equations(
     names, targets = _drives(linearization, rigid=True)
     actuators, rows = _drives(linearization, rigid=False)
     free, driven = _bases(linearization, matrices, targets, shapes)
-    basis = np.concatenate([free, driven])
+    basis, states = np.concatenate([free, driven]), _unit_states(linearization)
+    units = np.ones(linearization.unknowns)
+    units[linearization.states_range] = linearization.states.units
+    every = np.concatenate([basis, states / units])
     products = [
-        linearization.multiply(matrix, basis, laws=laws).real
+        linearization.multiply(matrix, every, laws=laws).real
         for matrix, laws in (
             (matrices.mass, None),
             (matrices.damping, matrices.stiffness),
@@ -77,12 +85,26 @@ def reduce_equations(
         )
     ]
     comm, count = linearization.system.comm, len(free)
-    M, C, K = (comm.allreduce(free @ product.T, op=MPI.SUM) for product in products)
+    tested = np.concatenate([free, states * units])
+    M, C, K = (comm.allreduce(tested @ product.T, op=MPI.SUM) for product in products)
+    M, C = M[:, : len(basis)], C[:, : len(basis)]
     acting = np.concatenate(
         [_load_forces(linearization, loads), _actuator_forces(linearization, rows)]
     )
     forces = comm.allreduce(free @ acting.T, op=MPI.SUM)
-    return Reduction(basis, M[:, :count], C, K, M[:, count:], forces, actuators, names)
+    return Reduction(
+        basis, M[:count, :count], C[:count], K[:count], C[count:], K[count:], M[:count, count:],
+        forces, actuators, names,
+    )  # fmt: skip
+
+
+def _unit_states(linearization: Linearization) -> FloatArray:
+    """(k, n_local) one for each state of all ranks' force elements."""
+    comm, count = linearization.system.comm, linearization.states.count
+    first = comm.scan(count) - count
+    out = np.zeros((comm.allreduce(count), linearization.unknowns))
+    out[first : first + count, linearization.states_range] = np.eye(count)
+    return out
 
 
 def _drives(linearization: Linearization, rigid: bool) -> tuple[tuple[str, ...], FloatArray]:
@@ -112,14 +134,17 @@ def _bases(
     """Rows of T and S on this rank's nodes."""
     lin, comm = linearization, linearization.system.comm
     if shapes is not None:
-        return _spanned(lin, shapes), _driven(lin, matrices, targets)
-    kinds = lin.rigid_rows()
-    kinds[: lin.unknowns] = -1.0
+        moving = shapes.copy()
+        moving[:, lin.states_range] = 0.0
+        return _spanned(lin, moving), _driven(lin, matrices, targets)
+    kinds, nodal = lin.rigid_rows(), lin.states_range.start
+    kinds[:nodal] = -1.0
     kinds = np.concatenate(comm.allgather(kinds))
     G = gather_rows(matrices.stiffness)[np.ix_(kinds > 0.0, kinds < 0.0)]
-    first = comm.scan(lin.unknowns) - lin.unknowns
-    mine = slice(first, first + lin.unknowns)
-    return null_space(G).T[:, mine], _driven(lin, matrices, targets)
+    first = comm.scan(nodal) - nodal
+    motions = null_space(G).T[:, first : first + nodal]
+    free = np.pad(motions, ((0, 0), (0, lin.states.count)))
+    return free, _driven(lin, matrices, targets)
 
 
 def _spanned(linearization: Linearization, shapes: ComplexArray) -> FloatArray:
@@ -162,7 +187,7 @@ def _load_forces(linearization: Linearization, loads: int) -> FloatArray:
                 inside.add_residual(part.block, system.factors, -1.0)
             part.block.add_ghosts()
             pieces.append(part.block.owned_residual.ravel().copy())
-        forces[i] = np.concatenate(pieces)
+        forces[i, : linearization.states_range.start] = np.concatenate(pieces)
     system.factors[:] = kept
     return forces
 
@@ -183,7 +208,7 @@ def _actuator_forces(linearization: Linearization, targets: FloatArray) -> Float
             part.block.residual[:] = 0.0
         system.add_constraint_forces((rows.numbers == number).astype(np.float64))
         residuals = [part.block.owned_residual.ravel() for part in system.parts]
-        forces[i] = np.concatenate(residuals)
+        forces[i, : linearization.states_range.start] = np.concatenate(residuals)
     return forces
 
 

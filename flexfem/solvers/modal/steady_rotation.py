@@ -122,6 +122,9 @@ def constraint_solver(
         matrix.setDiagonal(nodes, PETSc.InsertMode.ADD)
     else:
         matrix.axpy(1.0, weight)
+        states = linearization.vector()
+        states.getArray()[linearization.states_range] = 1.0
+        matrix.setDiagonal(states, PETSc.InsertMode.ADD)
     return _solver(linearization, matrix)
 
 

@@ -133,6 +133,7 @@ class Relaxation:
                 block.velocity[:] = 0.0
         system.interface.update()
         system.constraints.accept()
+        system.constraints.elements.settle(system.constraints, still=True)
         self._applied = self._forces()
         END_POINT.evaluate(system, REST)
         masses = fictitious_masses(

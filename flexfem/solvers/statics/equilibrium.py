@@ -254,6 +254,7 @@ class Equilibrium:
         self.react()
         self.system.interface.update()
         self.system.constraints.accept()
+        self.system.constraints.elements.settle(self.system.constraints, still=True)
 
     def solve(self, t: float, fraction: float = 1.0) -> Status:
         """Find the equilibrium at load parameter ``t`` from the present state (collective).

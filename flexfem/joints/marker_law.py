@@ -1,0 +1,231 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Law of a `Force`: calls of the user's function with the motion of markers."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._faults import FAILURES, ReturnError, located
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.laws import ElementMotion
+from flexfem.core.pose import Pose
+from flexfem.lie import so3
+
+__all__ = ["Ends", "MarkerLaw"]
+
+
+class Ends(NamedTuple):
+    """Motion of the m markers of a `Force`, in inertial axes.
+
+    Attributes:
+        positions: (m, 3) of their origins, m.
+        rotations: (m, 3, 3) their axes, as columns.
+        velocities: (m, 3) of their origins, m/s.
+        angular_velocities: (m, 3) of their axes, rad/s.
+        numbers: (m,) their numbers in ``Force.markers``: all of them on one process, those of a
+            rank's elements on several.
+    """
+
+    positions: FloatArray
+    rotations: FloatArray
+    velocities: FloatArray
+    angular_velocities: FloatArray
+    numbers: IntArray
+
+
+@dataclass(frozen=True, eq=False)
+class MarkerLaw:
+    """The `ElementLaw` of a force; its rows are the components of wrenches in the markers' axes.
+
+    Attributes:
+        owner: class and name of the force.
+        function: its law.
+        states: number of states of an element.
+        explicit: True if the law is called at accepted states alone.
+        size: number of markers of an element.
+        start: (elements, states) states at the start.
+        single: True if there is one element, whose states the law gets without a first dimension.
+        parameters: numbers for the law; None if it takes none.
+        compiled: True to have it compiled.
+        jacobian: function of its derivatives, None for differences.
+    """
+
+    owner: str
+    function: Callable[..., Any]
+    states: int
+    explicit: bool
+    size: int
+    start: FloatArray
+    single: bool
+    parameters: FloatArray | None
+    compiled: bool
+    jacobian: Callable[..., Any] | None
+    _numbers: dict[bytes, IntArray] = field(default_factory=dict)
+
+    def initial(self, elements: IntArray) -> FloatArray:
+        """See :meth:`ElementLaw.initial`."""
+        return np.array(self.start[elements])
+
+    def forces(
+        self, elements: IntArray, motion: ElementMotion, z: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """See :meth:`ElementLaw.forces`."""
+        ends = self._ends(elements, motion)
+        found = self._called(self._law, elements, motion, ends, z)
+        forces, moments, rates = self._parts(found, elements)
+        wrenches = np.zeros((len(forces), 2, 3))
+        wrenches[:, 0] = forces
+        if moments is not None:
+            wrenches[:, 1] = moments
+        local = wrenches @ ends.rotations
+        return -local.reshape(len(elements), -1), rates.reshape(len(elements), self.states)
+
+    @cached_property
+    def _law(self) -> Callable[..., Any]:
+        """The function, compiled by numba where this is wanted."""
+        if not self.compiled:
+            return self.function
+        from flexfem.kernels.users.compiled_law import compiled_law
+
+        return compiled_law(self.function)
+
+    def _called(
+        self, function: Callable[..., Any], elements: IntArray, motion: ElementMotion, ends: Ends,
+        z: FloatArray,
+    ) -> Any:  # fmt: skip
+        """What a function of (t, ends, z[, parameters]) returns for some elements."""
+        given = z[0] if self.single else z
+        if self.parameters is None:
+            return function(motion.time, ends, given)
+        own = self.parameters
+        return function(motion.time, ends, given, own[elements] if own.ndim == 2 else own)
+
+    def _ends(self, elements: IntArray, motion: ElementMotion) -> Ends:
+        poses, twists = motion.poses.reshape(-1, 12), motion.rates.reshape(-1, 2, 3)
+        rotations = np.ascontiguousarray(poses[:, 3:]).reshape(-1, 3, 3)
+        velocities = rotations @ twists.transpose(0, 2, 1)
+        key = elements.tobytes()
+        if key not in self._numbers:
+            first = self.size * elements[:, np.newaxis]
+            self._numbers[key] = (first + np.arange(self.size)).ravel()
+        v, w = np.ascontiguousarray(velocities.transpose(2, 0, 1))
+        return Ends(np.ascontiguousarray(poses[:, :3]), rotations, v, w, self._numbers[key])
+
+    def _parts(
+        self, found: Any, elements: IntArray
+    ) -> tuple[FloatArray, FloatArray | None, FloatArray]:
+        """Forces (m, 3), moments and rates of states that the law has returned.
+
+        Raises:
+            ReturnError: it has returned something else.
+        """
+        markers, states = len(elements) * self.size, self.states
+        parts = found if isinstance(found, tuple) else (found,)
+        if len(parts) > 3 or (states and len(parts) < 3):
+            wanted = "forces, moments and rates of states" if states else "forces, or moments too"
+            raise ReturnError(f"law must return {wanted}, got {len(parts)} values")
+        forces = _shaped("forces", parts[0], (markers, 3))
+        given = parts[1] if len(parts) > 1 else None
+        moments = None if given is None else _shaped("moments", given, (markers, 3))
+        shape = (states,) if self.single else (len(elements), states)
+        rates = _shaped("rates of states", parts[2], shape) if states else np.zeros(shape)
+        return forces, moments, rates
+
+    def tried(self, element: int, poses: Sequence[Pose], t: float) -> None:
+        """Call the law, and the function of derivatives, for an element at rest.
+
+        Raises:
+            ValueError: one fails, or does not return finite numbers of the right shapes.
+        """
+        frames = [np.concatenate([pose.position, pose.rotation.ravel()]) for pose in poses]
+        rest = np.zeros((1, 6 * len(poses)))
+        motion, elements = ElementMotion(t, np.array([frames]), rest, rest), np.array([element])
+        z, function, what = self.initial(elements), self.function, "law"
+        try:
+            values = [*self.forces(elements, motion, z)]
+            function, what = self.jacobian or function, "jacobian"
+            values += (
+                [found] if (found := self.derivatives(elements, motion, z)) is not None else []
+            )
+        except FAILURES as error:
+            raise ValueError(f"{self.owner}: {what}: {located(function, error)}") from error
+        for value in values:
+            if not np.isfinite(value).all():
+                raise ValueError(
+                    f"{self.owner}: law must return finite numbers at the start, got "
+                    f"{_checks.show(value.ravel().tolist())}"
+                )
+
+    def derivatives(
+        self, elements: IntArray, motion: ElementMotion, z: FloatArray
+    ) -> FloatArray | None:
+        """See :meth:`ElementLaw.derivatives`: those of the user's function in the markers' axes."""
+        if self.jacobian is None:
+            return None
+        size, n, count = self.size, self.states, len(elements)
+        ends = self._ends(elements, motion)
+        found = self._called(self.jacobian, elements, motion, ends, z)
+        given = _shaped("jacobian", found, (count, 6 * size + n, 12 * size + n))
+        by = given[:, :, : 12 * size].reshape(count, 6 * size + n, size, 4, 3)
+        R = ends.rotations.reshape(count, size, 3, 3)
+        v, w = (x.reshape(count, size, 3) for x in (ends.velocities, ends.angular_velocities))
+        # axes that rotate carry the velocities with them
+        turned = by[:, :, :, 1] + np.cross(v[:, np.newaxis], by[:, :, :, 2])
+        turned += np.cross(w[:, np.newaxis], by[:, :, :, 3])
+        columns = np.stack([by[:, :, :, 0], turned, by[:, :, :, 2], by[:, :, :, 3]], axis=2)
+        local = np.einsum("erqmj,emji->erqmi", columns, R)
+        place, rate = (
+            np.moveaxis(local[:, :, k : k + 2], 2, 3).reshape(count, -1, 6 * size) for k in (0, 2)
+        )
+        out = np.concatenate([place, rate, given[:, :, 12 * size :]], axis=2)
+        wrenches = out[:, : 6 * size].reshape(count, size, 2, 3, -1)
+        out[:, : 6 * size] = -np.einsum("emji,emqjc->emqic", R, wrenches).reshape(
+            count, 6 * size, -1
+        )
+        forces = self.forces(elements, motion, z)[0].reshape(count, size, 2, 3)
+        for m in range(size):
+            for q in range(2):
+                at = slice(6 * m + 3 * q, 6 * m + 3 * q + 3)
+                out[:, at, 6 * m + 3 : 6 * m + 6] += so3.skew(forces[:, m, q])
+        return out
+
+    def displaced(self, motion: ElementMotion, row: int, step: float) -> ElementMotion:
+        """See :meth:`ElementLaw.displaced`."""
+        poses = motion.poses.copy()
+        own = poses[:, row // 6]
+        axes = own[:, 3:].reshape(-1, 3, 3)
+        k = row % 3
+        if row % 6 < 3:
+            own[:, :3] += step * axes[:, :, k]
+        else:
+            i, j = (k + 1) % 3, (k + 2) % 3
+            first, second = axes[:, :, i].copy(), axes[:, :, j].copy()
+            axes[:, :, i] = np.cos(step) * first + np.sin(step) * second
+            axes[:, :, j] = np.cos(step) * second - np.sin(step) * first
+            own[:, 3:] = axes.reshape(-1, 9)
+        return replace(motion, poses=poses)
+
+
+def _shaped(what: str, value: Any, shape: tuple[int, ...]) -> FloatArray:
+    """Numbers of a shape that a function has returned.
+
+    Raises:
+        ReturnError: it has returned something else.
+    """
+    if isinstance(value, np.ndarray) and value.dtype == np.float64 and value.shape == shape:
+        return value
+    try:
+        values = _checks.numbers(value)
+    except (TypeError, ValueError):
+        raise ReturnError(
+            f"law must return numbers, got {_checks.show(value)} for {what}"
+        ) from None
+    if values.shape != shape:
+        raise ReturnError(f"law must return {what} of the shape {shape}, got {values.shape}")
+    return values
