@@ -367,6 +367,17 @@ class Constraints(NumberedRows):
         self._hold(self.step_jacobian)
         if len(self.elements):
             self.elements.evaluate(self, dynamics)
+            self._hold(self.step_jacobian)
+
+    def node_velocities(self) -> FloatArray:
+        """(n + 1, 6) local twists of the interface nodes, and of the ground, whose number is -1."""
+        self._padded[:-1] = self.interface.velocities
+        return self._padded
+
+    def velocity_changes(self, velocity: float) -> FloatArray:
+        """(n + 1, 6, 6) derivatives of these by steps of the nodes; ``velocity``: dv/dn, 1/s."""
+        found = velocity_changes(self.interface.interface_nodes.memory, velocity)
+        return np.concatenate([found, np.zeros((1, 6, 6))])
 
     def rate_changes(self, slopes: FloatArray, velocity: float, *, held: bool) -> FloatArray:
         """(t, 2, 6) changes of the rates of rows along steps, times their slopes.

@@ -59,23 +59,21 @@ DAMPED_BY_COEFFICIENT = (LawKind.RIGID, LawKind.SPRING, LawKind.LIMIT)
 
 @dataclass(frozen=True)
 class ElementMotion:
-    """Motion of the joints of one `ElementLaw` at an instant, e of them with m markers, r rows.
+    """Motion of e elements with m markers at an instant.
 
     Attributes:
         time: s.
         poses: (e, m, 12) position and rotation of the markers, row by row, in inertial axes.
-        sums: (e, r) sums of the terms of their rows, less the targets (m, rad or 1).
-        rates: (e, r) their time derivatives.
+        twists: (e, m, 6) velocity and angular velocity of the markers, in their own axes.
     """
 
     time: float
     poses: FloatArray
-    sums: FloatArray
-    rates: FloatArray
+    twists: FloatArray
 
 
 class ElementLaw(Protocol):
-    """Law of the forces of all rows of a joint by its whole motion and by states of its own.
+    """Law of the forces of all rows of a joint by the motion of markers and by states of its own.
 
     Several joints may have one law, and are its elements: it is called once for all of them. It
     knows nothing of time steps: ``dz/dt`` is integrated by the scheme of the motion.
@@ -92,8 +90,13 @@ class ElementLaw(Protocol):
         ...
 
     @property
+    def size(self) -> int:
+        """Number m of markers whose motion it depends on: the first ones of the joint."""
+        ...
+
+    @property
     def states(self) -> int:
-        """Number of states z of an element."""
+        """Number n of states z of an element."""
         ...
 
     @property
@@ -102,35 +105,31 @@ class ElementLaw(Protocol):
         ...
 
     def initial(self, elements: IntArray) -> FloatArray:
-        """States (e, states) of elements at the start."""
+        """States (e, n) of elements at the start."""
         ...
 
     def forces(
         self, elements: IntArray, motion: ElementMotion, z: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
-        """Forces (e, r) that rows carry (N or N m) and rates (e, states) of the states.
+        """Forces (e, r) that rows carry (N or N m) and rates (e, n) of the states.
 
         Args:
             elements: (e,) their numbers.
             motion: their motion.
-            z: (e, states) their states.
+            z: (e, n) their states.
 
         Raises:
             Exception: whatever the user's function raises.
         """
         ...
 
-    def displaced(self, motion: ElementMotion, row: int, step: float) -> ElementMotion:
-        """The motion where all elements are displaced along one of their rows, rates kept."""
-        ...
-
     def derivatives(
         self, elements: IntArray, motion: ElementMotion, z: FloatArray
     ) -> FloatArray | None:
-        """Derivatives (e, r + states, 2 r + states) of forces and rates of the states.
+        """Derivatives (e, r + n, 12 m + n) of forces and rates of the states.
 
-        By displacements along the rows, by their rates, and by the states; None to have them found
-        by differences.
+        By displacements of the markers along their axes and rotations about these, by their twists,
+        and by the states; None to have them found by differences.
         """
         ...
 

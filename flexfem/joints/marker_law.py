@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, NamedTuple
 
@@ -107,7 +107,7 @@ class MarkerLaw:
         return function(motion.time, ends, given, own[elements] if own.ndim == 2 else own)
 
     def _ends(self, elements: IntArray, motion: ElementMotion) -> Ends:
-        poses, twists = motion.poses.reshape(-1, 12), motion.rates.reshape(-1, 2, 3)
+        poses, twists = motion.poses.reshape(-1, 12), motion.twists.reshape(-1, 2, 3)
         rotations = np.ascontiguousarray(poses[:, 3:]).reshape(-1, 3, 3)
         velocities = rotations @ twists.transpose(0, 2, 1)
         key = elements.tobytes()
@@ -144,8 +144,8 @@ class MarkerLaw:
             ValueError: one fails, or does not return finite numbers of the right shapes.
         """
         frames = [np.concatenate([pose.position, pose.rotation.ravel()]) for pose in poses]
-        rest = np.zeros((1, 6 * len(poses)))
-        motion, elements = ElementMotion(t, np.array([frames]), rest, rest), np.array([element])
+        rest, elements = np.zeros((1, len(poses), 6)), np.array([element])
+        motion = ElementMotion(t, np.array([frames]), rest)
         z, function, what = self.initial(elements), self.function, "law"
         try:
             values = [*self.forces(elements, motion, z)]
@@ -194,22 +194,6 @@ class MarkerLaw:
                 at = slice(6 * m + 3 * q, 6 * m + 3 * q + 3)
                 out[:, at, 6 * m + 3 : 6 * m + 6] += so3.skew(forces[:, m, q])
         return out
-
-    def displaced(self, motion: ElementMotion, row: int, step: float) -> ElementMotion:
-        """See :meth:`ElementLaw.displaced`."""
-        poses = motion.poses.copy()
-        own = poses[:, row // 6]
-        axes = own[:, 3:].reshape(-1, 3, 3)
-        k = row % 3
-        if row % 6 < 3:
-            own[:, :3] += step * axes[:, :, k]
-        else:
-            i, j = (k + 1) % 3, (k + 2) % 3
-            first, second = axes[:, :, i].copy(), axes[:, :, j].copy()
-            axes[:, :, i] = np.cos(step) * first + np.sin(step) * second
-            axes[:, :, j] = np.cos(step) * second - np.sin(step) * first
-            own[:, 3:] = axes.reshape(-1, 9)
-        return replace(motion, poses=poses)
 
 
 def _shaped(what: str, value: Any, shape: tuple[int, ...]) -> FloatArray:

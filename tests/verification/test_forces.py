@@ -120,7 +120,7 @@ def test_derivatives_of_users_are_those_of_differences() -> None:
     law = ff.Force("f", ends, spring).element_law
     turns = so3.exp(rng.normal(size=(2, 3)))
     poses = np.concatenate([rng.normal(size=(2, 3)), turns.reshape(2, 9)], axis=1)[np.newaxis]
-    motion = ElementMotion(0.0, poses, np.zeros((1, 12)), rng.normal(size=(1, 12)))
+    motion = ElementMotion(0.0, poses, rng.normal(size=(1, 2, 6)))
     given = (np.zeros(1, dtype=np.int64), motion, np.zeros((1, 0)))
     wanted = law_derivatives(law, *given, np.zeros(0))
     np.testing.assert_allclose(law_derivatives(own, *given, np.zeros(0)), wanted, atol=1e-5)

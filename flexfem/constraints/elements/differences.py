@@ -20,10 +20,9 @@ def law_derivatives(
     law: ElementLaw, elements: IntArray, motion: ElementMotion, z: FloatArray, sizes: FloatArray,
     values: FloatArray | None = None, first: int = 0,
 ) -> FloatArray:  # fmt: skip
-    """Derivatives (e, r + n, 2 r + n) of forces and of rates of states.
+    """Derivatives (e, r + n, 12 m + n) of forces and of rates of states, see ``ElementLaw``.
 
-    By displacements along the r rows, by their rates, and by the n states. Differences are taken
-    for all elements at once: one call of the law a column.
+    Differences are taken for all elements at once: one call of the law a column.
 
     Args:
         law: the law.
@@ -38,19 +37,19 @@ def law_derivatives(
     own = law.derivatives(elements, motion, z)
     if own is not None:
         return own[:, :, first:]
-    rows, states = motion.rates.shape[1], z.shape[1]
-    faster = np.maximum(1.0, np.abs(motion.rates).max(axis=0, initial=0.0))
-    steps = np.concatenate([np.ones(rows), faster, sizes])[first:]
+    count = motion.twists[0].size
+    faster = np.maximum(1.0, np.abs(motion.twists).max(axis=0, initial=0.0)).ravel()
+    steps = np.concatenate([np.ones(count), faster, sizes])[first:]
     steps *= _CENTRAL if values is None else _STEP
-    out = np.empty((len(elements), rows + states, len(steps)))
+    columns: list[FloatArray] = []
     for k, step in enumerate(steps.tolist()):
         after = _moved(law, elements, motion, z, first + k, step)
         if values is None:
             before = _moved(law, elements, motion, z, first + k, -step)
-            out[:, :, k] = (after - before) / (2.0 * step)
+            columns.append((after - before) / (2.0 * step))
         else:
-            out[:, :, k] = (after - values) / step
-    return out
+            columns.append((after - values) / step)
+    return np.stack(columns, axis=2)
 
 
 def _moved(
@@ -58,14 +57,31 @@ def _moved(
     step: float,
 ) -> FloatArray:  # fmt: skip
     """Forces and rates (e, r + n) where the quantity of a column has changed by ``step``."""
-    rows = motion.rates.shape[1]
-    if column < rows:
-        motion = law.displaced(motion, column, step)
-    elif column < 2 * rows:
-        rates = motion.rates.copy()
-        rates[:, column - rows] += step
-        motion = replace(motion, rates=rates)
+    count = motion.twists[0].size
+    if column < count:
+        motion = replace(motion, poses=_displaced(motion.poses, column // 6, column % 6, step))
+    elif column < 2 * count:
+        twists = motion.twists.copy()
+        twists.reshape(len(twists), -1)[:, column - count] += step
+        motion = replace(motion, twists=twists)
     else:
         z = z.copy()
-        z[:, column - 2 * rows] += step
+        z[:, column - 2 * count] += step
     return np.concatenate(law.forces(elements, motion, z), axis=1)
+
+
+def _displaced(poses: FloatArray, marker: int, component: int, step: float) -> FloatArray:
+    """Poses (e, m, 12) where a marker has moved along, or rotated about, one of its axes."""
+    poses = poses.copy()
+    own, k = poses[:, marker], component % 3
+    axes = own[:, 3:].reshape(-1, 3, 3)
+    if component < 3:
+        own[:, :3] += step * axes[:, :, k]
+        return poses
+    i, j = (k + 1) % 3, (k + 2) % 3
+    first, second = axes[:, :, i].copy(), axes[:, :, j].copy()
+    turned = axes.copy()
+    turned[:, :, i] = np.cos(step) * first + np.sin(step) * second
+    turned[:, :, j] = np.cos(step) * second - np.sin(step) * first
+    own[:, 3:] = turned.reshape(-1, 9)
+    return poses

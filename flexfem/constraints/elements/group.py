@@ -31,12 +31,12 @@ class Slopes:
     """Derivatives of the forces of e elements with r rows, whose states follow.
 
     Attributes:
-        by_place: (e, r, r) by displacements along the rows at fixed rates.
-        by_rate: (e, r, r) by rates of the rows.
+        by_place: (e, r, 6 m) by displacements of the markers at fixed twists.
+        by_twist: (e, r, 6 m) by their twists.
     """
 
     by_place: FloatArray
-    by_rate: FloatArray
+    by_twist: FloatArray
 
 
 class ElementGroup:
@@ -45,7 +45,7 @@ class ElementGroup:
     Attributes:
         law: their law.
         elements: (e,) their numbers in it.
-        rows, markers: (e, r) and (e, m) their rows and markers.
+        rows, markers: (e, r) and (e, m) their rows, and the markers that the law depends on.
         z0, g0, w0: (e, n) states, their rates and rate-like variables at the accepted state.
         held: (e, r) forces at the accepted state, which explicit laws keep through a step.
         z, g: (e, n) states and their rates at the last evaluation.
@@ -63,9 +63,9 @@ class ElementGroup:
         self.g0, self.w0 = np.zeros((2, *self.z0.shape))
         self.z, self.g = self.z0.copy(), self.g0.copy()
         self.forces, self.held = np.zeros((2, *rows.shape))
-        (e, r), n = rows.shape, law.states
-        self._nothing = Slopes(np.zeros((e, r, r)), np.zeros((e, r, r)))
-        self.kept = np.zeros((e, 1 + (r + n) * (2 * r + n)))
+        (e, r), n, self._columns = rows.shape, law.states, 6 * law.size
+        self._nothing = Slopes(*np.zeros((2, e, r, self._columns)))
+        self.kept = np.zeros((e, 1 + (r + n) * (2 * self._columns + n)))
         self._slopes, self._count = self._nothing, 0
         self._inverse: FloatArray | None = None
 
@@ -124,7 +124,7 @@ class ElementGroup:
         self.accept(motion, AT_REST)
 
     def linearized(self, motion: ElementMotion) -> FloatArray:
-        """(e, r + n, 2 r + n) derivatives of forces and rates at steady states of a motion.
+        """(e, r + n, 12 m + n) derivatives of forces and rates at steady states of a motion.
 
         See ``differences.law_derivatives``; the steady states are accepted.
         """
@@ -142,7 +142,7 @@ class ElementGroup:
         """
         if step is AT_REST:
             self.z[:] = self.z0
-        if not all(np.isfinite(x).all() for x in (motion.poses, motion.sums, motion.rates)):
+        if not all(np.isfinite(x).all() for x in (motion.poses, motion.twists)):
             self.forces[:] = np.nan
             return
         self._call(motion)
@@ -198,16 +198,18 @@ class ElementGroup:
         """(e, n, n) inverse of the equations of the states; ``fresh``: not with those kept."""
         r, gain = self.rows.shape[1], 1.0 if step is None else step.gain
         if self.kept[:, 0].all() and not fresh:
-            return _inverse(self._derivatives[:, r:, 2 * r :], step)
+            return _inverse(self._derivatives[:, r:, 2 * self._columns :], step)
         values, sizes = np.concatenate([self.forces, self.g], axis=1), self._sizes(gain)
-        found = law_derivatives(self.law, self.elements, motion, self.z, sizes, values, 2 * r)
+        found = law_derivatives(
+            self.law, self.elements, motion, self.z, sizes, values, 2 * self._columns
+        )
         return _inverse(found[:, r:], step)
 
     @property
     def _derivatives(self) -> FloatArray:
-        """(e, r + n, 2 r + n) derivatives of the law that are kept."""
+        """(e, r + n, 12 m + n) derivatives of the law that are kept."""
         (e, r), n = self.rows.shape, self.law.states
-        return self.kept[:, 1:].reshape(e, r + n, 2 * r + n)
+        return self.kept[:, 1:].reshape(e, r + n, 2 * self._columns + n)
 
     def _differentiate(self, motion: ElementMotion, step: StateStep | None) -> None:
         """Compute the derivatives of the law that are kept."""
@@ -218,14 +220,14 @@ class ElementGroup:
 
     def _condensed(self, step: StateStep | None) -> Slopes:
         """Derivatives of the forces with states that satisfy their equations."""
-        r, every = self.rows.shape[1], self._derivatives
-        total = every[:, :r, : 2 * r]
+        r, every, count = self.rows.shape[1], self._derivatives, self._columns
+        total = every[:, :r, : 2 * count]
         if self.z.size:
             gain = 1.0 if step is None else step.gain
-            self._inverse = _inverse(every[:, r:, 2 * r :], step)
-            follow = gain * (self._inverse @ every[:, r:, : 2 * r])
-            total = total + every[:, :r, 2 * r :] @ follow
-        return Slopes(total[:, :, :r], total[:, :, r:])
+            self._inverse = _inverse(every[:, r:, 2 * count :], step)
+            follow = gain * (self._inverse @ every[:, r:, : 2 * count])
+            total = total + every[:, :r, 2 * count :] @ follow
+        return Slopes(total[:, :, :count], total[:, :, count:])
 
 
 def _inverse(by_state: FloatArray, step: StateStep | None) -> FloatArray:

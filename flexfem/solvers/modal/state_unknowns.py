@@ -20,7 +20,7 @@ __all__ = ["StateUnknowns"]
 
 @dataclass(frozen=True)
 class _Set:
-    """Elements of this rank with states, of one set of ``ForceElements.alike``.
+    """Elements of this rank with states, of one of ``ForceElements.sets``.
 
     Attributes:
         at: number of the set.
@@ -52,14 +52,14 @@ class StateUnknowns:
         self._system, self.count = system, 0
         rows, at = system.constraints, 0
         self._sets: list[_Set] = []
-        for group, alike in zip(rows.elements.groups, rows.elements.alike, strict=True):
-            for some in alike:
-                own = group.rows[some.members]
+        for group, sets in zip(rows.elements.groups, rows.elements.sets, strict=True):
+            for some in sets:
+                own = some.rows
                 chosen = np.flatnonzero(rows.owned[own[:, 0]] > 0.0)
                 n = group.law.states
                 if n:
                     first = self.count + n * np.arange(len(chosen))
-                    nodes = rows.term_nodes[some.terms[chosen, 0]].reshape(len(chosen), -1)
+                    nodes = some.nodes[chosen].reshape(len(chosen), -1)
                     self._sets.append(_Set(at, chosen, own[chosen], nodes, first, n))
                     self.count += n * len(chosen)
                 at += 1
