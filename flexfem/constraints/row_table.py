@@ -118,6 +118,12 @@ class RowTable:
         return np.isin(self.elastic[:, 0], LINEAR_LAWS)
 
     @property
+    def on_lines(self) -> BoolArray:
+        """(r,) rows of joints with markers on lines."""
+        lines = np.array([placed.on_lines for placed in self.joints], dtype=np.bool_)
+        return lines[self.joint_of_row]
+
+    @property
     def frictional(self) -> BoolArray:
         """(r,) rows with a law of friction."""
         return np.isin(self.elastic[:, 0], FRICTION_LAWS)

@@ -31,10 +31,13 @@ def _law(owner: str, what: str, value: Any) -> Any:
 class Controller:
     """Feedback from probes to actuators and loads.
 
-    A function ``law(t, y)`` without a sample time acts continuously: it is evaluated together with
-    the loads, with measurements extrapolated linearly from the last two accepted steps, which is of
-    second order in the step. It must depend on nothing but its arguments, and is called on every
-    rank.
+    A function ``law(t, y)`` without a sample time acts continuously. It must depend on nothing but
+    its arguments, and is called on every rank, several times a step. If it measures functions of
+    markers (`Probe`) at nodes of beams, of bodies in floating frames and of rigid bodies, and
+    drives actuators, it acts implicitly: on the motion that each step solves for, so that stiff
+    gains on light bodies are stable. Other measurements (strains, energies, accelerations, sliders)
+    and loads take values extrapolated linearly from the last two accepted steps, which is of second
+    order in the step, and stable only if the step resolves the motion that they feed back to.
 
     Every other law is sampled: it is called once per sample time, on the first rank, with the
     accepted state of that instant, and its outputs are held until the next sample. A sample time is

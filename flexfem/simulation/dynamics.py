@@ -32,6 +32,7 @@ from flexfem.simulation.run.loop import Steps, carry_out
 from flexfem.simulation.run.outcome import Outcome, Results
 from flexfem.simulation.run.recording import Recorder
 from flexfem.simulation.run.time_grid import TimeGrid
+from flexfem.simulation.watch.alternating_forces import AlternatingForces
 from flexfem.simulation.watch.energy_drift import energy_drift
 from flexfem.simulation.watch.energy_watch import EnergyWatch
 from flexfem.simulation.watch.locked_shapes import locked_shapes
@@ -93,6 +94,7 @@ class _TimeSteps(Steps):
         self.checkpoints = Checkpoints(simulation, simulation.serial, options, self._grid, restart)
         self._watch: EnergyWatch | None = None
         self._turns: UnresolvedTurns | None = None
+        self._alternating: AlternatingForces | None = None
         self.recorder = Recorder(
             self.system, simulation.serial, options, options.every, options.t_end,
             resume=None if restart is None else restart.state, varies=options.adaptive,
@@ -132,6 +134,7 @@ class _TimeSteps(Steps):
         self._turns = UnresolvedTurns(
             self.system, simulation.serial, options, simulation.turn_limit
         )
+        self._alternating = AlternatingForces(self.system, simulation.controls)
         simulation.follow = _weakly(self._follow)
         if options.adaptive:
             simulation.observe = _weakly(self._between)
@@ -141,6 +144,7 @@ class _TimeSteps(Steps):
         simulation, grid = self._simulation, self._grid
         assert self._watch is not None
         assert self._turns is not None
+        assert self._alternating is not None
         self._step = step = self._step + 1
         status = simulation.advance(grid.rest(simulation.time, step), grid.time(step))
         self._turns.step(simulation.rejected)
@@ -149,6 +153,7 @@ class _TimeSteps(Steps):
         stopped = simulation.events.stopped_by is not None
         self.done = stopped or step == self._count
         self._watch.step(len(simulation.events.fired), self.done)
+        self._alternating.step()
         self.recorder.record(step, last=self.done, measures=self._outputs())
         if not stopped or simulation.time >= grid.time(step):
             self._completed = step
@@ -181,7 +186,7 @@ class _TimeSteps(Steps):
     def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> None:
         """See :class:`Steps`."""
         cautions, serial = self.cautions, self._simulation.serial
-        for watch in (self._watch, self._turns):
+        for watch in (self._watch, self._turns, self._alternating):
             cautions.say([] if watch is None else watch.texts())
         # the first rank has the history
         cautions.say(self.system.comm.bcast(energy_drift(serial.model, history)))

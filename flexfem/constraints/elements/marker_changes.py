@@ -70,9 +70,7 @@ class MarkerChanges:
         """
         if rates is not None:
             return rates[self.terms]
-        found: FloatArray = np.einsum(
-            "ectsi,etsij->ectsj", displacements, velocities[self.nodes]
-        )
+        found: FloatArray = np.einsum("ectsi,etsij->ectsj", displacements, velocities[self.nodes])
         return found
 
 

@@ -19,7 +19,10 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     pulls = model.gravity is not None and bool(model.gravity.acceleration.any())
     if pulls or model.loads or any(joint.driven for joint in model.joints):
         return
-    spring = rows.elastic[:, 0] == LawKind.SPRING
+    kinds = rows.elastic[:, 0]
+    if np.isin(kinds, (LawKind.FUNCTION, LawKind.ELEMENT)).any():
+        return
+    spring = kinds == LawKind.SPRING
     force = rows.elastic[:, 1] * rows.values + rows.elastic[:, 3]
     if np.any(spring & rows.active & (np.abs(force) > 0.0)):
         return

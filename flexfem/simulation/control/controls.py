@@ -3,9 +3,12 @@
 
 All ranks measure the same numbers. Sampled laws are called on the first rank alone, once per sample
 and only at accepted states, and the others receive the outputs: a law may have side effects, and a
-repeated step does not repeat its sample. Continuous laws are functions of the time and of
-measurements at accepted states, so that nothing has to be undone after a rejected step.
+repeated step does not repeat its sample. Continuous laws of the motion of markers act implicitly
+on actuators (``feedback``); others are functions of the time and of measurements extrapolated from
+accepted states. Nothing has to be undone after a rejected step.
 """
+
+from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from copy import copy, deepcopy
@@ -17,12 +20,14 @@ from flexfem._checks import InputError
 from flexfem._faults import FAILURES, FunctionError, ReturnError, noted
 from flexfem._types import FloatArray, IntArray
 from flexfem.control.law import SampledLaw
+from flexfem.core.joint import Joint
 from flexfem.core.load import Load
 from flexfem.core.state import counts
 from flexfem.joints.actuator import Actuator
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.controller import Controller
 from flexfem.model.model import Model
+from flexfem.simulation.control.feedback import DrivenActuator, FeedbackLaw, feedback
 from flexfem.simulation.control.measurements import Measurements
 from flexfem.system.system import System
 
@@ -37,8 +42,8 @@ _ROUND_OFF = 1e-6
 _SHORT = 0.05
 
 
-def driven_model(model: Model, outputs: Outputs | None = None) -> Model:
-    """The model with its controllers' outputs as functions of time, by default zero.
+def driven_model(model: Model, controls: Controls | None = None) -> Model:
+    """The model with its controllers' outputs, which are zero without ``controls``.
 
     The given model is not changed, and may be run again.
     """
@@ -46,12 +51,9 @@ def driven_model(model: Model, outputs: Outputs | None = None) -> Model:
     if not names:
         return model
     driven = copy(model)
-    driven.joints = [
-        _driven_joint(joint, names.index(joint.name), outputs)
-        if isinstance(joint, Actuator) and joint.name in names
-        else joint
-        for joint in model.joints
-    ]
+    joints = {} if controls is None else controls.actuators(model)
+    driven.joints = [joints.get(joint.name, joint) for joint in model.joints]
+    outputs = None if controls is None else controls.outputs
     driven.loads = [
         _driven_load(load, names.index(load.name), outputs) if load.name in names else load
         for load in model.loads
@@ -59,10 +61,9 @@ def driven_model(model: Model, outputs: Outputs | None = None) -> Model:
     return driven
 
 
-def _driven_joint(actuator: Actuator, number: int, outputs: Outputs | None) -> Actuator:
+def _driven_joint(actuator: Actuator, number: int, outputs: Outputs) -> Actuator:
     own, changed = actuator.force, copy(actuator)
-    if outputs is not None:
-        _checks.assign(changed, force=lambda t: float(own(t)) + float(outputs(t)[number]))
+    _checks.assign(changed, force=lambda t: float(own(t)) + float(outputs(t)[number]))
     return changed
 
 
@@ -81,6 +82,16 @@ class _Loop:
         self.controller = controller
         self.owner = f'{type(controller).__name__} "{controller.name}"'
         self.count = len(controller.outputs)
+
+    @property
+    def implicit(self) -> bool:
+        """True if its outputs follow the trial motion."""
+        return False
+
+    @property
+    def driven(self) -> list[str]:
+        """Outputs in messages."""
+        return [f'{self.owner}: output "{name}"' for name in self.controller.outputs]
 
     def checked(self, t: float, outputs: object) -> FloatArray:
         """Outputs as an array (count,).
@@ -106,6 +117,7 @@ class _Continuous(_Loop):
     def __init__(self, controller: Controller, step: float) -> None:
         super().__init__(controller)
         self._least = _SHORT * step
+        self.law: FeedbackLaw | None = None  # where it acts implicitly
         # time and measurements at the last accepted state, and at one before
         self._last = self._before = np.empty(0)
         self._at, self._outputs = np.nan, np.zeros(self.count)
@@ -116,6 +128,32 @@ class _Continuous(_Loop):
         elif t - self._last[0] >= self._least:
             self._before = self._last
         self._last, self._at = np.concatenate([[t], y]), np.nan
+        if self.law is not None:
+            self.law.previous = y.copy()
+
+    @property
+    def implicit(self) -> bool:
+        """See :attr:`_Loop.implicit`."""
+        return self.law is not None and self.law.follows
+
+    def feedback(self, model: Model) -> dict[str, DrivenActuator]:
+        """Its actuators, where it acts implicitly; else none."""
+        found = feedback(model, self.controller, self.call, self.outputs)
+        self.law = next((one.law for one in found.values()), None)
+        return found
+
+    def call(self, t: float, y: FloatArray) -> FloatArray:
+        """Checked outputs of the law at a time (s) and measurements.
+
+        Raises:
+            Exception: whatever the law raises, or a ReturnError for other or infinite values.
+        """
+        assert callable(self.controller.law)
+        outputs = self.checked(t, self.controller.law(t, y))
+        if not np.isfinite(outputs).all():
+            found = _checks.show(outputs.tolist())
+            raise ReturnError(f"law returned {found} at t = {t:.6g} s")
+        return outputs
 
     def outputs(self, t: float) -> FloatArray:
         if not len(self._last):
@@ -125,13 +163,8 @@ class _Continuous(_Loop):
             if len(self._before) and t != self._last[0]:
                 change = self._last - self._before
                 y = y + (t - self._last[0]) / change[0] * change[1:]
-            assert callable(self.controller.law)
             try:
-                outputs = self.checked(t, self.controller.law(t, y.copy()))
-                if not np.isfinite(outputs).all():
-                    found = _checks.show(outputs.tolist())
-                    raise ReturnError(f"law returned {found} at t = {t:.6g} s")
-                self._outputs = outputs
+                self._outputs = self.call(t, y.copy())
             except FAILURES as error:
                 noted(self.owner, self.controller.law, error)
                 self._outputs = np.full(self.count, np.nan)
@@ -143,6 +176,8 @@ class _Continuous(_Loop):
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
         self._last, self._before, self._at = state["last"], state["before"], np.nan
+        if self.law is not None and len(self._last):
+            self.law.previous = self._last[1:].copy()
 
 
 class _Sampled(_Loop):
@@ -225,11 +260,33 @@ class Controls:
         """Number of controllers."""
         return len(self._loops)
 
+    def actuators(self, model: Model) -> dict[str, Joint]:
+        """The driven actuators of a model by name."""
+        found: dict[str, Joint] = {}
+        for loop in self._loops:
+            if isinstance(loop, _Continuous):
+                found.update(loop.feedback(model))
+        names = [output for controller in model.controllers for output in controller.outputs]
+        for joint in model.joints:
+            if isinstance(joint, Actuator) and joint.name in names and joint.name not in found:
+                found[joint.name] = _driven_joint(joint, names.index(joint.name), self.outputs)
+        return found
+
     def outputs(self, t: float) -> FloatArray:
         """All outputs that act at time ``t`` (s), one after the other."""
         if not self._loops:
             return self._nothing
         return np.concatenate([loop.outputs(t) for loop in self._loops])
+
+    @property
+    def explicit(self) -> list[str]:
+        """Actuators and loads, by class and name, whose outputs follow accepted states."""
+        return [name for loop in self._loops if not loop.implicit for name in loop.driven]
+
+    def explicit_outputs(self, t: float) -> FloatArray:
+        """Their outputs at time ``t`` (s)."""
+        found = [loop.outputs(t) for loop in self._loops if not loop.implicit]
+        return np.concatenate([self._nothing, *found])
 
     def attach(self, system: System, serial: NumberedModel) -> None:
         """Set up the measurements (collective)."""

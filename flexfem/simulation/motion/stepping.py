@@ -82,9 +82,8 @@ class Simulation:
         check = None if restart is None else restart.check
         grid = TimeGrid.of(options.dt, options.t_end) if restart is None else restart.grid
         self.controls = Controls(model, grid.h)
-        outputs = self.controls.outputs
         self.serial, self.system = set_up(
-            model, comm, options.split_above, check, outputs, options.kernels
+            model, comm, options.split_above, check, self.controls, options.kernels
         )
         self.options = options
         self.cautions = Cautions.of_model(self.serial, options, self.system)

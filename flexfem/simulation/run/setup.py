@@ -10,7 +10,7 @@ from flexfem._faults import watched
 from flexfem.la.dropped import destroy_dropped
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.model import Model
-from flexfem.simulation.control.controls import Outputs, driven_model
+from flexfem.simulation.control.controls import Controls, driven_model
 from flexfem.simulation.run.guard import refuse
 from flexfem.system.agreement import agreed
 from flexfem.system.build import build
@@ -23,7 +23,7 @@ __all__ = ["set_up"]
 
 def set_up(
     model: Model, comm: MPI.Intracomm | None, split_above: int,
-    check: Callable[[NumberedModel], None] | None = None, outputs: Outputs | None = None,
+    check: Callable[[NumberedModel], None] | None = None, controls: Controls | None = None,
     kernels: str = "fast",
 ) -> tuple[NumberedModel, System]:  # fmt: skip
     """Serial data and system of a model (collective).
@@ -33,7 +33,7 @@ def set_up(
         comm: communicator, all ranks by default.
         split_above: elements above which one beam may be split over ranks.
         check: raises a ValueError for unsuitable serial data.
-        outputs: outputs of the model's controllers at a time (s); zero by default.
+        controls: the model's controllers; their outputs are zero without.
         kernels: "fast" or "ufl", see ``flexfem.analyses.analysis.KERNELS``.
 
     Raises:
@@ -44,7 +44,7 @@ def set_up(
 
     def make() -> NumberedModel:
         model.validate()
-        return NumberedModel(driven_model(model, outputs), kernels)
+        return NumberedModel(driven_model(model, controls), kernels)
 
     try:
         serial = agreed(comm, make)

@@ -66,7 +66,8 @@ class EnergyWatch:
         box = model_box(serial)
         self._drives = DriveChanges(rows, diagonal(box))
         self._validity = ValidityWatch(serial, system, box)
-        self._driven = bool(system.comm.allreduce(len(self._drives.rows)))
+        mine = len(self._drives.rows) + len(self._drives.wrenches)
+        self._driven = bool(system.comm.allreduce(mine))
         self._complete = not system.comm.allreduce(not self._drives.complete, op=MPI.LOR)
         steady = all(
             load.amplitude is None and not load.follower and not np.any(load.wrench[1])

@@ -73,7 +73,9 @@ class DriveChanges:
         work: (2,) their work on bodies so far, J, and half of its absolute difference to the work
             with the forces at the ends of the steps instead of those at their starts: the possible
             error if forces oscillate from step to step.
-        rows: (k,) their numbers, without drives that rotate directions instead of moving targets.
+        rows: (k,) their numbers, without drives that rotate directions instead of moving targets,
+            and without components of wrenches at markers.
+        wrenches: (m,) numbers of these.
         complete: True if all driven rows are included.
     """
 
@@ -89,7 +91,12 @@ class DriveChanges:
         turning = np.zeros(rows.size, dtype=np.bool_)
         turning[rows.row_of_term[rows.kinds == RowKind.AXES]] = True
         self.complete = not bool((driven & turning).any())
-        self.rows: IntArray = np.flatnonzero(driven & ~turning).astype(np.int64)
+        acting = np.zeros(rows.size, dtype=np.bool_)
+        acting[rows.row_of_term[(rows.kinds == RowKind.TWIST) & (rows.factors != 0.0)]] = True
+        acting |= rows.of_elements & rows.on_lines
+        self.wrenches: IntArray = np.flatnonzero(driven & acting).astype(np.int64)
+        self._powers = self._wrench_powers()
+        self.rows: IntArray = np.flatnonzero(driven & ~turning & ~acting).astype(np.int64)
         angles = np.zeros(rows.size, dtype=np.bool_)
         angles[rows.row_of_term[rows.kinds == RowKind.ANGLE]] = True
         # a motion of less than a ten-thousandth of the model's size is not a jump
@@ -131,6 +138,16 @@ class DriveChanges:
         """Add the work since the last call to that so far."""
         rows = self._table
         _work(self.rows, self._forces(), self._values(), rows.mean_forces, self._last, self.work)
+        if len(self.wrenches):
+            (t0, F0, v0), self._powers = self._powers, self._wrench_powers()
+            t1, F1, v1 = self._powers
+            way = 0.5 * (t1 - t0) * (v0 + v1)
+            self.work -= 0.5 * float((F0 + F1) @ way), -0.5 * abs(float((F1 - F0) @ way))
+
+    def _wrench_powers(self) -> tuple[float, FloatArray, FloatArray]:
+        """Time (s), wrench components (N, N m) and the twists along them."""
+        rows, own = self._table, self.wrenches
+        return rows.instant, rows.forces[own], rows.rates()[own]
 
     def forget(self) -> None:
         """Discard the history of steps: an event may have changed locked rows."""

@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Feedback of continuous laws acts implicitly: as springs and dampers of its gains do."""
+
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from tests.histories import columns
+
+PROPORTIONAL, DERIVATIVE, TARGET = 300.0, 20.0, 0.4
+AXIS = (0.0, 1.0, 0.0)
+
+
+def angle(t: float, root: ff.MarkerState) -> tuple[float, float]:
+    """Angle of the root about y, and its rate."""
+    return np.arctan2(-root.rotation[2, 0], root.rotation[0, 0]), root.angular_velocity[1]
+
+
+def arm(kind: str, more: Any = None) -> ff.Model:
+    """Two links, the first one flexible, whose light root a motor holds at an angle."""
+    lines = {"arm": [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], "hand": [(1.0, 0.0, 0.0), (1.5, 0.0, 0.0)]}
+    section = ff.Section.circle(0.02, ff.Material(7e10, 0.3, 2700.0))
+    model = ff.Model("arm", mesh=ff.LineMesh.straight(lines, 4))
+    root, tip = ff.Marker("arm", "start"), ff.Marker("hand", "start")
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Beam("arm", section, damping=1e-4), ff.Beam("hand", section, damping=1e-4),
+        ff.Revolute("shoulder", ff.Ground(), root, axis=AXIS),
+        ff.Revolute("elbow", ff.Marker("arm", "end"), tip, axis=AXIS),
+        ff.Probe("turn", root, ("angle", "rate"), angle, unwrap=["angle"]),
+        ff.PositionProbe("tip", ff.Marker("hand", "end")),
+        ff.EnergyProbe(),
+    )  # fmt: skip
+    if kind == "spring":
+        gains = {"stiffness": PROPORTIONAL, "damping": DERIVATIVE, "rest_angle": TARGET}
+        model.add(ff.TorsionalSpringDamper("motor", ff.Ground(), root, axis=AXIS, **gains))
+    else:
+        model.add(ff.Actuator("motor", ff.Ground(), root, axis=AXIS))
+        given = {"sample_time": 2e-3} if kind == "sampled" else {}
+        model.add(ff.Controller("pd", ["angle", "rate"], ["motor"], more or gains_of, **given))
+    model.add(ff.ReactionProbe("torque", "motor"))
+    return model
+
+
+def gains_of(t: float, y: np.ndarray) -> float:
+    """Proportional and derivative feedback."""
+    return PROPORTIONAL * (TARGET - y[0]) - DERIVATIVE * y[1]
+
+
+@pytest.mark.three_ranks
+def test_gains_act_as_a_spring_and_a_damper() -> None:
+    """On a node of 1e-5 kg m^2 and with a step at which forces of the last step grow without bound.
+
+    The same equations; a rate of the step before moves the tip by 1e-3 m.
+    """
+    options = ff.RunOptions(dt=2e-3, t_end=0.3, tolerance=1e-10, quiet=True)
+    wanted = columns(ff.simulate(arm("spring"), options))
+    found = columns(ff.simulate(arm("feedback"), options))
+    for name in ("angle", "tip_x", "tip_z", "torque_my"):
+        scale = np.abs(wanted[name]).max()
+        np.testing.assert_allclose(found[name], wanted[name], atol=1e-7 * scale, err_msg=name)
+    # what the history says of the controller is what has acted
+    np.testing.assert_allclose(found["pd_motor"], found["torque_my"], atol=1e-6)
+    alone = ff.simulate(arm("feedback"), options, comm=MPI.COMM_SELF).history
+    for name in ("angle", "tip_z", "torque_my", "energy_work"):
+        scale = np.abs(alone[name]).max()
+        np.testing.assert_allclose(found[name], alone[name], atol=1e-9 * scale, err_msg=name)
+
+
+@pytest.mark.three_ranks
+def test_the_work_of_feedback_is_in_the_balance() -> None:
+    """Of second order in the step; left out, the balance is off by all of the work."""
+    begin = ff.SmoothStep(0.0, 0.3)
+
+    def law(t: float, y: np.ndarray) -> float:
+        return PROPORTIONAL * (TARGET * begin(t) - y[0]) - DERIVATIVE * y[1]
+
+    options = ff.RunOptions(dt=2e-3, t_end=0.3, quiet=True)
+    found = columns(ff.simulate(arm("feedback", law), options))
+    assert np.abs(found["energy_balance"]).max() < 1e-3 * np.abs(found["energy_work"]).max()
+
+
+@pytest.mark.serial
+def test_explicit_feedback_does_not_hold_it() -> None:
+    """What the other test is about: the same gains, sampled, do not settle."""
+    outcome = ff.simulate(arm("sampled"), ff.RunOptions(dt=2e-3, t_end=0.3, quiet=True))
+    said = " ".join(outcome.summary["warnings"])
+    assert 'Controller "pd": output "motor": its force alternates' in said
+    lost = outcome.status != "ok" or np.abs(outcome.history["rate"]).max() > 1e3
+    assert lost
