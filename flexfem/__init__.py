@@ -164,6 +164,7 @@ _MODULES = {
     "Pulley": "joints.pulley",
     "CustomJoint": "joints.custom_joint",
     "CustomForce": "joints.custom_force",
+    "Curve": "core.curves.curve",
     "Ends": "joints.force",
     "Force": "joints.force",
     "Distance": "joints.distance",

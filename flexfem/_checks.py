@@ -327,6 +327,17 @@ def stiffness_and_damping(owner: str, stiffness: object, damping: object) -> Non
         raise ValueError(f"{owner}: stiffness and damping must not both be zero")
 
 
+def replaces(owner: str, what: str, **numbers: float) -> None:
+    """Check that numbers that a function replaces are zero.
+
+    Raises:
+        ValueError: one of them is not.
+    """
+    for name, value in numbers.items():
+        if value != 0.0:
+            raise ValueError(f"{owner}: {what} takes the place of {name}, got {show(value)}")
+
+
 def shaped_spring(owner: str, stiffness: float, preload: float, **shapes: float) -> None:
     """Check what makes a spring other than linear through zero against one another.
 

@@ -30,7 +30,7 @@ from flexfem.constraints.rows.kernels import (
 )
 from flexfem.constraints.rows.laws import elastic_part, static_forces
 from flexfem.constraints.rows.placed_joint import PlacedJoint
-from flexfem.core.laws import DAMPED_BY_COEFFICIENT, LawKind
+from flexfem.core.laws import DAMPED_BY_COEFFICIENT, STORING_FUNCTIONS, LawKind
 from flexfem.core.nodes.action_kernels import add_turning_forces
 from flexfem.core.row import Row, RowKind
 from flexfem.core.state import State
@@ -272,8 +272,9 @@ class Constraints(NumberedRows):
     @property
     def storing(self) -> BoolArray:
         """(r,) drives that move the rest of a spring or stop, which works on what it stores."""
-        sprung = np.isin(self.elastic[:, 0], (LawKind.SPRING, LawKind.LIMIT))
-        stores: BoolArray = self.working & sprung & (self.elastic[:, 1] > 0.0)
+        kinds, stiff = self.elastic[:, 0], self.elastic[:, 1] > 0.0
+        sprung = stiff & np.isin(kinds, (LawKind.SPRING, LawKind.LIMIT))
+        stores: BoolArray = self.working & (sprung | np.isin(kinds, STORING_FUNCTIONS))
         return stores
 
     @property
@@ -417,7 +418,10 @@ class Constraints(NumberedRows):
         energies, pulls = np.zeros((2, self.size))
         if self.elastic[:, 0].any():  # else all are rigid
             values = self.sums() - self.targets
-            elastic_part(self.elastic, self.active, values, energies, pulls)
+            elastic_part(
+                self.elastic, self.functions, self.function_data, self.active, values, energies,
+                pulls,
+            )  # fmt: skip
         return energies, pulls
 
     def _hold(self, gradient: FloatArray) -> None:

@@ -13,6 +13,7 @@ from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import FloatArray
 from flexfem.constraints.terms.compiled_functions import check, kind_number
 from flexfem.constraints.terms.dispatch import term as evaluate_term
+from flexfem.core.laws import STORING_FUNCTIONS, Law, LawKind
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind
 from flexfem.core.user_function import FunctionKind, UserFunction
@@ -22,6 +23,9 @@ if TYPE_CHECKING:
     from flexfem.constraints.numbered_rows import NumberedRows
 
 __all__ = ["Functions", "check_functions"]
+
+#: Depth (m or rad) at which the function of a stop or of a slack spring is tried.
+_TRIED = 1e-3
 
 
 def check_functions(rows: Sequence[Row], poses: Sequence[Pose]) -> None:
@@ -53,12 +57,26 @@ def check_functions(rows: Sequence[Row], poses: Sequence[Pose]) -> None:
             user, data = row.law.function, np.zeros(9)
             data[1 : 1 + len(user.parameters)] = user.parameters
             value = sum(_value(term, frames) for term in row.terms) - row.target
-            if user.kind is FunctionKind.FORCE:
-                user.tried(value, 0.0, 0.0)
-                check(user, np.array([value, 0.0]), data)
+            if user.kind in (FunctionKind.FORCE, FunctionKind.CURVE):
+                place = _beyond(row.law, value)
+                user.tried(place, 0.0, 0.0)
+                check(user, np.array([place, 0.0]), data)
             else:
                 user.tried(row.law.second)
                 check(user, np.array([row.law.second]), data)
+
+
+def _beyond(law: Law, value: float) -> float:
+    """Argument of a law's function: the value, or how far it is beyond a slack range.
+
+    Within the range it is not called; a small one beyond is tried.
+    """
+    if law.kind not in STORING_FUNCTIONS:
+        return value
+    beyond = value - min(max(value, law.first), law.second)
+    if beyond == 0.0 and law.first < law.second:
+        return _TRIED
+    return abs(beyond) if law.kind is LawKind.PRESS else beyond
 
 
 def _functions(row: Row) -> list[UserFunction | None]:

@@ -17,15 +17,18 @@ __all__ = [
     "DAMPED_BY_COEFFICIENT",
     "FRICTION_LAWS",
     "LINEAR_LAWS",
+    "STORING_FUNCTIONS",
     "ElementLaw",
     "ElementMotion",
     "Law",
     "LawKind",
     "applied",
+    "curve",
     "custom",
     "element",
     "friction",
     "limit",
+    "press",
     "spring",
 ]
 
@@ -47,12 +50,19 @@ class LawKind(IntEnum):
     NORMAL_FRICTION = 5
     #: forces of all rows of a joint together, see `ElementLaw`
     ELEMENT = 6
+    #: F(y, v), a user's function that stores ``F(y, 0)``; zero within lower <= x <= upper, beyond
+    #: by y, which is x where both are zero
+    CURVE = 7
+    #: the same function of the depth d > 0 and its rate on either side, which presses only
+    PRESS = 8
 
 
 #: Laws that are linear in value and rate.
 LINEAR_LAWS = (LawKind.RIGID, LawKind.SPRING)
 #: Laws without a force at rest, which statics leave out; theirs depends on the iterate.
 FRICTION_LAWS = (LawKind.FRICTION, LawKind.NORMAL_FRICTION)
+#: Laws by functions that store energy.
+STORING_FUNCTIONS = (LawKind.CURVE, LawKind.PRESS)
 #: Laws whose force changes with the rate only if there is a damping coefficient.
 DAMPED_BY_COEFFICIENT = (LawKind.RIGID, LawKind.SPRING, LawKind.LIMIT)
 
@@ -142,7 +152,8 @@ class Law:
         kind: number of the law, `LawKind`.
         stiffness: k, N/m or N m/rad.
         damping: c, N s/m or N m s/rad.
-        first, second: ``SPRING``: F_0 (N or N m) and nothing; ``LIMIT``: lower and upper limit;
+        first, second: ``SPRING``: F_0 (N or N m) and nothing; ``LIMIT``, ``CURVE`` and ``PRESS``:
+            lower and upper limit;
             ``FRICTION``: F_c (N or N m) and v_0 (m/s or rad/s); ``NORMAL_FRICTION``: mu (1, or m
             for a moment) and v_0.
         function: user's function of the force, or of a factor of F_c or mu; None for the laws above
@@ -219,6 +230,39 @@ def custom(owner: str, force: Callable[..., float], parameters: Sequence[float] 
     """
     user = UserFunction.checked(owner, "force", force, FunctionKind.FORCE, parameters)
     return Law(LawKind.FUNCTION, function=user)
+
+
+def curve(owner: str, what: str, force: object, *, backlash: float = 0.0) -> Law:
+    """A force ``F(x)`` or ``F(x, v)`` of value and rate, slack in a range of the value about rest.
+
+    ``F(x, 0)`` is elastic, and its integral is stored energy; what the rate adds is dissipated.
+
+    Args:
+        owner: owner of the function in messages.
+        what: field of the owner that holds it.
+        force: a function made by def or lambda, or a `Curve`; N or N m.
+        backlash: width of the range, m or rad.
+
+    Raises:
+        TypeError: it is neither.
+        ValueError: a function of other arguments.
+    """
+    user = UserFunction.checked(owner, what, force, FunctionKind.CURVE)
+    return Law(LawKind.CURVE, first=-0.5 * backlash, second=0.5 * backlash, function=user)
+
+
+def press(owner: str, what: str, force: object, lower: float | None, upper: float | None) -> Law:
+    """A force ``F(d)`` or ``F(d, v)`` against the depth d below ``lower`` or above ``upper``.
+
+    It never pulls; v is the rate of the depth. ``F(d, 0)`` is elastic as that of :func:`curve`.
+
+    Raises:
+        TypeError: the force is neither a function nor a `Curve`.
+        ValueError: a function of other arguments.
+    """
+    user = UserFunction.checked(owner, what, force, FunctionKind.CURVE)
+    low, high = -np.inf if lower is None else lower, np.inf if upper is None else upper
+    return Law(LawKind.PRESS, first=low, second=high, function=user)
 
 
 def element() -> Law:

@@ -15,6 +15,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._faults import FAILURES, ReturnError, located
 from flexfem._types import FloatArray
+from flexfem.core.curves.curve import Curve
 
 __all__ = ["MOST_PARAMETERS", "FunctionKind", "UserFunction"]
 
@@ -23,7 +24,7 @@ MOST_PARAMETERS = 8
 
 
 class FunctionKind(IntEnum):
-    """Kinds of users' functions; the number is the least number of arguments of each."""
+    """Kinds of users' functions."""
 
     #: speed -> coefficient of friction or friction force
     SPEED = 1
@@ -31,13 +32,21 @@ class FunctionKind(IntEnum):
     FORCE = 2
     #: p, R, parameters -> number or tuple of numbers; the last may be left out
     POSE = 3
+    #: x, v -> force; the last may be left out
+    CURVE = 4
 
 
-_NEEDED = {FunctionKind.SPEED: 1, FunctionKind.FORCE: 2, FunctionKind.POSE: 2}
+_NEEDED = {
+    FunctionKind.SPEED: 1,
+    FunctionKind.FORCE: 2,
+    FunctionKind.POSE: 2,
+    FunctionKind.CURVE: 1,
+}
 _WORDS = {
     FunctionKind.SPEED: ("speed",),
     FunctionKind.FORCE: ("x", "v", "t", "parameters"),
     FunctionKind.POSE: ("p", "R", "parameters"),
+    FunctionKind.CURVE: ("x", "v"),
 }
 
 
@@ -68,7 +77,7 @@ class UserFunction:
         kind: FunctionKind,
         parameters: Sequence[float] = (),
     ) -> UserFunction:
-        """A function, after checks of its arguments and parameters; it is not called.
+        """A function or a `Curve`, after checks of its arguments and parameters; it is not called.
 
         Raises:
             TypeError: it is no plain function, or parameters are no numbers.
@@ -81,6 +90,8 @@ class UserFunction:
                 f"{len(parameters)}"
             )
         numbers = [_checks.number(owner, "parameters", value) for value in parameters]
+        if isinstance(function, Curve):
+            function = function.function
         if not inspect.isfunction(function):
             raise TypeError(
                 f"{owner}: {what} must be a function made by def or lambda, got "

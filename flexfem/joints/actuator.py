@@ -28,7 +28,8 @@ class Actuator(AxisJoint):
         axis: fixed in marker a, inertial axes at the start.
         motion: "rotation" for a torque about the axis, "translation" for a force along it,
             "distance" for one along the line between the markers, which need no axis.
-        force: function of time (s), N m or N.
+        force: function of time (s), N m or N; a `Table` is one. A force by the motion is a
+            ``CustomForce``, or that of a ``Controller``.
 
     Raises:
         TypeError: the force is not a function.

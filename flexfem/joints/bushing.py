@@ -1,16 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bushing: elastic and viscous in all six relative degrees of freedom."""
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._types import FloatArray
+from flexfem.core.curves.curve import Curve
 from flexfem.core.joint import Joint, turn_angles
-from flexfem.core.laws import Law, spring
+from flexfem.core.laws import Law, curve, spring
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind, Term
 
@@ -22,7 +23,7 @@ _ROUNDING = 1e-12
 
 @dataclass(frozen=True, eq=False)
 class Bushing(Joint):
-    """Linear elastic and viscous connection, ``w = K q + C dq/dt``.
+    """Elastic and viscous connection, ``w = K q + C dq/dt``, and functions of single coordinates.
 
     The six coordinates q are the displacements of b from its place at the start (m, in the axes of
     marker a) and the angles about the axes of marker a by which b has rotated since (rad), each
@@ -35,23 +36,43 @@ class Bushing(Joint):
         stiffness: K; six numbers of the diagonal or a symmetric matrix, shape (6, 6), positive
             semidefinite; N/m, N m/rad.
         damping: C; the same in N s/m, N m s/rad.
+        forces: functions of coordinates besides, by their numbers 0 to 5: ``force(q)`` or
+            ``force(q, v)`` of a coordinate and its rate, or a `Curve`, as the force of a
+            ``SpringDamper``; N, N m.
     """
 
     stiffness: npt.ArrayLike = (0.0,) * 6
     damping: npt.ArrayLike = (0.0,) * 6
+    forces: Mapping[int, Callable[..., float] | Curve] = field(default_factory=dict)
 
     def __post_init__(self) -> None:
         """Check both matrices.
 
         Raises:
             TypeError: they do not consist of numbers.
-            ValueError: wrong shape, not symmetric, not positive semidefinite, or both zero.
+            ValueError: wrong shape, not symmetric, not positive semidefinite, or both zero without
+                functions; a function with other arguments, or of an unknown coordinate.
         """
         super().__post_init__()
         K = _matrix(self.owner, "stiffness", self.stiffness)
         C = _matrix(self.owner, "damping", self.damping)
-        if not K.any() and not C.any():
+        _checks.instance(self.owner, "forces", self.forces, Mapping)
+        for number in self.forces:
+            if number not in range(6):
+                raise ValueError(
+                    f"{self.owner}: forces must be given for coordinates 0 to 5, got "
+                    f"{_checks.show(number)}"
+                )
+        _ = self._laws
+        if not (K.any() or C.any() or self.forces):
             raise ValueError(f"{self.owner}: stiffness and damping must not both be zero")
+
+    @property
+    def _laws(self) -> dict[int, Law]:
+        return {
+            number: curve(self.owner, f"forces[{number}]", force)
+            for number, force in sorted(self.forces.items())
+        }
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
@@ -62,15 +83,18 @@ class Bushing(Joint):
         zero = np.concatenate([start, np.zeros(3)])
         K = _matrix(self.owner, "stiffness", self.stiffness)
         C = _matrix(self.owner, "damping", self.damping)
+        terms = (*along, *about)
+        nonlinear = [Row((terms[i],), float(zero[i]), law) for i, law in self._laws.items()]
         if _diagonal(K) and _diagonal(C):
-            return tuple(
+            linear = [
                 Row((term,), float(zero[i]), spring(float(K[i, i]), float(C[i, i])))
-                for i, term in enumerate((*along, *about))
+                for i, term in enumerate(terms)
                 if K[i, i] or C[i, i]
-            )
+            ]
+            return (*linear, *nonlinear)
         parts = [(vector, spring(1.0, 0.0)) for vector in _parts(K)]
         parts += [(vector, spring(0.0, 1.0)) for vector in _parts(C)]
-        return tuple(_combined((*along, *about), zero, *part) for part in parts)
+        return (*(_combined(terms, zero, *part) for part in parts), *nonlinear)
 
 
 def _combined(terms: Sequence[Term], zero: FloatArray, vector: FloatArray, law: Law) -> Row:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """End stop."""
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import KW_ONLY, InitVar
 
 import numpy as np
@@ -9,8 +9,9 @@ import numpy as np
 from flexfem import _checks
 from flexfem._fields import declared, one_of
 from flexfem._types import FloatArray
+from flexfem.core.curves.curve import Curve
 from flexfem.core.joint import Joint, check_limits, displacement, distance, turn_angle, unit
-from flexfem.core.laws import limit
+from flexfem.core.laws import Law, limit, press
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind, Term
 
@@ -27,7 +28,9 @@ class LimitStop(Joint):
 
     Beyond the limit by d it presses with ``k d (1 + tanh(c v / (k d)))``, v the speed of d: a
     spring and damper while the damper's force is small against the spring's, which begins softly
-    and never pulls.
+    and never pulls. A function gives the force in their place: ``force(d)`` or ``force(d, v)``, or
+    a `Curve`; it presses where it is positive, ``force(d, 0)`` is elastic, and what v adds is
+    dissipated.
 
     Attributes:
         motion: "translation" of b from a along an axis fixed in a (m), "rotation" by which b has
@@ -36,6 +39,8 @@ class LimitStop(Joint):
         lower, upper: limits; None for none on that side.
         stiffness: k, N/m or N m/rad.
         damping: c, N s/m or N m s/rad.
+        force: function made by def or lambda, compiled with its derivatives, or a `Curve`; N or
+            N m; None for the spring and damper.
         coordinate: not accepted: ``motion`` defines it.
     """
 
@@ -45,6 +50,7 @@ class LimitStop(Joint):
     upper: float | None = None
     stiffness: float = 0.0
     damping: float = 0.0
+    force: Callable[..., float] | Curve | None = None
     _: KW_ONLY
     coordinate: InitVar[object] = None
 
@@ -54,7 +60,8 @@ class LimitStop(Joint):
         Raises:
             TypeError: an argument has the wrong type.
             ValueError: an unknown motion, no or a zero axis, no limit or lower above upper,
-                stiffness not positive, damping negative.
+                stiffness not positive, damping negative; a function beside them, or with other
+                arguments.
         """
         super().__post_init__()
         if coordinate is not None:
@@ -67,7 +74,18 @@ class LimitStop(Joint):
                 raise ValueError(f"{self.owner}: a distance has no axis, got {self.axis}")
         else:
             _checks.vector(self.owner, "axis", self.axis, nonzero=True)
-        check_limits(self.owner, self.lower, self.upper, self.stiffness, self.damping)
+        stiffness = self.stiffness
+        if self.force is not None:
+            _checks.replaces(self.owner, "force", stiffness=stiffness, damping=self.damping)
+            stiffness = 1.0
+        check_limits(self.owner, self.lower, self.upper, stiffness, self.damping)
+        _ = self._law
+
+    @property
+    def _law(self) -> Law:
+        if self.force is None:
+            return limit(self.lower, self.upper, self.stiffness, self.damping)
+        return press(self.owner, "force", self.force, self.lower, self.upper)
 
     @property
     def direction(self) -> FloatArray | None:
@@ -81,7 +99,7 @@ class LimitStop(Joint):
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`; raises ValueError for a distance that is zero at the start."""
         a, b = poses
-        law = limit(self.lower, self.upper, self.stiffness, self.damping)
+        law = self._law
         if self.direction is None:
             distance(self.owner, poses)
             return (Row((Term(RowKind.DISTANCE),), 0.0, law),)

@@ -196,6 +196,14 @@ EXAMPLES |= {
         ff.CustomJoint, 3,
         {"function": _custom, "parameters": (0.5,)}, HERE,
     ),
+    "SpringDamper-function": Example(
+        ff.SpringDamper, 1, {"force": lambda x, v: 70.0 * x + 900.0 * x**3 + 4.0 * v}, APART,
+        elastic=True,
+    ),
+    "Bushing-functions": Example(
+        ff.Bushing, 2, {"forces": {0: lambda x: 70.0 * x, 4: lambda x, v: 5.0 * x + 0.3 * v}},
+        APART, elastic=True,
+    ),
     "CustomForce": Example(
         ff.CustomForce, 1,
         {"force": lambda x, v, t, k: k[0] * (x - 0.9) ** 3 + 4.0 * v, "parameters": (70.0,)},

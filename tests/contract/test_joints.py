@@ -12,6 +12,7 @@ import flexfem as ff
 import flexfem.joints
 from flexfem.core.joint import Joint
 from flexfem.core.row import RowKind
+from flexfem.joints.force import ForcePart
 from flexfem.joints.hinge_line import LinePart
 from flexfem.lie import se3, so3
 from tests.contract.joint_examples import DYNAMICS, EXAMPLES, UNIT, Placed
@@ -36,8 +37,9 @@ def _classes() -> set[type[Joint]]:
 
 def test_every_joint_class_has_an_example():
     # joints of lines have no rows of their own: tests/unit/test_joints_of_lines.py
-    lines = {ff.HingeLine, ff.ClampedLine, LinePart}
-    assert _classes() == {e.cls for e in (*EXAMPLES.values(), *SLIDING.values())} | lines
+    # those of forces have one law together: tests/verification/test_forces.py
+    others = {ff.HingeLine, ff.ClampedLine, LinePart, ff.Force, ForcePart}
+    assert _classes() == {e.cls for e in (*EXAMPLES.values(), *SLIDING.values())} | others
 
 
 @EVERY
@@ -202,8 +204,11 @@ def test_spring_damper_force(name, rng):
     speed = np.einsum("nij,nj->ni", R, v[:, :3] + np.cross(v[:, 3:], arm))
     length = np.linalg.norm(x[1] - x[0])
     n = (x[1] - x[0]) / length
-    k, c = example.arguments["stiffness"], example.arguments.get("damping", 0.0)
-    expected = k * (length - rest) + c * n @ (speed[1] - speed[0])
+    rate, given = n @ (speed[1] - speed[0]), example.arguments
+    if "force" in given:
+        expected = given["force"](length - rest, rate)
+    else:
+        expected = given["stiffness"] * (length - rest) + given.get("damping", 0.0) * rate
     assert _force(joint) == pytest.approx(expected, rel=1e-12)
     # positive multipliers pull: the residual of b gets the force n, that of a the force -n
     np.testing.assert_allclose(joint.rows.force_jacobian[0, 1, :3], R[1].T @ n, atol=1e-14)

@@ -14,7 +14,7 @@ import flexfem as ff
 from flexfem.constraints.rows.laws import elastic_part, static_forces
 from flexfem.constraints.terms.compiled_functions import address
 from flexfem.core.joint import Joint
-from flexfem.core.laws import Law, LawKind, friction, limit, spring
+from flexfem.core.laws import Law, LawKind, curve, friction, limit, press, spring
 from flexfem.core.row import Row, RowKind, Term
 from flexfem.core.user_function import FunctionKind, UserFunction
 
@@ -50,6 +50,14 @@ class Example:
     energy: Callable[[float], float] = lambda x: 0.0
 
 
+def _hardening(x, v):
+    return 20.0 * x + 5e3 * x * x * x + 5.0 * v
+
+
+def _beyond(x, slack):
+    return x - min(max(x, -slack), slack)
+
+
 CUBIC = UserFunction.checked("cubic", "force", _cubic, FunctionKind.FORCE, ())
 EXAMPLES = {
     LawKind.RIGID: Example(Law(LawKind.RIGID)),
@@ -63,11 +71,22 @@ EXAMPLES = {
     LawKind.FUNCTION: Example(Law(LawKind.FUNCTION, function=CUBIC), lambda x: 4e3 * x**3),
     LawKind.FRICTION: Example(friction(2.0, 1e-3, 4.0)),
     LawKind.NORMAL_FRICTION: Example(friction(0.3, 1e-3, 4.0, normal=True)),
+    LawKind.CURVE: Example(
+        curve("curve", "force", _hardening, backlash=0.02),
+        lambda x: 20.0 * _beyond(x, 0.01) + 5e3 * _beyond(x, 0.01) ** 3,
+        lambda x: 10.0 * _beyond(x, 0.01) ** 2 + 1250.0 * _beyond(x, 0.01) ** 4,
+    ),
+    LawKind.PRESS: Example(
+        press("stop", "force", lambda d: 300.0 * d * d, -0.01, 0.01),
+        lambda x: 300.0 * _beyond(x, 0.01) * abs(_beyond(x, 0.01)),
+        lambda x: 100.0 * abs(_beyond(x, 0.01)) ** 3,
+    ),
 }
 
 
 def test_every_law_has_an_example() -> None:
-    assert set(EXAMPLES) == set(LawKind)
+    # laws of whole elements are tried in tests/verification/test_forces.py
+    assert set(EXAMPLES) == set(LawKind) - {LawKind.ELEMENT}
 
 
 def model_of(kind: LawKind) -> ff.Model:
@@ -102,7 +121,7 @@ def place(outcome: ff.Outcome) -> float:
     return world.bcast(float(outcome.history["at_x"][-1]) if world.rank == 0 else 0.0)
 
 
-@pytest.mark.parametrize("kind", LawKind)
+@pytest.mark.parametrize("kind", EXAMPLES)
 def test_statics(kind: LawKind) -> None:
     """A law taken for another one, or left out, moves the body by millimetres."""
     outcome = ff.solve_static(model_of(kind), ff.StaticOptions(load_steps=2, quiet=True))
@@ -110,7 +129,7 @@ def test_statics(kind: LawKind) -> None:
     assert place(outcome) == pytest.approx(resting_place(kind), abs=1e-8)
 
 
-@pytest.mark.parametrize("kind", LawKind)
+@pytest.mark.parametrize("kind", EXAMPLES)
 def test_relaxation(kind: LawKind) -> None:
     """Its tolerance is on residuals: 1e-6 of the largest force is 1e-7 m here."""
     options = ff.RelaxationOptions(max_iterations=5000, tolerance=1e-8, quiet=True)
@@ -119,21 +138,22 @@ def test_relaxation(kind: LawKind) -> None:
     assert place(outcome) == pytest.approx(resting_place(kind), abs=1e-6)
 
 
-@pytest.mark.parametrize("kind", LawKind)
+@pytest.mark.parametrize("kind", EXAMPLES)
 @pytest.mark.parametrize("value", [-0.03, 0.0, 0.015, 0.05])
 def test_force_slope_and_energy(kind: LawKind, value: float) -> None:
     """The force is what its example says, its slope the difference, its energy the integral."""
     example, step = EXAMPLES[kind], 1e-6
     law = example.law
     laws = np.array([[law.kind, law.stiffness, law.damping, law.first, law.second]] * 3)
-    functions = np.array([address(law.function) if kind is LawKind.FUNCTION else 0] * 3)
+    functions = np.array([address(law.function) if law.function is not None else 0] * 3)
     values, out = np.array([value - step, value, value + step]), np.empty((3, 2))
     static_forces(laws, functions, np.zeros((3, 9)), values, out)
     assert out[:, 0] == pytest.approx([example.force(x) for x in values], abs=1e-12)
     slope = (example.force(values[2]) - example.force(values[0])) / (2.0 * step)
     assert out[1, 1] == pytest.approx(slope, rel=1e-6, abs=1e-6)
     energies, pulls = np.empty((2, 3))
-    elastic_part(laws, np.ones(3, dtype=np.bool_), values, energies, pulls)
+    active, data = np.ones(3, dtype=np.bool_), np.zeros((3, 9))
+    elastic_part(laws, functions, data, active, values, energies, pulls)
     assert energies == pytest.approx([example.energy(x) for x in values], abs=1e-13)
     if example.energy(1.0):
         assert pulls == pytest.approx(out[:, 0], abs=1e-12)
@@ -142,7 +162,8 @@ def test_force_slope_and_energy(kind: LawKind, value: float) -> None:
 def test_a_number_without_a_law_is_not_silent() -> None:
     laws = np.array([[max(LawKind) + 1.0, 1.0, 0.0, 0.0, 0.0]])
     out, energy, pull = np.zeros((1, 2)), np.zeros(1), np.zeros(1)
-    static_forces(laws, np.zeros(1, dtype=np.int64), np.zeros((1, 9)), np.ones(1), out)
-    elastic_part(laws, np.ones(1, dtype=np.bool_), np.ones(1), energy, pull)
+    functions = np.zeros(1, dtype=np.int64), np.zeros((1, 9))
+    static_forces(laws, *functions, np.ones(1), out)
+    elastic_part(laws, *functions, np.ones(1, dtype=np.bool_), np.ones(1), energy, pull)
     assert np.isnan(out).all()
     assert np.isnan(energy).all()

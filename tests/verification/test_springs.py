@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
+from scipy.optimize import brentq
 
 import flexfem as ff
 from tests.histories import columns
@@ -118,3 +119,118 @@ def test_a_moment_on_a_torsional_spring(spring: dict[str, Any], angle: float) ->
 def test_springs_that_are_refused(spring: dict[str, Any], message: str) -> None:
     with pytest.raises((TypeError, ValueError), match=f'^SpringDamper "spring": {message}'):
         hanging(LENGTH, **spring)
+
+
+def spring_columns(**spring: Any) -> Any:
+    """A mass that swings for half a second on a spring 0.54 m long at the start."""
+    model = hanging(0.54, stiffness=0.0, rest_length=LENGTH, **spring)
+    return columns(ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=0.5, quiet=True)))
+
+
+@pytest.mark.parametrize("cable", [False, True])
+def test_functions_are_the_springs_that_they_say(cable: bool) -> None:
+    """A linear function is the linear spring, energies and dissipation included."""
+    found = spring_columns(force=lambda x, v: 800.0 * x + 6.0 * v, tension_only=cable)
+    model = hanging(0.54, stiffness=800.0, damping=6.0, rest_length=LENGTH)
+    wanted = columns(ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=0.5, quiet=True)))
+    assert (wanted["at_z"] < 0.5).all()  # it is stretched throughout, as a cable is
+    for name, values in wanted.items():
+        scale = max(np.abs(values).max(), 1e-3)
+        np.testing.assert_allclose(found[name], values, atol=1e-9 * scale, err_msg=name)
+
+
+@pytest.mark.parametrize(
+    ("curve", "depth"),
+    [
+        # 100 N per metre up to 0.1 m, 500 beyond: the weight of 19.62 N at 0.11924 m
+        (ff.Curve([-1.0, 0.1, 0.5], [-100.0, 10.0, 210.0]), 0.1 + 9.62 / 500.0),
+        (ff.Curve([0.0, 0.2, 0.4], [0.0, 20.0, 40.0], "monotone"), 0.1962),
+        (ff.Curve([0.0, 0.1, 0.2], [0.0, 10.0, 40.0], "spline"), 0.1400714142),
+    ],
+    ids=["linear", "monotone", "spline"],
+)
+def test_a_weight_on_a_curve(curve: ff.Curve, depth: float) -> None:
+    """The spline through three points is their parabola, ``1000 x^2``."""
+    model = hanging(LENGTH + 0.9 * depth, stiffness=0.0, rest_length=LENGTH, force=curve)
+    model.add(ff.Prismatic("guide", ff.Ground(), ff.Marker("mass"), axis=(0.0, 0.0, 1.0)))
+    options = ff.StaticOptions(load_steps=1, gravity_load="constant", quiet=True)
+    found = columns(ff.solve_static(model, options))
+    assert 1.0 - found["at_z"][-1] == pytest.approx(LENGTH + depth, abs=1e-8)
+    s = np.linspace(0.0, depth, 20001)
+    energy = np.trapezoid(curve(s), s)
+    # the kink of the linear one is not at the end of a panel: 1e-4 of the energy
+    assert found["energy_strain"][-1] == pytest.approx(energy, rel=2e-4)
+
+
+def test_a_ball_falls_onto_a_hertzian_stop() -> None:
+    """Its depth by energy, ``m g (h + d) = 2/5 k d^2.5``, and its height after the rebound."""
+    stiffness, fall = 4e5, 0.05
+    model = ff.Model("ball")
+    ball = ff.Marker("ball")
+    model.add(
+        ff.Gravity((0.0, 0.0, -G)),
+        ff.RigidBody("ball", MASS, (0.1, 0.1, 0.1), position=(0.0, 0.0, fall)),
+        ff.LimitStop(
+            "floor", ff.Ground(), ball, axis=(0.0, 0.0, 1.0), lower=0.0,
+            force=lambda d: stiffness * d**1.5,
+        ),
+        ff.PositionProbe("at", ball), ff.EnergyProbe(),
+    )  # fmt: skip
+    found = columns(ff.simulate(model, ff.RunOptions(dt=4e-5, t_end=0.23, quiet=True)))
+    depth = brentq(lambda d: MASS * G * (fall + d) - 0.4 * stiffness * d**2.5, 1e-5, 0.1)
+    assert found["at_z"].min() == pytest.approx(-depth, rel=1e-4)
+    # a stop that pulled at its end would leave it lower by a tenth
+    assert found["at_z"][-200:].max() == pytest.approx(fall, rel=1e-5)
+    assert np.abs(found["energy_balance"]).max() < 1e-4 * MASS * G * fall
+
+
+def test_a_bushing_with_a_function() -> None:
+    """Along x hardening, along the others linear: the place where a force holds it."""
+    model = ff.Model("mount")
+    body = ff.Marker("body")
+    model.add(
+        ff.RigidBody("body", MASS, (0.1, 0.1, 0.1)),
+        ff.Bushing(
+            "mount", ff.Ground(), body, stiffness=(1e3, 2e3, 2e3, 50.0, 50.0, 50.0),
+            forces={0: lambda x: 1e6 * x * x * x},
+        ),
+        ff.PointForce("push", body, (40.0, 40.0, 0.0)), ff.PositionProbe("at", body),
+    )  # fmt: skip
+    found = columns(ff.solve_static(model, ff.StaticOptions(load_steps=1, quiet=True)))
+    wanted = brentq(lambda x: 1e3 * x + 1e6 * x**3 - 40.0, 0.0, 1.0)
+    assert found["at_x"][-1] == pytest.approx(wanted, abs=1e-8)
+    assert found["at_y"][-1] == pytest.approx(0.02, abs=1e-8)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("made", "message"),
+    [
+        (lambda: spring_of(force=3.0), r"force must be a function made by def or lambda, got 3"),
+        (lambda: spring_of(force=lambda x, v, t: x), r"force must be a function of \(x\[, v\]\)"),
+        (lambda: spring_of(force=abs_of, stiffness=2.0), r"force takes the place of stiffness"),
+        (lambda: spring_of(force=abs_of, preload=2.0), r"force takes the place of preload"),
+        (lambda: ff.Curve([0.0, 0.0], [1.0, 2.0]), r"^Curve: x must increase"),
+        (lambda: ff.Curve([0.0], [1.0]), r"^Curve: x and y must hold the same number"),
+        (lambda: ff.Curve([0.0, 1.0], [1.0, 2.0], "cubic"), r"^Curve: kind must be"),
+        (
+            lambda: ff.Bushing("b", HOOK, ff.Marker("m"), forces={7: abs_of}),
+            r'^Bushing "b": forces must be given for coordinates 0 to 5, got 7',
+        ),
+        (
+            lambda: ff.LimitStop("s", HOOK, ff.Marker("m"), "distance", force=abs_of),
+            r'^LimitStop "s": needs lower or upper',
+        ),
+    ],
+)
+def test_mistakes_in_functions(made: Any, message: str) -> None:
+    with pytest.raises((TypeError, ValueError), match=message):
+        made()
+
+
+def abs_of(x: float) -> float:
+    return abs(x)
+
+
+def spring_of(**spring: Any) -> ff.SpringDamper:
+    return ff.SpringDamper("spring", HOOK, ff.Marker("mass"), **spring)

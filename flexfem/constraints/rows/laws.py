@@ -9,9 +9,11 @@ from flexfem.core.laws import LawKind
 from flexfem.kernels.compiled import kernel, subroutine
 
 __all__ = [
+    "CURVE",
     "ELEMENT",
     "FUNCTION",
     "LIMIT",
+    "PRESS",
     "RIGID",
     "SPRING",
     "elastic_part",
@@ -19,7 +21,12 @@ __all__ = [
     "static_forces",
 ]
 
-RIGID, SPRING, LIMIT, FUNCTION, FRICTION, NORMAL_FRICTION, ELEMENT = (int(kind) for kind in LawKind)
+RIGID, SPRING, LIMIT, FUNCTION, FRICTION, NORMAL_FRICTION, ELEMENT, CURVE, PRESS = (
+    int(kind) for kind in LawKind
+)
+#: Rule for the energy of a function: panels, and points and weights in each.
+_PANELS = 8
+_POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(6)
 
 
 @subroutine
@@ -40,6 +47,25 @@ def _limit(law: FloatArray, value: float, rate: float, out: FloatArray) -> None:
     out[1] = k * (1.0 + part - turning)
     out[2] = c * slope
     out[3] = 0.0
+
+
+@subroutine
+def _curve(
+    law: FloatArray, function: int, data: FloatArray, value: float, rate: float, out: FloatArray
+) -> None:
+    """Force of a function beyond a slack range; one that presses does not pull."""
+    beyond = value - min(max(value, law[3]), law[4])
+    out[:] = 0.0
+    if beyond == 0.0 and law[3] < law[4]:
+        return
+    sign = -1.0 if law[0] == PRESS and beyond < 0.0 else 1.0
+    given = np.empty(2)
+    given[0], given[1] = sign * beyond, sign * rate
+    call(function, given, data, out)
+    out[3] = 0.0
+    if law[0] == PRESS and out[0] < 0.0:
+        out[:] = 0.0
+    out[0] *= sign
 
 
 @subroutine
@@ -106,6 +132,8 @@ def force_law(
         out[1], out[2], out[3] = law[1], law[2], 0.0
     elif law[0] == LIMIT:
         _limit(law, value, rate, out)
+    elif law[0] == CURVE or law[0] == PRESS:
+        _curve(law, function, data, value, rate, out)
     elif law[0] == FUNCTION:
         given = np.empty(2)
         given[0], given[1] = value, rate
@@ -140,26 +168,51 @@ def static_forces(
     out[:] = 0.0
     for r in range(values.size):
         kind = laws[r, 0]
-        if kind in (SPRING, LIMIT, FUNCTION):
+        if kind not in (RIGID, FRICTION, NORMAL_FRICTION, ELEMENT):
             force_law(laws[r], functions[r], data[r], values[r], 0.0, 0.0, 0.0, force)
             out[r, 0], out[r, 1] = force[0], force[1]
 
 
+@subroutine
+def _stored(law: FloatArray, function: int, data: FloatArray, value: float) -> float:
+    """Energy of a function: the integral of its force at rest, by Gauss's rule in panels."""
+    rest = min(max(value, law[3]), law[4])
+    half, total, out = 0.5 * (value - rest) / _PANELS, 0.0, np.empty(4)
+    if half == 0.0:
+        return 0.0
+    for panel in range(_PANELS):
+        for k in range(_POINTS.size):
+            at = rest + half * (2 * panel + 1 + _POINTS[k])
+            _curve(law, function, data, at, 0.0, out)
+            total += half * _WEIGHTS[k] * out[0]
+    return total
+
+
 @kernel
 def elastic_part(
-    laws: FloatArray, active: BoolArray, values: FloatArray, energies: FloatArray, pulls: FloatArray
-) -> None:
+    laws: FloatArray, functions: IntArray, data: FloatArray, active: BoolArray,
+    values: FloatArray, energies: FloatArray, pulls: FloatArray,
+) -> None:  # fmt: skip
     """Stored energy and elastic force of every row; zero for rigid and released ones.
 
-    User-defined functions and laws of whole elements count as work, friction as dissipation.
+    Functions of the time and laws of whole elements count as work, friction as dissipation.
     """
+    out = np.empty(4)
     for r in range(active.size):
         kind, stretch = int(laws[r, 0]), 0.0
+        pulls[r] = energies[r] = 0.0
+        if not active[r]:
+            continue
+        if kind in (CURVE, PRESS):
+            _curve(laws[r], functions[r], data[r], values[r], 0.0, out)
+            pulls[r] = out[0]
+            energies[r] = _stored(laws[r], functions[r], data[r], values[r])
+            continue
         if kind == SPRING:
             stretch = values[r]
         elif kind == LIMIT:
             stretch = values[r] - min(max(values[r], laws[r, 3]), laws[r, 4])
-        elif kind > ELEMENT:
+        elif kind > PRESS:
             stretch = np.nan
-        pulls[r] = laws[r, 1] * stretch if active[r] else 0.0
+        pulls[r] = laws[r, 1] * stretch
         energies[r] = 0.5 * pulls[r] * stretch

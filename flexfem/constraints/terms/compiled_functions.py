@@ -38,7 +38,12 @@ __all__ = ["address", "call", "check", "kind_number"]
 _POINTER = types.CPointer(types.float64)
 _SIGNATURE = types.void(_POINTER, _POINTER, _POINTER)
 #: Value and first derivatives in ``out``.
-_SIZES = {FunctionKind.SPEED: 2, FunctionKind.FORCE: 3, FunctionKind.POSE: 7}
+_SIZES = {
+    FunctionKind.SPEED: 2,
+    FunctionKind.FORCE: 3,
+    FunctionKind.POSE: 7,
+    FunctionKind.CURVE: 3,
+}
 #: Step of differences, and tolerance of derivatives relative to these (curvature, round-off).
 _STEP, _GAP = 1e-6, 1e-4
 #: Where they differ by more, steps at which the difference must decrease by a factor of two each.
@@ -172,6 +177,7 @@ def _compiled(user: UserFunction) -> Any:
         FunctionKind.SPEED: _speed,
         FunctionKind.FORCE: _force,
         FunctionKind.POSE: _pose,
+        FunctionKind.CURVE: _force,
     }[user.kind]
     try:
         return cfunc(_SIGNATURE, error_model="numpy")(make(function, user))
@@ -193,6 +199,10 @@ def _force(function: Any, user: UserFunction) -> Callable[..., None]:
     n = len(user.parameters)
 
     @njit(error_model="numpy")
+    def one(x, v, data):  # type: ignore[no-untyped-def]
+        return function(x)
+
+    @njit(error_model="numpy")
     def two(x, v, data):  # type: ignore[no-untyped-def]
         return function(x, v)
 
@@ -204,7 +214,7 @@ def _force(function: Any, user: UserFunction) -> Callable[..., None]:
     def four(x, v, data):  # type: ignore[no-untyped-def]
         return function(x, v, data[0], _fixed(data[1:], n))
 
-    every = {2: two, 3: three, 4: four}[user.count]
+    every = {1: one, 2: two, 3: three, 4: four}[user.count]
 
     def compiled(x, data, out):  # type: ignore[no-untyped-def]
         out[0] = out[1] = out[2] = np.nan
