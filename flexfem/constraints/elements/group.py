@@ -26,6 +26,10 @@ _MANY = 4
 _DRIFT = 1e-6
 
 
+class _Stuck(ReturnError):
+    """The states of a step do not converge; those of a shorter one may."""
+
+
 @dataclass(frozen=True)
 class Slopes:
     """Derivatives of the forces of e elements with r rows, whose states follow.
@@ -77,7 +81,8 @@ class ElementGroup:
     def evaluate(self, motion: ElementMotion, step: StateStep | None, *, slopes: bool) -> Slopes:
         """Compute forces and states; derivatives are those of an evaluation before, or zero.
 
-        A law that fails leaves NaN and is noted.
+        A law that fails leaves NaN and is noted. States that do not converge leave NaN, too, which
+        makes the step fail.
 
         Args:
             motion: of the elements.
@@ -99,6 +104,9 @@ class ElementGroup:
             elif self._count == 1:
                 self._slopes = self._condensed(step)
             return self._slopes
+        except _Stuck:
+            self.forces[:] = np.nan
+            return self._nothing
         except FAILURES as error:
             noted(self.law.owner, self.law.function, error)
             self.forces[:] = np.nan
@@ -170,7 +178,7 @@ class ElementGroup:
             before = size
             self.z += change
             self._call(motion)
-        raise ReturnError(f"has states that do not converge at t = {motion.time:.6g} s")
+        raise _Stuck(f"has states that do not converge at t = {motion.time:.6g} s")
 
     def _call(self, motion: ElementMotion) -> None:
         """Forces and rates by the present states."""
