@@ -21,7 +21,7 @@ _ITERATIONS, _SMALL, _ROUND_OFF = 30, 1e-12, 1e-8
 #: Contraction of an iteration above which its derivatives are computed again.
 _SLOW = 0.1
 #: Evaluations within a step after which derivatives of forces are computed again.
-_MANY = 4
+_MANY = 8
 #: Rates of states at rest, over their sizes, that count as drift (1/s).
 _DRIFT = 1e-6
 

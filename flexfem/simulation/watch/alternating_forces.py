@@ -18,8 +18,8 @@ __all__ = ["AlternatingForces"]
 _FAST, _SLOW = (3, 10.0), (8, 1.5)
 #: Size of a change over the one before with which it still alternates.
 _PERSISTS = 0.8
-#: Least change over the largest force, above round-off.
-_LEAST = 1e-6
+#: Least change over the largest force: above round-off, and of one that matters.
+_LEAST, _MATTERS = 1e-6, 0.1
 
 
 class AlternatingForces:
@@ -56,9 +56,9 @@ class AlternatingForces:
         self._run[begun], self._first[begun] = 0, np.abs(change[begun])
         self._change = np.where(moved, change, self._change)
         growth = np.abs(self._change) / np.where(self._first > 0.0, self._first, np.inf)
-        bad = np.zeros(len(values), dtype=np.bool_)
+        large, bad = np.abs(self._change) > _MATTERS * self._largest, np.zeros_like(moved)
         for count, least in (_FAST, _SLOW):
-            bad |= (self._run >= count - 1) & (growth > least)
+            bad |= large & (self._run >= count - 1) & (growth > least)
         if self._found is None and bad.any():
             self._found = self._system.time, self._names[int(np.argmax(bad))]
 
