@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Feedback of continuous laws acts implicitly: as springs and dampers of its gains do."""
 
+from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 import pytest
+import pyvista
 
 import flexfem as ff
 from tests.histories import columns
@@ -92,3 +94,22 @@ def test_explicit_feedback_does_not_hold_it() -> None:
     assert 'Controller "pd": output "motor": its force alternates' in said
     lost = outcome.status != "ok" or np.abs(outcome.history["rate"]).max() > 1e3
     assert lost
+
+
+def test_pictures_show_what_acts_where(shared_tmp_path: Path) -> None:
+    """The motor between its own markers, and a force at one marker there, not at measured ones."""
+    model = arm("feedback")
+    hand = ff.Marker("hand", 0.5)
+    model.add(ff.Force("push", [hand], lambda t, ends, z: np.array([[0.0, 0.0, 3.0]])))
+    options = ff.RunOptions(dt=2e-3, t_end=4e-3, output=shared_tmp_path, quiet=True)
+    ff.simulate(model, options)
+    if MPI.COMM_WORLD.rank == 0:
+        picture = pyvista.read(sorted(shared_tmp_path.glob("**/joints_*.vtu"))[0])
+        centres = picture.cell_centers().points
+        for name, size, place in (
+            ("force_magnitude", 3.0, 1.25), ("moment_magnitude", 120.0, 0.0),
+        ):  # fmt: skip
+            shown = np.isclose(picture[name], size, rtol=1e-3)
+            # the size of a glyph; the joints are 0.5 m apart
+            assert np.abs(centres[shown] - (place, 0.0, 0.0)).max() < 0.1, name
+            assert shown.any(), name

@@ -26,7 +26,7 @@ _MANY = 8
 _DRIFT = 1e-6
 
 
-class _Stuck(ReturnError):
+class _StuckError(ReturnError):
     """The states of a step do not converge; those of a shorter one may."""
 
 
@@ -104,7 +104,7 @@ class ElementGroup:
             elif self._count == 1:
                 self._slopes = self._condensed(step)
             return self._slopes
-        except _Stuck:
+        except _StuckError:
             self.forces[:] = np.nan
             return self._nothing
         except FAILURES as error:
@@ -178,7 +178,7 @@ class ElementGroup:
             before = size
             self.z += change
             self._call(motion)
-        raise _Stuck(f"has states that do not converge at t = {motion.time:.6g} s")
+        raise _StuckError(f"has states that do not converge at t = {motion.time:.6g} s")
 
     def _call(self, motion: ElementMotion) -> None:
         """Forces and rates by the present states."""

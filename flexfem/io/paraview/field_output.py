@@ -103,13 +103,15 @@ class _JointSampler:
         rows = system.constraints
         chosen = [k for k, j in enumerate(rows.joints) if j.owned and pictured[j.index]]
         joints = [rows.joints[k] for k in chosen]
-        self._first = rows.marker_start[chosen]
+        ends = [(j.joint.pairs or ((0, j.joint.second),))[0] for j in joints]
+        pair = rows.marker_start[chosen][:, np.newaxis] + np.array(ends).reshape(-1, 2)
+        self._first, self._second = pair.T.astype(np.int64)
         self._numbers = np.array([joint.index for joint in joints], dtype=np.int64)
-        start = np.array([joint.poses[0].position for joint in joints])
+        start = np.array([j.poses[a].position for j, (a, _) in zip(joints, ends, strict=True)])
         self._start = start.reshape(-1, 3)
         along = [(k, j) for k, j in enumerate(joints) if j.joint.direction is not None]
         self._along = np.array([k for k, _ in along], dtype=np.int64)
-        back = [joint.poses[0].rotation.T for _, joint in along]
+        back = [j.poses[ends[k][0]].rotation.T for k, j in along]
         self._back = np.array(back).reshape(-1, 3, 3)
         self._directions = np.array([j.joint.direction for _, j in along]).reshape(-1, 3, 1)
 
@@ -123,7 +125,7 @@ class _JointSampler:
         axis[self._along] = (turn @ self._directions)[:, :, 0]
         return JointFields(
             a=a,
-            b=rows.poses[first + 1, :3],
+            b=rows.poses[self._second, :3],
             axis=axis,
             force=wrench[:, :3],
             moment=wrench[:, 3:],
