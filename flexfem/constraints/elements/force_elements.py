@@ -146,10 +146,9 @@ class ForceElements:
             if changes is None:
                 continue
             for some in sets:
-                place = some.displacements(rows.force_jacobian)
-                twist = some.twist_changes(place, changes, self._rate_changes(rows, some, dynamics))
-                total = _along(slopes.by_place[some.members], place)
-                total += _along(slopes.by_twist[some.members], twist)
+                place, twist = slopes.by_place[some.members], slopes.by_twist[some.members]
+                rates = self._rate_changes(rows, some, dynamics)
+                total = some.along(place, twist, rows.force_jacobian, changes, rates)
                 factor = scale[some.members][:, :, np.newaxis, np.newaxis, np.newaxis]
                 rows.step_jacobian[some.terms] = total * factor
 
@@ -164,11 +163,10 @@ class ForceElements:
             r, count, whole = group.rows.shape[1], 6 * group.law.size, group.linearized(motion)
             for some in sets:
                 every = whole[some.members]
-                gradient = some.displacements(rows.force_jacobian)
-                turning = some.twist_changes(gradient, unchanged, self._rate_changes(rows, some))
                 place, twist = every[:, :, :count], every[:, :, count : 2 * count]
-                by_place = _along(place, gradient) + _along(twist, turning)
-                by_twist = _along(twist, gradient)
+                given = rows.force_jacobian, unchanged, self._rate_changes(rows, some)
+                by_place = some.along(place, twist, *given)
+                by_twist = some.along(twist, 0.0 * twist, *given)
                 position[some.terms], velocity[some.terms] = by_place[:, :r], by_twist[:, :r]
                 states.append((by_place[:, r:], by_twist[:, r:], every[:, :, 2 * count :]))
         return ElementSlopes(position, velocity, states)
@@ -257,9 +255,3 @@ def _write(rows: Rows, group: ElementGroup, slopes: Slopes, dynamics: FloatArray
     rows.values[own] = np.where(active, scale * force, rows.values[own])
     rows.compliance[own] = np.where(active, scale / dynamics[1], rows.compliance[own])
     return scale
-
-
-def _along(slopes: FloatArray, changes: FloatArray) -> FloatArray:
-    """Changes (e, a, t, 2, 6) along steps by slopes (e, a, c) from those of c quantities."""
-    product = slopes @ changes.reshape(*changes.shape[:2], -1)
-    return product.reshape(*slopes.shape[:2], *changes.shape[2:])

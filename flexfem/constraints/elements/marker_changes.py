@@ -19,17 +19,17 @@ __all__ = ["MarkerChanges", "marker_changes"]
 class MarkerChanges:
     """Elements of a group whose rows have equally many terms.
 
-    All rows of an element have the same nodes at the same places of their terms. Markers on nodes
-    move with them by constant maps. Those on lines have a row for each component of their twists,
-    whose gradients are the maps.
+    All rows of an element have the same nodes at the same places of their terms: markers on nodes,
+    of which the m-th is side ``m % 2`` of term ``m // 2``, move with these by constant maps. Those
+    on lines have a row for each component of their twists, whose gradients are the maps.
 
     Attributes:
         members: (k,) their places in the group.
         rows: (k, r) their rows.
         terms: (k, r, t) terms of these.
         nodes: (k, t, 2) interface nodes of the terms of a row, -1 for none.
-        maps: (k, 6 m, t, 2, 6) twists of the markers, in their own axes, by those of the nodes;
-            None on lines.
+        maps: (k, m, 6, 6) twists of the markers, in their own axes, by those of their nodes; None
+            on lines.
     """
 
     members: IntArray
@@ -43,35 +43,52 @@ class MarkerChanges:
         """True if markers are on lines."""
         return self.maps is None
 
-    def displacements(self, gradients: FloatArray) -> FloatArray:
-        """(k, 6 m, t, 2, 6) twists of the markers by those of the nodes.
+    def twists(self, gradients: FloatArray, velocities: FloatArray) -> FloatArray:
+        """(k, m, 6) twists of the markers.
 
         Args:
             gradients: (t, 2, 6) of all rows.
+            velocities: (n + 1, 6) twists of the interface nodes, that of the ground last.
         """
-        return gradients[self.terms] if self.maps is None else self.maps
-
-    def twists(self, gradients: FloatArray, velocities: FloatArray) -> FloatArray:
-        """(k, m, 6) twists of the markers by those of the nodes (n + 1, 6), the ground's last."""
-        by_nodes, moving = self.displacements(gradients), velocities[self.nodes]
+        if self.maps is not None:
+            moving = velocities[self._marker_nodes]
+            return (self.maps @ moving[:, :, :, np.newaxis])[:, :, :, 0]
+        by_nodes, moving = gradients[self.terms], velocities[self.nodes]
         flat = by_nodes.reshape(*by_nodes.shape[:2], -1)
-        found = (flat @ moving.reshape(len(flat), -1, 1)).reshape(len(flat), -1, 6)
-        return found
+        found: FloatArray = flat @ moving.reshape(len(flat), -1, 1)
+        return found.reshape(len(flat), -1, 6)
 
-    def twist_changes(
-        self, displacements: FloatArray, velocities: FloatArray, rates: FloatArray | None
-    ) -> FloatArray:
-        """(k, 6 m, t, 2, 6) changes of these twists along steps of the nodes.
+    @property
+    def _marker_nodes(self) -> IntArray:
+        """(k, m) interface nodes of the markers."""
+        assert self.maps is not None
+        return self.nodes.reshape(len(self.nodes), -1)[:, : self.maps.shape[1]]
+
+    def along(
+        self, place: FloatArray, twist: FloatArray, gradients: FloatArray, velocities: FloatArray,
+        rates: FloatArray | None,
+    ) -> FloatArray:  # fmt: skip
+        """(k, a, t, 2, 6) changes along steps of the nodes.
 
         Args:
-            displacements: result of :meth:`displacements`.
-            velocities: (n + 1, 6, 6) changes of the nodes' local twists.
+            place: (k, a, 6 m) derivatives by displacements of the markers.
+            twist: (k, a, 6 m) derivatives by their twists.
+            gradients: (t, 2, 6) of all rows.
+            velocities: (n + 1, 6, 6) changes of the nodes' local twists along steps.
             rates: (t, 2, 6) changes of the rates of rows, for markers on lines.
         """
-        if rates is not None:
-            return rates[self.terms]
-        found: FloatArray = np.einsum("ectsi,etsij->ectsj", displacements, velocities[self.nodes])
-        return found
+        shape = (*place.shape[:2], *self.nodes.shape[1:], 6)
+        if self.maps is None:
+            assert rates is not None
+            flat = (x[self.terms].reshape(*self.terms.shape[:2], -1) for x in (gradients, rates))
+            by_place, by_rate = flat
+            return (place @ by_place + twist @ by_rate).reshape(shape)
+        of_marker = (len(place), place.shape[1], -1, 6)
+        P, T = (x.reshape(of_marker).transpose(0, 2, 1, 3) for x in (place, twist))
+        found = P @ self.maps + T @ (self.maps @ velocities[self._marker_nodes])
+        out = np.zeros((*place.shape[:2], 2 * self.nodes.shape[1], 6))
+        out[:, :, : found.shape[1]] = found.transpose(0, 2, 1, 3)
+        return out.reshape(shape)
 
 
 def marker_changes(
@@ -93,18 +110,13 @@ def marker_changes(
         members = np.flatnonzero((counts == count) & (lines == on_lines))
         terms = first[members][:, :, np.newaxis] + np.arange(count)
         nodes = table.term_nodes[terms[:, 0]]
-        maps = None if on_lines else _maps(table, markers[members], count)
+        maps = None if on_lines else _maps(table, markers[members])
         found.append(MarkerChanges(members, rows[members], terms, nodes, maps))
     return found
 
 
-def _maps(table: RowLayout, markers: IntArray, count: int) -> FloatArray:
-    """(k, 6 m, t, 2, 6) maps from nodes to markers, two of these at each term in their order."""
-    size = markers.shape[1]
-    maps = np.zeros((len(markers), size, 6, count, 2, 6))
-    for m in range(size):
-        own = markers[:, m]
-        to_marker = se3.adjoint(se3.inverse(table.marker_offset[own]))
-        to_marker[table.marker_node[own] < 0] = 0.0  # the ground
-        maps[:, m, :, m // 2, m % 2] = to_marker
-    return maps.reshape(len(markers), 6 * size, count, 2, 6)
+def _maps(table: RowLayout, markers: IntArray) -> FloatArray:
+    """(k, m, 6, 6) maps from the twists of nodes to those of markers, zero on the ground."""
+    maps: FloatArray = se3.adjoint(se3.inverse(table.marker_offset[markers]))
+    maps[table.marker_node[markers] < 0] = 0.0
+    return maps

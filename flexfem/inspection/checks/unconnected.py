@@ -9,6 +9,7 @@ from flexfem.core.marker import Attachment, Ground, Marker
 from flexfem.inspection.finding import Finding, listed, owner_of
 from flexfem.inspection.inspection import Inspection
 from flexfem.inspection.mobility import part_rows
+from flexfem.joints.force import Force
 
 _GROUND = -1
 #: Part of a fall that joints feel which is none.
@@ -78,7 +79,9 @@ def _groups(inspection: Inspection) -> list[set[int]]:
         groups.append(ends.union(*met))
 
     for joint in model.joints:
-        join({_end(inspection, marker) for marker in joint.markers})
+        # a force may act from the ground, as on feet and wheels
+        outside = {_GROUND} if isinstance(joint, Force) else set[int]()
+        join({_end(inspection, marker) for marker in joint.markers} | outside)
     for contact in model.contacts:
         named = {inspection.parts.number[name] for name in (*contact.slaves, *contact.masters)}
         join(named | {_end(inspection, surface.place) for surface in contact.surfaces})

@@ -75,6 +75,8 @@ class FeedbackLaw:
         self.previous: FloatArray | None = None
         self._starts = [np.eye(3) for _ in self.markers]
         self.follows = True
+        # time, poses and twists of the markers, and columns of each probe
+        self._last: tuple[float, FloatArray, list[FloatArray]] | None = None
 
     @property
     def size(self) -> int:
@@ -112,23 +114,41 @@ class FeedbackLaw:
 
     def _measured(self, motion: ElementMotion) -> FloatArray:
         """Measurements of a motion, angles next to those at the last accepted state."""
-        states = []
-        for pose, twist, start in zip(motion.poses[0], motion.twists[0], self._starts, strict=True):
-            R = pose[3:].reshape(3, 3)
-            states.append(MarkerState(
-                pose[:3], R, R @ twist[:3], R @ twist[3:], start=start, acceleration=_UNKNOWN,
-                angular_acceleration=_UNKNOWN,
-            ))  # fmt: skip
-        values, at = [np.empty(0)], 0
-        for probe in self._probes:
-            count = len(probe.markers)
-            values.append(probe.evaluate(motion.time, states[at : at + count]))
-            at += count
-        y: FloatArray = np.concatenate(values)[self._columns]
+        y: FloatArray = np.concatenate(self._values(motion))[self._columns]
         if self.previous is not None:
             turns = np.round((self.previous - y) / (2.0 * np.pi))
             y = y + np.where(self._angles & np.isfinite(turns), 2.0 * np.pi * turns, 0.0)
         return y
+
+    def _values(self, motion: ElementMotion) -> list[FloatArray]:
+        """Columns of each probe; of those whose markers have not moved, the ones found before.
+
+        Differences move one marker at a time.
+        """
+        now = np.concatenate([motion.poses[0], motion.twists[0]], axis=1)
+        last = self._last
+        known = last is not None and last[0] == motion.time
+        moved = (now != last[1]).any(axis=1) if known and last is not None else None
+        values, at = [], 0
+        for k, probe in enumerate(self._probes):
+            own = slice(at, at + len(probe.markers))
+            at = own.stop
+            if last is not None and moved is not None and not moved[own].any():
+                values.append(last[2][k])
+            else:
+                states = [self._state(row, i) for i, row in enumerate(now[own], start=own.start)]
+                values.append(probe.evaluate(motion.time, states))
+        if moved is None or moved.sum() > 1:
+            self._last = motion.time, now, values
+        return values
+
+    def _state(self, row: FloatArray, marker: int) -> MarkerState:
+        """State of a marker by its pose and twist (18,)."""
+        R = row[3:12].reshape(3, 3)
+        return MarkerState(
+            row[:3], R, R @ row[12:15], R @ row[15:], start=self._starts[marker],
+            acceleration=_UNKNOWN, angular_acceleration=_UNKNOWN,
+        )  # fmt: skip
 
 
 @dataclass(frozen=True, eq=False)
