@@ -77,7 +77,9 @@ def _linear_field(mesh: ufl.Mesh, size: int) -> ufl.Coefficient:
     return ufl.Coefficient(ufl.FunctionSpace(mesh, element))
 
 
-def _coefficients(mesh: ufl.Mesh, law: LawExpressions | None) -> dict[str, ufl.Coefficient]:
+def _coefficients(
+    mesh: ufl.Mesh, law: LawExpressions | None, damped: int
+) -> dict[str, ufl.Coefficient]:
     """Data of a cell: nodal values as linear fields, the rest as constants of the cell."""
     material = ("stiffness", 21) if law is None else ("parameters", max(law.count, 1))
     return {
@@ -87,7 +89,7 @@ def _coefficients(mesh: ufl.Mesh, law: LawExpressions | None) -> dict[str, ufl.C
         "acceleration": _linear_field(mesh, 6),
         "relative_twist": constant_field(mesh, 6),
         "length": constant_field(mesh),
-        "damping": constant_field(mesh),
+        "damping": constant_field(mesh, 6) if damped > 1 else constant_field(mesh),
         material[0]: constant_field(mesh, material[1]),
         "inertia": constant_field(mesh, 21),
         "turn": _linear_field(mesh, 6),
@@ -162,28 +164,35 @@ def _weight_work(half: Expr, g: Expr, w: Expr) -> Expr:
 
 
 def _stress(
-    fields: dict[str, ufl.Coefficient], stretch: Expr, rate: Expr, damped: bool,
+    fields: dict[str, ufl.Coefficient], stretch: Expr, rate: Expr, damped: int,
     law: LawExpressions | None,
 ) -> Expr:  # fmt: skip
     """Stress resultants from the change of the relative twist and its rate."""
     length = fields["length"]
     if law is not None:
         return law.stress(stretch / length, rate / length, fields["parameters"])
-    if damped:
+    stiffness = symmetric(fields["stiffness"])
+    if damped == 1:
         stretch += fields["damping"] * rate
-    return symmetric(fields["stiffness"]) * (stretch / length)
+    stress = stiffness * (stretch / length)
+    if damped > 1:
+        root = fields["damping"]
+        viscous = stiffness * ufl.as_vector([root[i] * rate[i] / length for i in range(6)])
+        stress += ufl.as_vector([root[i] * viscous[i] for i in range(6)])
+    return stress
 
 
 @cache
-def beam_forms(damped: bool, law: LawExpressions | None = None) -> BeamForms:
+def beam_forms(damped: int, law: LawExpressions | None = None) -> BeamForms:
     """Build the forms of the SE(3) beam on an abstract interval mesh in three dimensions.
 
     Args:
-        damped: with stiffness-proportional damping; without it the kernels are shorter.
+        damped: how many numbers the stiffness-proportional damping has: none, for which kernels are
+            shorter, one, or the roots of one for each strain.
         law: the law of the section, None for the linear one of a stiffness matrix.
     """
     mesh = interval_mesh()
-    fields = _coefficients(mesh, law)
+    fields = _coefficients(mesh, law, damped)
     space = ufl.FunctionSpace(mesh, basix.ufl.element("Lagrange", "interval", 1, shape=(6,)))
     gravity = ufl.Constant(mesh, shape=(3,))
     shifts = ufl.Constant(mesh, shape=(2,))
@@ -218,7 +227,7 @@ def beam_forms(damped: bool, law: LawExpressions | None = None) -> BeamForms:
         ufl.dot(ufl.diff(internal, d), rate(dw)) + inertial_change - turning[0] - turning[1],
     )
     # without viscosity this form is the same for all laws: it is compiled once
-    viscous = damped if law is None else law.dissipation is not None
+    viscous = damped > 0 if law is None else law.dissipation is not None
     moving = internal + inertial if viscous else inertial
     by_velocity = ufl.derivative(_work(mesh, moving), fields["velocity"], trial)
     by_acceleration = ufl.derivative(_work(mesh, inertial), fields["acceleration"], trial)

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, Protocol
+from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
@@ -11,7 +11,7 @@ from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 if TYPE_CHECKING:
     from flexfem.core.nodes.frame_block import FrameBlock
 
-__all__ = ["ElementFamily"]
+__all__ = ["ElementFamily", "StrainedElements"]
 
 
 class ElementFamily(Protocol):
@@ -132,4 +132,27 @@ class ElementFamily(Protocol):
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.nodes.motion``."""
+        ...
+
+
+@runtime_checkable
+class StrainedElements(Protocol):
+    """Elements that may have initial strains, which may change with time.
+
+    Attributes:
+        strained: True if there are any; timed: True if they change. The same on all ranks.
+    """
+
+    strained: bool
+    timed: bool
+
+    def set_initial_strains(self, t: float, fraction: float = 1.0) -> None:
+        """Set a fraction of the initial strains at a time, s."""
+        ...
+
+    def eigenstates(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Stresses (m, 6) of all cells and what is conjugate to them of the initial strains.
+
+        The product of the one and minus the change of the other is the work done on the cells, J.
+        """
         ...

@@ -25,6 +25,7 @@ class MeshFacts:
         depth: of the section or the shell, m; NaN where unknown.
         centroids: (m, 3) of the elements, m.
         axial: stiffness of the softest element against stretching, N/m: EA/l, of shells E h.
+        section: of the beam or shell; of a beam whose section varies that in its middle.
     """
 
     body: Any
@@ -35,6 +36,7 @@ class MeshFacts:
     depth: float
     centroids: FloatArray
     axial: float
+    section: Any
 
     @property
     def slenderness(self) -> float:
@@ -49,8 +51,9 @@ def beam_facts(
     D = section.stiffness
     axial = np.nan if D is None else float(D[0, 0] / lengths.max())
     return MeshFacts(
-        body, lengths, lengths, float(lengths.sum()), 0.0, section_depth(section), centroids, axial
-    )
+        body, lengths, lengths, float(lengths.sum()), 0.0, section_depth(section), centroids, axial,
+        section,
+    )  # fmt: skip
 
 
 def section_depth(section: Section) -> float:

@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 
 from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.basic import Beam
 from flexfem.model.bodies.shell import Shell
 from flexfem.model.controller import Controller
 from flexfem.model.probes.base import AnyProbe
@@ -63,6 +64,8 @@ def _details(model: Structure, thing: Any) -> str:
     """Return the most telling values of an object."""
     if isinstance(thing, Shell):
         return _shell(model, thing)
+    if isinstance(thing, Beam) and thing.varies:
+        return f"{_line(model, thing)}, section varies"
     if hasattr(thing, "section"):
         return f"{_line(model, thing)}, {thing.section.mass_per_length:.4g} kg/m"
     if isinstance(thing, Body):

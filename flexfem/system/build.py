@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem import _checks
 from flexfem._types import IntArray
 from flexfem.constraints.batch import Constraints
 from flexfem.constraints.connect import all_ends, connect
@@ -25,6 +26,8 @@ from flexfem.layout.numbered_model import NumberedModel
 from flexfem.layout.placed_loads import marker_forces
 from flexfem.layout.placement import Placement, place
 from flexfem.lie import se3, so3
+from flexfem.materials.section import Section
+from flexfem.materials.shell_section import ShellSection
 from flexfem.model.bodies.basic import Beam, PointMass
 from flexfem.model.bodies.shell import Shell
 from flexfem.system.system import BlockPart, System
@@ -138,16 +141,18 @@ def _check_laws(serial: NumberedModel) -> None:
     """Raise for laws of sections whose functions fail, and for damping without a stiffness."""
     bodies: list[Beam | Shell] = [*serial.model.beams, *serial.model.shells]
     for body in bodies:
-        law, owner = body.section.law, f'{type(body).__name__} "{body.name}"'
+        section, owner = body.section, f'{type(body).__name__} "{body.name}"'
+        law = section.law if isinstance(section, Section | ShellSection) else None
         if law is None:
             continue
         try:
             law_expressions(law)
         except ValueError as error:
             raise ValueError(f"{owner}: {error}") from None
-        if body.damping > 0.0:
+        if np.any(body.damping):
+            given = _checks.show(np.asarray(body.damping).tolist())
             raise ValueError(
-                f"{owner}: damping {body.damping:g} s is proportional to a stiffness, give the "
+                f"{owner}: damping {given} s is proportional to a stiffness, give the "
                 f"dissipation of its {law.owner} instead"
             )
 

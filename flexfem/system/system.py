@@ -9,6 +9,7 @@ and ``Phi = 0`` with ``L = s lambda``.
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
 from functools import cached_property
+from typing import Any
 
 from mpi4py import MPI
 
@@ -22,7 +23,7 @@ from flexfem.core.load import Load
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State, counts
-from flexfem.layout.elements import ElementFamily
+from flexfem.layout.elements import ElementFamily, StrainedElements
 from flexfem.layout.family import Family
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.node_loads import NodeForces, NodeMasses
@@ -214,6 +215,8 @@ class System:
         self.comm, self.parts = comm, list(parts)
         self.present: PartStrains = len(self.parts) * (None,)
         self._thin = any(p.elements is not None and p.elements.thin for p in self.parts)
+        every: list[Any] = [part.elements for part in self.parts]
+        self._strained = [e for e in every if isinstance(e, StrainedElements) and e.strained]
         kinds = [part.kind for part in self.parts]
         self.part_of_node: IntArray = np.array(
             [kinds.index(int(kind)) for kind in interface.kind], dtype=np.int64
@@ -278,8 +281,20 @@ class System:
         for i, load in enumerate(self._loads):
             self._factors[i] = load.factor(instant)
         self.constraints.set_time(instant)
+        if self.timed:
+            self.set_initial_strains()
         for contacts in self.contacts:
             contacts.time = t
+
+    @property
+    def timed(self) -> bool:
+        """True if initial strains change with time."""
+        return any(elements.timed for elements in self._strained)
+
+    def set_initial_strains(self, fraction: float = 1.0) -> None:
+        """Set a fraction of the elements' initial strains at the time of the loads."""
+        for elements in self._strained:
+            elements.set_initial_strains(self.instant, fraction)
 
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step in every block; see ``core.nodes.frame_kernels.predict``."""

@@ -14,7 +14,7 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.constraints.rows.kernels import sums_of_terms
 from flexfem.core.status import Status
 from flexfem.families.beam_se3.energy_momentum import EnergyBeams
-from flexfem.families.beam_se3.group import BeamCells, BeamGroup
+from flexfem.families.beam_se3.group import BeamGroup
 from flexfem.lie import se3, so3
 from flexfem.simulation.motion.stepping import Simulation
 from tests.unit.sections import shifted_sections
@@ -462,10 +462,8 @@ def test_cells_come_in_any_order():
     for cells in (np.arange(3), order):
         data = part.elements.data
         group = BeamGroup(
-            system.comm,
-            BeamCells(*(x[cells] for x in (data.cells, data.body, data.section, data.frames,
-                                           data.damping))),
-            part.elements.linear._material, part.block.start_frames,
+            system.comm, data.take(cells), part.elements.linear._material,
+            part.block.start_frames,
         )  # fmt: skip
         beams = EnergyBeams(system.comm, group, len(state.frames))
         state.residual[:] = 0.0

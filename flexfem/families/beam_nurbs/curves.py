@@ -61,7 +61,7 @@ class NurbsLines:
         numbers = np.array([model.beams.index(beam) for beam in beams], dtype=np.int64)
         parts = [curve.elements for curve in curves]
         nodes = [len(f) for f in frames]
-        sections = list({id(b.section): b.section for b in beams}.values())
+        sections = list({id(b.section): b.uniform for b in beams}.values())
         place = {id(section): i for i, section in enumerate(sections)}
         return cls(
             beams=beams,
@@ -134,7 +134,7 @@ class NurbsLines:
         for e, q in np.ndindex(len(nodes), len(xi)):
             own = np.ascontiguousarray(self.frames[nodes[e]])
             find_jacobian(element, own, shape[e], float(xi[q]), frames[e, q], jacobian)
-        inertia = self.beams[beam].section.inertia
+        inertia = self.beams[beam].uniform.inertia
         return inertia_about(origin, frames.reshape(-1, 12), inertia, lengths.ravel())
 
     def _points(self, beam: int, count: int) -> tuple[FloatArray, FloatArray]:

@@ -72,7 +72,7 @@ class NurbsBeamFamily(BeamFamily):
         beam = self.curves.index(body.name)
         centroids = self.curves.frames[self.curves.nodes(beam), :3].mean(axis=1)
         lengths = np.asarray(self.curves.parts[beam].lengths)
-        return beam_facts(body, body.section, lengths, centroids)
+        return beam_facts(body, body.uniform, lengths, centroids)
 
     @override
     def patches(self) -> IntArray:

@@ -301,7 +301,7 @@ class NurbsGroup:
         """Viscous stress resultants and strain rates (m q, 6) at the quadrature points."""
         both = self._point_strains(block.frames, block.velocity)
         strain, rate = (np.ascontiguousarray(h) for h in np.split(both.reshape(-1, 12), 2, axis=1))
-        damping = np.repeat(self.data.damping, self.point_lengths.shape[1])
+        damping = np.repeat(self.data.damping, self.point_lengths.shape[1])[:, np.newaxis]
         stress = self._material.viscous_stress(strain, rate, self._point_sections, damping)
         return stress, rate
 

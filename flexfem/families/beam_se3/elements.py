@@ -5,7 +5,8 @@ The physics is in ``flexfem.forms.beam``. Cells are grouped by material; each gr
 its own, and one call of a compiled loop treats all its cells.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -19,7 +20,10 @@ from flexfem.kernels.driver import add_forces
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 from flexfem.materials.section import Section
 
-__all__ = ["BeamCells", "SE3Beams", "node_frames"]
+__all__ = ["BeamCells", "InitialStrain", "SE3Beams", "node_frames"]
+
+#: Mean initial strains (m, 6) of cells between arc lengths (m, 2), m, at a time, s.
+InitialStrain = Callable[[FloatArray, float], FloatArray]
 
 
 def node_frames(cells: IndexArray, frames: FloatArray, count: int) -> FloatArray:
@@ -37,6 +41,7 @@ class SE3Beams:
         data: constant data of the cells.
         groups: numbers of the cells of each material, and their :class:`BeamGroup`.
         lengths: (m,) arc lengths at the start, m.
+        strained, timed: see :class:`flexfem.layout.elements.StrainedElements`.
         law_owner: name, in messages, of the first section with a user-defined law; None without
             one.
 
@@ -54,6 +59,7 @@ class SE3Beams:
         sections: Sequence[Section],
         owners: Sequence[str],
         start: FloatArray,
+        strains: Mapping[int, InitialStrain] | None = None,
     ) -> None:
         """Compile the kernels (collective) and prepare the cells.
 
@@ -63,6 +69,8 @@ class SE3Beams:
             sections: the sections of the model.
             owners: names of the sections in messages.
             start: (n, 12) frames of this rank's nodes at the start.
+            strains: by the number of the beam, functions of the arc lengths (m, 2) of the ends of
+                cells and the time that return the mean initial strains (m, 6); none by default.
 
         Raises:
             ValueError: a section's law is not usable; on all ranks.
@@ -70,7 +78,8 @@ class SE3Beams:
         self.data = data
         named = zip(sections, owners, strict=True)
         self.law_owner = next((owner for s, owner in named if s.law is not None), None)
-        damped = comm.allreduce(bool(np.any(data.damping > 0.0)), op=MPI.LOR)
+        some = comm.allreduce(bool(np.any(data.damping > 0.0)), op=MPI.LOR)
+        damped = data.damping.shape[1] if some else 0
         self.groups: list[tuple[IntArray, BeamGroup]] = []
         self.lengths = np.empty(len(data.cells))
         # all laws are checked before the long compilation of the first
@@ -79,6 +88,30 @@ class SE3Beams:
             group = BeamGroup(comm, _part(data, rows, numbers), material, start)
             self.groups.append((rows, group))
             self.lengths[rows] = group.lengths
+        self._strains = dict(strains or {})
+        #: relative twists of each group's cells without stress, but for what changes with time
+        self._rest = [group.rest.copy() for _, group in self.groups]
+        self.timed, strained = bool(self._strains), bool(data.strained.any())
+        self.strained = self.timed or comm.allreduce(strained, op=MPI.LOR)
+        self.set_initial_strains(0.0)
+
+    def set_initial_strains(self, t: float, fraction: float = 1.0) -> None:
+        """See :class:`flexfem.layout.elements.StrainedElements`."""
+        for (_, group), rest in zip(self.groups, self._rest, strict=True):
+            group.rest[:] = rest
+            for body, strain in self._strains.items():
+                rows = np.flatnonzero(group.data.body == body)
+                change = strain(group.data.arcs[rows], t)
+                group.rest[rows] += group.lengths[rows, np.newaxis] * change
+            if fraction != 1.0:
+                group.rest[:] = group.start + fraction * (group.rest - group.start)
+
+    def eigenstates(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.layout.elements.StrainedElements`."""
+        rest = np.empty((len(self.lengths), 6))
+        for rows, group in self.groups:
+            rest[rows] = group.rest
+        return self.resultants(frames)[1], rest
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
@@ -221,10 +254,5 @@ class SE3Beams:
 
 def _part(data: BeamCells, rows: IntArray, numbers: Sequence[int]) -> BeamCells:
     """Some cells, with sections counted within the given ones."""
-    return BeamCells(
-        data.cells[rows],
-        data.body[rows],
-        np.searchsorted(numbers, data.section[rows]),
-        data.frames[rows],
-        data.damping[rows],
-    )
+    part = data.take(rows)
+    return replace(part, section=np.searchsorted(numbers, part.section))

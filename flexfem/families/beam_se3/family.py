@@ -4,6 +4,8 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import replace
+from functools import partial
 from typing import TYPE_CHECKING, Any, override
 
 from mpi4py import MPI
@@ -13,12 +15,12 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.families.beam_se3.elements import BeamCells, SE3Beams
+from flexfem.families.beam_se3.along import Places, initial_strains
+from flexfem.families.beam_se3.elements import SE3Beams
 from flexfem.families.beam_se3.loads import se3_line_forces, se3_node_forces
 from flexfem.families.beam_se3.mesh import BeamMesh
 from flexfem.families.beam_se3.sensors import BeamElongation, StrainSensor
 from flexfem.families.common.beam_family import BeamFamily
-from flexfem.families.common.block_nodes import section_owners
 from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import Sensor
 from flexfem.layout.inner_forces import InnerForces
@@ -27,6 +29,8 @@ from flexfem.layout.lines import Line, se3_line
 from flexfem.layout.mesh_facts import MeshFacts, beam_facts
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.materials.section import Section
+from flexfem.materials.section_wall import SectionWall
 from flexfem.mesh.distributed.beam_mesh import create_beam_mesh
 from flexfem.mesh.geometry.topology import trace_lines
 from flexfem.model.bodies.basic import Beam
@@ -53,6 +57,11 @@ class SE3BeamFamily(BeamFamily):
         super().__init__(serial, kind, self.mesh)
         self._numbers = {beam.name: i for i, beam in enumerate(self.bodies)}
 
+    @property
+    @override
+    def walls(self) -> list[tuple[tuple[SectionWall, ...], ...]]:
+        return self.mesh.walls
+
     @override
     def fingerprint(self) -> Mapping[str, Any]:
         return {"mesh": [self.mesh.points, self.mesh.cells.cells, self.mesh.frames]}
@@ -67,17 +76,21 @@ class SE3BeamFamily(BeamFamily):
 
     @override
     def inertia(self, body: Beam, origin: FloatArray) -> FloatArray:
-        return self.mesh.inertia(self._numbers[body.name], body.section, origin)
+        return self.mesh.inertia(self._numbers[body.name], origin)
 
     @override
     def mesh_facts(self, body: Beam) -> MeshFacts:
         ends = self.mesh.points[self._cells(body)]
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        return beam_facts(body, body.section, lengths, ends.mean(axis=1))
+        return beam_facts(body, self._section(body), lengths, ends.mean(axis=1))
 
     @override
     def patches(self) -> IntArray:
         return self.mesh.cells.cells.astype(np.int64)
+
+    def _section(self, beam: Beam) -> Section:
+        """Section of a beam, that in its middle if it varies."""
+        return self.mesh.section(self._numbers[beam.name])
 
     def _cells(self, beam: Beam) -> IntArray:
         """(m, 2) nodes of the cells of a beam."""
@@ -106,8 +119,9 @@ class SE3BeamFamily(BeamFamily):
     @override
     def contact_numbers(self, body: Beam, contact: Contact) -> tuple[float, float]:
         diameter = 2.0 * contact.beam_radius(body)
-        through = _axial(body) / (0.25 * np.pi * diameter**3)
-        return through, body.section.mass_per_length / diameter
+        section = self._section(body)
+        through = _axial(body, section) / (0.25 * np.pi * diameter**3)
+        return through, section.mass_per_length / diameter
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:
@@ -127,17 +141,18 @@ class SE3BeamFamily(BeamFamily):
     def block(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, ElementFamily]:
         own, data = self.mesh, self.mesh.cells
         mesh = create_beam_mesh(comm, own.points, data.cells, ranks)
-        ids = mesh.cell_ids
-        mine = BeamCells(
-            mesh.cells, data.body[ids], data.section[ids], data.frames[ids], data.damping[ids]
-        )
+        mine = replace(data.take(mesh.cell_ids), cells=mesh.cells)
         frames = own.frames[mesh.node_ids]
         block = FrameBlock(
             "beams", comm, frames, own.velocities[mesh.node_ids], mesh.node_ids, mesh.index_map,
             inertial=True, elements=mesh.cell_ids,
         )  # fmt: skip
-        owners = section_owners(self.own, own.sections)
-        return block, SE3Beams(comm, mine, own.sections, owners, frames)
+        strains = {
+            number: partial(_initial_strain, self.bodies[number])
+            for number in map(self.bodies.index, self.own)
+            if self.bodies[number].timed
+        }
+        return block, SE3Beams(comm, mine, own.sections, own.owners, frames, strains)
 
     @override
     def forces(
@@ -165,9 +180,13 @@ def _chain(cells: IntArray) -> IntArray | None:
     return lines[0].cells
 
 
-def _axial(beam: Beam) -> float:
+def _initial_strain(beam: Beam, ends: FloatArray, time: float) -> FloatArray:
+    """Mean initial strains (m, 6) of cells of a beam between arc lengths (m, 2), m."""
+    return initial_strains(beam, Places.inside(ends), time)
+
+
+def _axial(beam: Beam, section: Section) -> float:
     """Axial stiffness of a beam, N, at zero strain."""
-    section = beam.section
     if section.stiffness is not None:
         return float(section.stiffness[0, 0])
     raise ValueError(

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Beam cells of one material: their data and the calls of the compiled loops."""
 
-from dataclasses import dataclass
+from dataclasses import dataclass, fields
 
 from mpi4py import MPI
 
@@ -11,7 +11,12 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.frame_kernels import Nodes, step_changes, step_rates
 from flexfem.families.beam_se3.motion import add_cell_motion, cell_rates, cell_twists
-from flexfem.families.common.section_groups import Material, about_centres, symmetric
+from flexfem.families.common.section_groups import (
+    Material,
+    about_centres,
+    symmetric,
+    viscous_factors,
+)
 from flexfem.forms.beam import beam_forms
 from flexfem.kernels.driver import (
     LINE,
@@ -37,10 +42,8 @@ _NODAL = {
     "velocity_change": (Nodal.TWIST, Nodes.word("velocity_change")),
     "acceleration_change": (Nodal.TWIST, Nodes.word("acceleration_change")),
 }
-#: Column of the damping in the data of cells.
-_DAMPING = 7
-#: First column and number of columns of each of these data.
-_OWN = {"relative_twist": (0, 6), "length": (6, 1), "damping": (_DAMPING, 1)}
+#: Columns in the data of cells: the length, and behind it the roots of the dampings.
+_LENGTH, _DAMPING = 6, 7
 #: Forms, and whether their kernels evaluate several cells at once.
 _BATCHED = {"residual": True, "stiffness": False, "inertia": False, "action": False}
 
@@ -54,14 +57,24 @@ class BeamCells:
         body: (m,) number of the beam.
         section: (m,) number of the section.
         frames: (m, 2, 12) section frames at both ends at the start.
-        damping: (m,) stiffness-proportional damping, s.
+        rest: (m, 6) relative twists of the ends without stress, less the prestrain that changes
+            with time; strained: (m,) True where they are not those at the start.
+        arcs: (m, 2) arc lengths of the ends, m, where something varies along the beam.
+        damping: (m, 1) stiffness-proportional damping, s, or (m, 6) of each strain.
     """
 
     cells: IndexArray
     body: IntArray
     section: IntArray
     frames: FloatArray
+    rest: FloatArray
+    strained: BoolArray
+    arcs: FloatArray
     damping: FloatArray
+
+    def take(self, rows: IntArray | BoolArray) -> "BeamCells":
+        """Some of the cells."""
+        return BeamCells(**{f.name: getattr(self, f.name)[rows] for f in fields(self)})
 
 
 class BeamGroup:
@@ -70,9 +83,9 @@ class BeamGroup:
     Attributes:
         residual: kernel of internal, inertia and gravity forces.
         data: constant data of the cells; sections count those of the material.
-        cells: the same in the format of the kernel driver; own data are the twists at the start,
+        cells: the same in the format of the kernel driver; own data are the twists without stress,
             lengths and damping, those of sections ``Material.data``.
-        lengths: (m,) arc lengths at the start, m.
+        start: (m, 6) relative twists of the ends at the start; lengths: (m,) arc lengths, m.
         centres: (s, 3) mass centres of the sections, m; rotary: (s, 3, 3) inertia about them, kg m.
         turned: (m,) True where section axes differ from the axes of the nodes.
     """
@@ -91,10 +104,8 @@ class BeamGroup:
         self.data, self._material = data, material
         self._every = np.arange(len(data.cells))
         ends = data.frames
-        self._twists = np.ascontiguousarray(
-            se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1]))
-        )
-        self.lengths = np.linalg.norm(self._twists[:, :3], axis=1)
+        self.start = np.ascontiguousarray(se3.log(se3.compose(se3.inverse(ends[:, 0]), ends[:, 1])))
+        self.lengths = np.linalg.norm(self.start[:, :3], axis=1)
         turns = np.swapaxes(se3.rotation(start[data.cells]), -1, -2) @ se3.rotation(ends)
         self.turned = np.abs(turns - np.eye(3)).max(axis=(1, 2, 3), initial=0.0) > 1e-12
         # one row for all cells whose section axes are the nodes' own
@@ -102,16 +113,18 @@ class BeamGroup:
         self._turns = np.ascontiguousarray(turns.reshape(-1, 2, 9))
         self.cells = Cells(
             nodes=data.cells, turned=self.turned, turns=self._turns,
-            own=np.column_stack([self._twists, self.lengths, data.damping]),
+            own=np.column_stack([data.rest, self.lengths, viscous_factors(data.damping)]),
             section=data.section, sections=material.data, corners=LINE,
         )  # fmt: skip
         self._inertias = symmetric(material.data[:, :21])
         self.centres, self.rotary = about_centres(self._inertias)
         kernels = compile_forms(comm, beam_forms, (material.damped, material.law), _BATCHED)
         section = {"inertia": (0, 21), kernels.names[7]: (21, material.data.shape[1] - 21)}
+        width = data.damping.shape[1]
+        own = {"relative_twist": (0, 6), "length": (_LENGTH, 1), "damping": (_DAMPING, width)}
 
         def placed(form: str, size: int) -> CellKernel:
-            return cell_kernel(kernels[form], size, kernels.names, _NODAL, _OWN, section)
+            return cell_kernel(kernels[form], size, kernels.names, _NODAL, own, section)
 
         self.residual, self._action = placed("residual", 12), placed("action", 12)
         self._stiffness, self._inertia = placed("stiffness", 144), placed("inertia", 144)
@@ -178,8 +191,13 @@ class BeamGroup:
         turned = (back[:, :, np.newaxis] @ halves[..., np.newaxis]).reshape(-1, 2, 6)
         change = np.einsum("mij,mj->mi", se3.inverse_tangent(twists), turned[:, 1])
         change -= np.einsum("mij,mj->mi", se3.inverse_tangent(-twists), turned[:, 0])
-        continued: FloatArray = twists - self._twists + change
+        continued: FloatArray = twists - self.rest + change
         return continued
+
+    @property
+    def rest(self) -> FloatArray:
+        """Relative twists (m, 6) of the ends without stress, as a view to be written to."""
+        return self.cells.own[:, :6]
 
     @property
     def viscous(self) -> bool:
@@ -199,14 +217,15 @@ class BeamGroup:
         """Relative twists and strains (m, 6) of the given cells, all by default."""
         twists = self.twists(frames, at)
         if at is None:
-            strain = twists - self._twists
+            strain = twists - self.rest
             strain /= self.lengths[:, np.newaxis]
             return twists, strain
-        return twists, (twists - self._twists[at]) / self.lengths[at, np.newaxis]
+        return twists, (twists - self.rest[at]) / self.lengths[at, np.newaxis]
 
     def stretches(self, frames: FloatArray) -> FloatArray:
         """Lengths (m,) of the cells along the normal of the section, relative to the start."""
-        stretched: FloatArray = 1.0 + self._strain(frames)[1][:, 0]
+        change = self.twists(frames)[:, 0] - self.start[:, 0]
+        stretched: FloatArray = 1.0 + change / self.lengths
         return stretched
 
     def response(
@@ -229,7 +248,7 @@ class BeamGroup:
         rate = np.empty_like(twists)
         cell_rates(self.cells.memory, twists, block.nodes.memory, rate)
         rate /= self.lengths[:, np.newaxis]
-        damping = self.cells.own[:, _DAMPING]
+        damping = self.data.damping
         return self._material.viscous_stress(strain, rate, self.data.section, damping), rate
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:

@@ -9,6 +9,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.layout.family import Family
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.materials.section import Section
+from flexfem.materials.section_wall import SectionWall
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.model import Model
 
@@ -65,8 +66,13 @@ class BeamFamily(Family):
 
     @property
     def sections(self) -> list[Section]:
-        """The different sections of the beams."""
+        """The different sections of the beams, or of their elements."""
         return self._nodes.sections
+
+    @property
+    def walls(self) -> list[tuple[tuple[SectionWall, ...], ...]]:
+        """Boundaries of these sections at both ends of their elements."""
+        return [(section.walls, section.walls) for section in self.sections]
 
     @property
     @override

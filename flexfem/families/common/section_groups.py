@@ -15,7 +15,10 @@ from flexfem.forms.beam_law import LawExpressions, law_expressions
 from flexfem.materials.section import Section
 from flexfem.materials.shell_section import ShellSection
 
-__all__ = ["LawMaterial", "LinearMaterial", "Material", "grouped", "materials", "symmetric"]
+__all__ = [
+    "LawMaterial", "LinearMaterial", "Material", "grouped", "materials", "symmetric",
+    "viscous_factors",
+]  # fmt: skip
 
 _UPPER = np.triu_indices(6)
 
@@ -24,15 +27,15 @@ class Material(Protocol):
     """Constitutive model of the cells of one group.
 
     Attributes:
-        law, damped: parameters of an element's forms: the law, None for the linear one, and True
-            with stiffness-proportional damping.
+        law, damped: parameters of an element's forms: the law, None for the linear one, and how
+            many numbers its stiffness-proportional damping has: none, 1, or 6 for each strain.
         data: (s, k) data of each section for the kernels: 21 entries of the inertia, then stiffness
             or parameters.
         viscous: True if the stress depends on the strain rate.
     """
 
     law: LawExpressions | None
-    damped: bool
+    damped: int
     data: FloatArray
     viscous: bool
 
@@ -43,7 +46,7 @@ class Material(Protocol):
     def viscous_stress(
         self, strain: FloatArray, rate: FloatArray, sections: IntArray, damping: FloatArray
     ) -> FloatArray:
-        """Stress resultants (m, 6) that the strain rate adds; ``damping`` (m,) of the cells."""
+        """Stress resultants (m, 6) that the strain rate adds; ``damping`` (m, 1 or 6) of cells."""
         ...
 
 
@@ -63,7 +66,7 @@ def grouped(
 
 
 def materials(
-    comm: MPI.Intracomm, sections: Sequence[Section], owners: Sequence[str], damped: bool
+    comm: MPI.Intracomm, sections: Sequence[Section], owners: Sequence[str], damped: int
 ) -> list[tuple[list[int], "Material"]]:
     """Materials of a model's sections, each with the numbers of its sections (collective).
 
@@ -71,7 +74,7 @@ def materials(
         comm: communicator.
         sections: the sections.
         owners: their names in messages.
-        damped: True if some cells have stiffness-proportional damping.
+        damped: how many numbers their stiffness-proportional damping has, see :class:`Material`.
 
     Raises:
         ValueError: a section's law is not usable; on all ranks.
@@ -106,6 +109,14 @@ def about_centres(inertias: FloatArray) -> tuple[FloatArray, FloatArray]:
     return centres, inertias[:, 3:, 3:] - mass[:, np.newaxis, np.newaxis] * steiner
 
 
+def viscous_factors(damping: FloatArray) -> FloatArray:
+    """Factors of kernels for damping (m, 1), which are this, or (m, 6): their roots.
+
+    With the diagonal matrix R of the roots the viscosity is ``R D R``, positive for every D.
+    """
+    return damping if damping.shape[1] == 1 else np.sqrt(damping)
+
+
 def _data(sections: Sequence[Section], material: FloatArray) -> FloatArray:
     inertia = np.array([s.inertia[_UPPER] for s in sections])
     return np.ascontiguousarray(np.concatenate([inertia, material], axis=1))
@@ -116,10 +127,10 @@ class LinearMaterial:
 
     law: LawExpressions | None
 
-    def __init__(self, sections: Sequence[Section], damped: bool) -> None:
+    def __init__(self, sections: Sequence[Section], damped: int) -> None:
         """Collect the matrices."""
         self._matrices = np.array([s.stiffness for s in sections])
-        self.law, self.damped, self.viscous = None, damped, damped
+        self.law, self.damped, self.viscous = None, damped, damped > 0
         self.data = _data(sections, self._matrices[:, *_UPPER])
 
     def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
@@ -132,7 +143,10 @@ class LinearMaterial:
         self, strain: FloatArray, rate: FloatArray, sections: IntArray, damping: FloatArray
     ) -> FloatArray:
         """See :class:`Material`."""
-        return damping[:, np.newaxis] * self.response(rate, sections)[0]
+        factors = viscous_factors(damping)
+        if factors.shape[1] == 1:
+            return factors * self.response(rate, sections)[0]
+        return factors * self.response(np.ascontiguousarray(factors * rate), sections)[0]
 
 
 class LawMaterial:
@@ -151,7 +165,7 @@ class LawMaterial:
         """
         laws = [s.law for s in sections if s.law is not None]
         self._law = LawValues(comm, law, laws, owners)
-        self.law, self.damped, self.viscous = law, False, law.dissipation is not None
+        self.law, self.damped, self.viscous = law, 0, law.dissipation is not None
         self.data = _data(sections, self._law.parameters)
 
     def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:

@@ -35,7 +35,7 @@ def shell_facts(surface: ShellSurface, shell: Shell) -> MeshFacts:
     axial = float(np.linalg.eigvalsh(section.stiffness[:2, :2])[0])
     return MeshFacts(
         shell, edges.min(axis=1), edges.max(axis=1), float(np.sqrt(area)), area,
-        section.thickness, corners.mean(axis=1), axial,
+        section.thickness, corners.mean(axis=1), axial, section,
     )  # fmt: skip
 
 

@@ -45,7 +45,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         yield Finding(
             "locking", owner_of(beam),
             f"smooth elements of degree {parts.nodes.shape[1] - 1} that are up to "
-            f"{parts.lengths.max() / _thinnest(beam.section):.2g} times as long as thick lock: it "
+            f"{parts.lengths.max() / _thinnest(beam.uniform):.2g} times as long as thick lock: it "
             f"is too stiff, by about {percent(share)} % once it has bent by half a "
             "radian",
             "take its curve with_continuity(0), more elements or a higher degree",
@@ -99,7 +99,7 @@ def excess(
         parts = curves.parts[index]
         chosen = np.arange(len(parts.nodes)) if cells is None else cells[index]
         own = points[curves.first_node[index] : curves.first_node[index + 1]]
-        found[index] = curve_excess(parts, own, _thinnest(beam.section), bent, chosen)
+        found[index] = curve_excess(parts, own, _thinnest(beam.uniform), bent, chosen)
     return found
 
 

@@ -3,8 +3,13 @@
 
 from collections.abc import Iterator
 
+import numpy as np
+
 from flexfem.inspection.finding import Finding, owner_of
 from flexfem.inspection.inspection import Inspection
+from flexfem.materials.section import Section
+from flexfem.materials.section_table import SectionTable
+from flexfem.materials.shell_section import ShellSection
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.bodies.shell import Shell
 
@@ -15,9 +20,18 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         return
     bodies: list[Beam | Shell] = [*inspection.model.beams, *inspection.model.shells]
     for body in bodies:
-        mass = body.section.mass if isinstance(body, Shell) else body.section.mass_per_length
-        if mass == 0.0:
+        if _mass(body) == 0.0:
             yield Finding(
                 "massless", owner_of(body), "it has no mass, and a motion needs inertia",
                 "give its material a density",
             )  # fmt: skip
+
+
+def _mass(body: Beam | Shell) -> float:
+    """Mass per length or area, the largest along a table; NaN of functions."""
+    section = body.section
+    if isinstance(section, SectionTable):
+        return float(section.inertia[:, 0, 0].max())
+    if isinstance(section, Section):
+        return section.mass_per_length
+    return section.mass if isinstance(section, ShellSection) else np.nan

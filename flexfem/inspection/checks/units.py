@@ -57,7 +57,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
             )  # fmt: skip
     sections: dict[int, tuple[Section | ShellSection, list[str]]] = {}
     for mesh in inspection.meshes:
-        section = mesh.body.section
+        section = mesh.section
         sections.setdefault(id(section), (section, []))[1].append(owner_of(mesh.body))
     for section, owners in sections.values():
         yield from _material(inspection, section, listed(owners))

@@ -26,9 +26,11 @@ from flexfem.core.nodes.step_kernels import StepNodes, correct, mean_acceleratio
 from flexfem.core.state import State
 from flexfem.families.beam_se3.elements import SE3Beams
 from flexfem.families.beam_se3.energy_momentum import EnergyBeams
+from flexfem.families.beam_se3.family import SE3BeamFamily
 from flexfem.integrators.energy_momentum.constraints import StepRows
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.lie import se3
+from flexfem.model.bodies.basic import Beam
 from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
@@ -172,8 +174,8 @@ class StepMechanics(Mechanics):
         if offset and self.chi > 0.0:
             raise InputError(
                 "EnergyMomentum: a mass on a beam off the mass centres of its sections, and a beam "
-                "with a corner and mass centres off its axis, need rho_inf 1 (no dissipation), got "
-                f"chi = {self.chi:.6g}"
+                "with a corner, or with sections that vary, and mass centres off its axis, need "
+                f"rho_inf 1 (no dissipation), got chi = {self.chi:.6g}"
             )
 
     @property
@@ -350,4 +352,19 @@ def _check_parts(system: System) -> None:
         if part.elements is not None and part.elements.law_owner is not None:
             raise InputError(
                 f"{part.elements.law_owner}: the integrator energy_momentum needs a linear section"
+            )
+        if isinstance(part.family, SE3BeamFamily):
+            for beam in part.family.own:
+                _check_beam(beam)
+
+
+def _check_beam(beam: Beam) -> None:
+    """Raise for what has no energy over a step, or none that these equations have."""
+    for what, given in (
+        ("a prestrain that changes with time", beam.timed),
+        ("one damping for each strain", np.ndim(beam.damping) > 0),
+    ):
+        if given:
+            raise InputError(
+                f'Beam "{beam.name}": the integrator energy_momentum does not support {what}'
             )

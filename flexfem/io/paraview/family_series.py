@@ -81,7 +81,7 @@ class BeamSeries:
             assert isinstance(part.family, BeamFamily)
             sampler = _LineSampler if isinstance(part.elements, SE3Beams) else CurveSampler
             self._samplers.append(sampler(part, len(outlines)))
-            outlines += [section.walls for section in part.family.sections]
+            outlines += part.family.walls
         self._writer = BeamWriter(folder, comm, outlines, resume=resume)
 
     def write(self, time: float, step: int) -> None:

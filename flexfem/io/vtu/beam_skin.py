@@ -20,23 +20,33 @@ IntArray = NDArray[np.int64]
 
 
 class SkinSection:
-    """One section as surfaces show it.
+    """One section, or that of an element from end to end, as surfaces show it.
 
     Attributes:
         counts: Vertices of each boundary; none of a section that is not shown.
-        points: Vertices of all boundaries (k, 2), m.
-        stress: See `SectionWall`, for all of them (k, 2, 6); NaN where it is not known.
+        points: Vertices of all boundaries at both ends (2, k, 2), m.
+        stress: See `SectionWall`, for all of them (2, k, 2, 6); NaN where it is not known.
         faces: Quadrilaterals of the end that e1 points out of (m, 4).
     """
 
-    def __init__(self, walls: Sequence[SectionWall]) -> None:
-        """Put the boundaries together: the outer one, and none or one inner of as many vertices."""
-        self.counts = tuple(len(wall.points) for wall in walls)
-        self.points = np.concatenate([np.zeros((0, 2)), *(wall.points for wall in walls)])
-        unknown = [np.full((len(wall.points), 2, 6), np.nan) for wall in walls]
-        known = [wall.stress for wall in walls]
-        values = [u if s is None else s for u, s in zip(unknown, known, strict=True)]
-        self.stress = np.concatenate([np.zeros((0, 2, 6)), *values])
+    def __init__(
+        self, walls: Sequence[SectionWall], last: Sequence[SectionWall] | None = None
+    ) -> None:
+        """Put the boundaries together: the outer one, and none or one inner of as many vertices.
+
+        Args:
+            walls: At the first end.
+            last: At the other end, with as many vertices, else the section is not shown; None for
+                the same.
+        """
+        ends = [walls, walls if last is None else last]
+        counts = [tuple(len(wall.points) for wall in end) for end in ends]
+        if counts[0] != counts[1]:
+            walls, ends, counts = (), [(), ()], [(), ()]
+        self.counts = counts[0]
+        self.points, self.stress = (
+            np.stack(parts) for parts in zip(*map(_joined, ends), strict=True)
+        )
         self.faces = np.zeros((0, 4), dtype=np.int64)
         if len(walls) == 1:
             self.faces = cut(walls[0].points)
@@ -50,7 +60,7 @@ class SkinSection:
 
     def sides(self) -> IntArray:
         """Quadrilaterals between the vertices at both ends of a cell, outward (k, 4)."""
-        found, start, other = [np.zeros((0, 4), dtype=np.int64)], 0, len(self.points)
+        found, start, other = [np.zeros((0, 4), dtype=np.int64)], 0, self.points.shape[1]
         for number, k in enumerate(self.counts):
             j = start + np.arange(k)
             nxt = start + (np.arange(k) + 1) % k
@@ -58,6 +68,15 @@ class SkinSection:
             found.append(quads[:, ::-1] if number else quads)
             start += k
         return np.concatenate(found)
+
+
+def _joined(walls: Sequence[SectionWall]) -> tuple[FloatArray, FloatArray]:
+    """Vertices (k, 2) of some boundaries, and their stresses (k, 2, 6)."""
+    unknown = [np.full((len(wall.points), 2, 6), np.nan) for wall in walls]
+    known = [wall.stress for wall in walls]
+    values = [u if s is None else s for u, s in zip(unknown, known, strict=True)]
+    points = np.concatenate([np.zeros((0, 2)), *(wall.points for wall in walls)])
+    return points, np.concatenate([np.zeros((0, 2, 6)), *values])
 
 
 @dataclass(frozen=True)
@@ -96,7 +115,9 @@ class BeamSkin:
         node, cell = [np.zeros(0, np.int64)], [np.zeros(0, np.int64)]
         arm, start = [np.zeros((0, 3))], 0
         quads, owner = [np.zeros((0, 4), np.int64)], [np.zeros(0, np.int64)]
-        free = _free_ends(beams, len(sections))
+        free = _free_ends(
+            beams, np.array([bool(one.counts) for one in sections], dtype=np.bool_)[beams.section]
+        )
         kinds: dict[object, list[int]] = {}
         for number in np.unique(beams.section).tolist():
             if sections[number].counts:
@@ -107,12 +128,12 @@ class BeamSkin:
             of = np.searchsorted(numbers, beams.section[cells])
             stress = np.stack([sections[n].stress for n in numbers])
             self._groups.append(_Group(cells, stress, of))
-            k, m = len(one.points), len(cells)
+            k, m = one.points.shape[1], len(cells)
             node.append(np.repeat(beams.cells[cells].reshape(-1), k))
             cell.append(np.repeat(cells, 2 * k))
             # section axes are rotated against those of the node, by a constant
             turn = beams.turn[cells, :, :, 1:]
-            arm.append(np.einsum("meij,mkj->meki", turn, table[of]).reshape(-1, 3))
+            arm.append(np.einsum("meij,mekj->meki", turn, table[of]).reshape(-1, 3))
             first = start + 2 * k * np.arange(m)
             parts = [(one.sides(), cells, first)]
             if caps:
@@ -149,15 +170,20 @@ class BeamSkin:
         found = [np.zeros((0, 2))]
         for group in self._groups:
             values = np.einsum(
-                "mkij,mj->mki", group.stress[group.section], beams.resultant[group.cells]
+                "mekij,mj->meki", group.stress[group.section], beams.resultant[group.cells]
             )
-            found.append(np.repeat(values[:, None], 2, axis=1).reshape(-1, 2))  # both ends
+            found.append(values.reshape(-1, 2))
         return np.concatenate(found)
 
 
-def _free_ends(beams: BeamFields, sections: int) -> NDArray[np.bool_]:
-    """Return flags (m, 2): first and last nodes without a next cell of the same section."""
-    key = beams.cells * sections + beams.section[:, None]
+def _free_ends(beams: BeamFields, shown: NDArray[np.bool_]) -> NDArray[np.bool_]:
+    """Return flags (m, 2): first and last nodes without a next cell of the same beam.
+
+    Cells whose section is not ``shown`` (m,) do not count.
+    """
+    bodies = int(beams.body.max(initial=0)) + 1
+    key = (beams.cells * bodies + beams.body[:, None])[shown]
     _, inverse, counts = np.unique(key, return_inverse=True, return_counts=True)
-    free: NDArray[np.bool_] = (counts[inverse] == 1).reshape(-1, 2)
+    free = np.zeros((len(shown), 2), dtype=np.bool_)
+    free[shown] = (counts[inverse] == 1).reshape(-1, 2)
     return free

@@ -21,6 +21,9 @@ if TYPE_CHECKING:
 
 __all__ = ["BeamWriter"]
 
+#: Walls at the first and at the second end of cells.
+Walls = tuple[tuple[SectionWall, ...], ...]
+
 STRAINS = ("gamma1", "gamma2", "gamma3", "kappa1", "kappa2", "kappa3")
 RESULTANTS = ("N", "Q2", "Q3", "T", "M2", "M3")
 COMPONENTS = {"strain": STRAINS, "resultant": RESULTANTS}
@@ -37,7 +40,7 @@ class BeamWriter:
         self,
         folder: Path,
         comm: MPI.Comm,
-        outlines: Sequence[ArrayLike | Sequence[SectionWall] | None],
+        outlines: Sequence[ArrayLike | Sequence[SectionWall] | Walls | None],
         *,
         caps: bool = True,
         resume: float | None = None,
@@ -48,13 +51,14 @@ class BeamWriter:
             folder: Result folder.
             comm: Communicator; `write` and `close` are collective.
             outlines: Closed polygon (k, 2) of each section in the (e2, e3) plane in m, or its
-                walls; None, or no walls, for a section that is shown as a line only.
+                walls, or those at both ends of the cells; None, or no walls, for a section that is
+                shown as a line only.
             caps: True if the ends of the swept surfaces are closed.
             resume: Keep the instants of an earlier run up to this time (s).
         """
         walls = [_walls(outline, i) for i, outline in enumerate(outlines)]
-        self._sections, self._caps = [SkinSection(one) for one in walls], caps
-        self._stressed = any(wall.stress is not None for one in walls for wall in one)
+        self._sections, self._caps = [SkinSection(*ends) for ends in walls], caps
+        self._stressed = any(np.isfinite(one.stress).any() for one in self._sections)
         self._lines = VtuSeries(folder, "beams", comm, components=COMPONENTS, resume=resume)
         self._skins = VtuSeries(folder, "beam_surfaces", comm, components=COMPONENTS, resume=resume)
         self._skin: BeamSkin | None = None
@@ -109,15 +113,20 @@ class BeamWriter:
 
 
 def _walls(
-    outline: ArrayLike | Sequence[SectionWall] | None, number: int
-) -> tuple[SectionWall, ...]:
-    """Walls of a section, of which there may be none."""
+    outline: ArrayLike | Sequence[SectionWall] | Walls | None, number: int
+) -> tuple[tuple[SectionWall, ...], ...]:
+    """Walls of a section, of which there may be none; of both ends where they are given."""
     if outline is None:
-        return ()
+        return ((),)
+    if isinstance(outline, tuple) and all(isinstance(end, tuple) for end in outline):
+        return tuple(_end(end, number) for end in outline) or ((),)
     if isinstance(outline, Sequence) and all(isinstance(wall, SectionWall) for wall in outline):
-        walls = [wall for wall in outline if isinstance(wall, SectionWall)]
-    else:
-        walls = [SectionWall(np.asarray(outline, dtype=np.float64))]
+        return (_end([wall for wall in outline if isinstance(wall, SectionWall)], number),)
+    return (_end([SectionWall(np.asarray(outline, dtype=np.float64))], number),)
+
+
+def _end(walls: Sequence[SectionWall], number: int) -> tuple[SectionWall, ...]:
+    """Walls of one end, in anticlockwise order."""
     who = f"BeamWriter: outline {number}"
     turned = [anticlockwise(wall.points, who) for wall in walls]
     # stresses belong to the vertices as they are: such walls are anticlockwise already

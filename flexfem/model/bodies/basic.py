@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bodies: beams, rigid bodies and point masses."""
 
+from collections.abc import Callable
 from dataclasses import KW_ONLY, InitVar
 from typing import Any
 
@@ -25,6 +26,8 @@ from flexfem._fields import (
 from flexfem._types import FloatArray
 from flexfem.core.marker import Marker
 from flexfem.materials.section import Section
+from flexfem.materials.section_table import AnySection, SectionTable
+from flexfem.materials.thermal_strain import ThermalStrain
 from flexfem.mesh.geometry.frames import Orientation
 from flexfem.mesh.nurbs.curve import NurbsCurve
 from flexfem.model.bodies.shapes import SHAPES, Shape
@@ -40,14 +43,52 @@ INTERPOLATIONS = ("quaternions", "relative_rotation_vectors")
 #: Degree of curves through the nodes of a mesh.
 _DEGREE = 3
 
+#: Function of arc lengths (k,), metres, along a beam.
+_Along = Callable[[FloatArray], npt.ArrayLike]
+
+
+def _section(owner: str, what: str, value: Any) -> Any:
+    """Return a checked section."""
+    if not isinstance(value, (Section, SectionTable)) and not callable(value):
+        raise TypeError(
+            f"{owner}: {what} must be a Section, a SectionTable or a function of the arc length, "
+            f"got {_checks.show(value)}"
+        )
+    return value
+
+
+def _damping(owner: str, what: str, value: Any) -> Any:
+    """Return a checked damping: one number, or one for each strain."""
+    if np.ndim(value) == 0:
+        return _checks.number(owner, what, value, nonnegative=True)
+    values = _checks.array(owner, what, value, (6,))
+    if (values < 0.0).any():
+        raise ValueError(f"{owner}: {what} must not be negative, got {_checks.show(value)}")
+    return values
+
+
+def _along(*shape: int) -> Any:
+    """Declare an array of a shape, or a function along the beam; None where left out."""
+
+    def check(owner: str, what: str, value: Any) -> Any:
+        return value if callable(value) else _checks.array(owner, what, value, shape)
+
+    return checked(check, default=None)
+
 
 @declared
 class Beam:
     """Beam along a named group of line cells, or along a NURBS curve.
 
+    A place on the beam is its arc length s from the start, metres, in the initial configuration.
+    Unless `rest_curvature` or `prestrain` are given, this configuration is free of stress, however
+    curved and twisted it is.
+
     Attributes:
         name: Unique name in the model.
-        section: Stiffness and inertia.
+        section: Stiffness and inertia: a :class:`Section`, a :class:`SectionTable`, or a function
+            of s that returns a Section. Elements take means of its compliance and of its inertia
+            over their length: they deform exactly under constant resultants.
         group: Line group of the model's mesh; None for that of the beam's name, or with a curve.
         curve: Curve of a beam that needs no mesh; its elements are its knot spans.
         degree: Degree of the curve through the nodes of the group with the formulation "nurbs", 3
@@ -62,7 +103,19 @@ class Beam:
             between elements that share more than an end.
         orientation: Approximate direction of e2 in inertial axes: a vector, a function of points
             (n, 3) that returns vectors (n, 3), or None for rotation-minimising frames.
-        damping: Stiffness-proportional damping, seconds.
+        twist: Angle by which section axes are rotated about e1 from the orientation, radians: a
+            number or a function of s (k,) that returns (k,); that of a SectionTable is added.
+        rest_curvature: Twist and curvatures (kappa1, kappa2, kappa3) of the stress-free beam in
+            section axes, shape (3,), 1/m, or a function of s (k,) that returns (3,) or (k, 3); None
+            for those of the initial configuration.
+        prestrain: Initial strain, shape (6,): the resultants are the stiffness times the strain
+            less this one, so that heat has a positive, pretension a negative extension (O. C.
+            Zienkiewicz, R. L. Taylor, The Finite Element Method, 5th ed. (2000), eq. 2.5). Or a
+            function of s (k,) and the time (the load factor in statics) that returns (6,) or
+            (k, 6), such as a :class:`ThermalStrain`.
+        damping: Stiffness-proportional damping, seconds; or one number mu_i for each strain, shape
+            (6,): the viscous resultants are `sum over j of sqrt(mu_i mu_j) D_ij` times the rate of
+            strain j, which dissipates for all stiffnesses D.
         velocity: Initial velocity of the point of the (extended) body at the inertial origin,
             inertial axes, shape (3,), m/s.
         angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s; a point at x
@@ -75,7 +128,7 @@ class Beam:
     """
 
     name: str
-    section: Section = instance(Section)
+    section: AnySection = checked(_section)
     _: KW_ONLY
     group: str | None = None
     curve: NurbsCurve | None = None
@@ -83,7 +136,13 @@ class Beam:
     formulation: Given[str | None, str] = settled(default=None)
     interpolation: str | None = None
     orientation: Orientation = direction(default=None)
-    damping: float = number(default=0.0, nonnegative=True)
+    twist: Given[float | _Along | None, FloatArray | _Along | None] = _along()
+    rest_curvature: Given[npt.ArrayLike | _Along | None, FloatArray | _Along | None] = _along(3)
+    prestrain: Given[
+        npt.ArrayLike | Callable[[FloatArray, float], npt.ArrayLike] | None,
+        FloatArray | Callable[[FloatArray, float], npt.ArrayLike] | None,
+    ] = _along(6)
+    damping: Given[npt.ArrayLike, float | FloatArray] = checked(_damping, default=0.0)
     velocity: Array = vector(default=ZERO)
     angular_velocity: Array = vector(default=ZERO)
 
@@ -100,6 +159,25 @@ class Beam:
             formulation=formulation,
             interpolation=_interpolation(owner, formulation, self.interpolation),
         )
+        if formulation != "se3":
+            _check_uniform(owner, self)
+
+    @property
+    def varies(self) -> bool:
+        """True if its section is not the same everywhere."""
+        return not isinstance(self.section, Section)
+
+    @property
+    def uniform(self) -> Section:
+        """Section of a beam along which it does not vary."""
+        assert isinstance(self.section, Section)
+        return self.section
+
+    @property
+    def timed(self) -> bool:
+        """True if its initial strain may change with time."""
+        given = self.prestrain
+        return callable(given) and not (isinstance(given, ThermalStrain) and given.constant)
 
     @property
     def vectors(self) -> bool:
@@ -225,6 +303,22 @@ def _formulation(
             f"{owner}: the degree is that of the curve (NurbsCurve.elevate raises it), got {degree}"
         )
     return formulation, None
+
+
+def _check_uniform(owner: str, beam: Beam) -> None:
+    """Raise for what elements along curves do not have."""
+    found = {
+        "a section that varies": beam.varies,
+        "a twist": beam.twist is not None,
+        "a rest curvature": beam.rest_curvature is not None,
+        "a prestrain": beam.prestrain is not None,
+        "one damping for each strain": np.ndim(beam.damping) > 0,
+    }
+    for what, given in found.items():
+        if given:
+            raise ValueError(
+                f'{owner}: {what} needs the formulation "se3", got "{beam.formulation}"'
+            )
 
 
 def _interpolation(owner: str, formulation: str, given: str | None) -> str | None:

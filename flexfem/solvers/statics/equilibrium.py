@@ -75,7 +75,7 @@ class Loading:
 
     Attributes:
         t: the present parameter.
-        fraction: fraction of all loads that acts, without drives.
+        fraction: fraction of all loads and initial strains that acts, without drives.
         span: its end, by which steps of differences are measured.
     """
 
@@ -95,9 +95,10 @@ class Loading:
         self.t, self.span, self.fraction = 0.0, span, 1.0
 
     def set(self, t: float, fraction: float = 1.0) -> None:
-        """Set loads and drives to parameter ``t``, loads and gravity to a fraction of theirs."""
+        """Set loads and drives to parameter ``t``; all but drives to a fraction of theirs."""
         system, self.fraction = self._system, fraction
         system.set_time(t)
+        system.set_initial_strains(fraction)
         system.factors[self._growing] = t
         system.factors[:] *= self.fraction
         system.gravity[:] = self._gravity * (self.fraction * (t if self._gravity_grows else 1.0))
@@ -106,18 +107,19 @@ class Loading:
     def derivative(self, shifts: Shifts) -> tuple[list[FloatArray], FloatArray]:
         """Derivative of the blocks' residuals (n_owned, width) and of the rows (r,) along t.
 
-        Loads and gravity enter the residual linearly; their factors and the drives are
-        differentiated by differences over 1e-4 of the span, exact for proportional loads. The
+        Loads and gravity enter the residual linearly; their factors, the drives and initial strains
+        are differentiated by differences over 1e-4 of the span, exact for proportional ones. The
         residuals of the blocks are overwritten.
         """
         system, rows, t = self._system, self._system.constraints, self.t
         step = 1e-4 * self.span
         low, high = (0.0, step) if t == 0.0 else (t - step, t + step)  # none before the start
-        values = []
+        values, inner = [], []
         for at in (low, high):
             self.set(at, self.fraction)
             rows.evaluate(shifts.dynamics)
             values.append((system.factors.copy(), system.gravity.copy(), rows.values.copy()))
+            inner.append(self._inner_forces(shifts.scale) if system.timed else [])
         self.set(t, self.fraction)
         rows.evaluate(shifts.dynamics)
         factors, gravity, by_t = (
@@ -130,7 +132,18 @@ class Loading:
             loaded = part.block.owned_residual.copy()
             part.add_residual(np.zeros(3), np.zeros_like(factors), shifts.scale)
             blocks.append(loaded - part.block.owned_residual)
-        return blocks, by_t
+        if not system.timed:
+            return blocks, by_t
+        moved = zip(blocks, *inner, strict=True)
+        return [block + (b - a) / (high - low) for block, a, b in moved], by_t
+
+    def _inner_forces(self, scale: float) -> list[FloatArray]:
+        """Residuals (n_owned, width) of the blocks without loads."""
+        found, none = [], np.zeros_like(self._system.factors)
+        for part in self._system.parts:
+            part.add_residual(np.zeros(3), none, scale)
+            found.append(part.block.owned_residual.copy())
+        return found
 
 
 class Equilibrium:

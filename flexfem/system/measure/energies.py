@@ -9,7 +9,9 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.laws import LawKind
 from flexfem.core.nodes import motion
+from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.kernels.compiled import kernel
+from flexfem.layout.elements import StrainedElements
 from flexfem.model.model import Model
 from flexfem.system.measure.momenta import ChosenBodies
 from flexfem.system.system import System
@@ -40,6 +42,7 @@ class _State:
     Attributes:
         loads: (k, 12) force, moment, position and angular velocity of each load, inertial axes.
         viscous, stretching: (j, 6) viscous stress of the elements, and the rate of their strain.
+        elastic, initial: (j, 6) stress and initial strain of elements where the latter changes.
         forces: (r,) of all rows.
         rates: (r,) rates of the rows that do work, by the motion of their working sides.
         sprung, pulls: (r,) energy stored in rows, and the elastic part of their forces.
@@ -50,6 +53,8 @@ class _State:
     loads: FloatArray
     viscous: FloatArray
     stretching: FloatArray
+    elastic: FloatArray
+    initial: FloatArray
     forces: FloatArray
     rates: FloatArray
     sprung: FloatArray
@@ -117,7 +122,8 @@ class EnergyMeter:
         self._damped = bool(self._dampers.any())
         # strain energies and viscous stresses, with the weights of the chosen elements in sums
         self._elastic, self._viscous = [], []
-        lengths = [np.zeros(0)]
+        self._timed: list[tuple[StrainedElements, FrameBlock]] = []
+        timed, lengths = [np.zeros(0)], [np.zeros(0)]
         for part, cells in zip(system.parts, self._chosen.cells, strict=True):
             if part.elements is None:
                 continue
@@ -126,7 +132,10 @@ class EnergyMeter:
                 at, own = part.elements.viscous_at
                 self._viscous.append((part.elements, part.block))
                 lengths.append(cells[at] * own)
-        self._lengths = np.concatenate(lengths)
+            if isinstance(part.elements, StrainedElements) and part.elements.timed:
+                self._timed.append((part.elements, part.block))
+                timed.append(cells.astype(np.float64))
+        self._lengths, self._weights = np.concatenate(lengths), np.concatenate(timed)
         self._work = self._dissipation = 0.0
         self._time = system.time
         refresh_rows(system)
@@ -144,6 +153,8 @@ class EnergyMeter:
         self._work += work_of_loads(before.loads, self._state.loads, h) + self._drive(
             before, self._state, h
         )
+        if self._timed:
+            self._work += self._heat(before, self._state)
         self._dissipation += self._loss(before, self._state, h) + self._contact_loss()
         self._let_gravity_grow()
         stored = self._stored(self._state.sprung)
@@ -170,7 +181,7 @@ class EnergyMeter:
         system, rows = self._system, self._system.constraints
         change = rows.side_changes(system.interface.velocities)
         return _State(
-            self.loads(), *self._viscosity(), rows.forces.copy(),
+            self.loads(), *self._viscosity(), *self._eigenstates(), rows.forces.copy(),
             rows.of_rows(change * self._working), *rows.stored(),
             rows.of_rows(change) if self._damped else _NONE,
             rows.sums() - rows.targets if self._moves else _NONE,
@@ -184,6 +195,12 @@ class EnergyMeter:
         nothing = np.empty((0, 6))
         stress, rate = zip((nothing, nothing), *found, strict=True)
         return np.concatenate(stress), np.concatenate(rate)
+
+    def _eigenstates(self) -> tuple[FloatArray, FloatArray]:
+        """(j, 6) stresses and initial strains of the elements whose initial strain changes."""
+        found = [np.stack(elements.eigenstates(block.frames)) for elements, block in self._timed]
+        stress, initial = np.concatenate([np.empty((2, 0, 6)), *found], axis=1)
+        return stress, initial
 
     def loads(self) -> FloatArray:
         """(k, 12) force, moment, position and angular velocity of each load, inertial axes."""
@@ -239,6 +256,12 @@ class EnergyMeter:
             stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
             total += float(np.einsum("m,mi,mi->", 0.25 * h * self._lengths, stress, rate))
         return total
+
+    def _heat(self, before: _State, after: _State) -> float:
+        """Work over a step of initial strains, against the stresses of the elements."""
+        change = after.initial - before.initial
+        mean = 0.5 * (before.elastic + after.elastic)
+        return -float(np.einsum("m,mi,mi->", self._weights, mean, change))
 
     def _contact_loss(self) -> float:
         """Energy dissipated by contacts since the last call, zero unless all bodies are chosen."""
