@@ -57,6 +57,8 @@ _MODULES = {
     "OrientedMaterial": "sections.section_material",
     "SectionProperties": "sections.section_properties",
     "section_properties": "sections.section_properties",
+    "SectionTable": "materials.section_table",
+    "ThermalStrain": "materials.thermal_strain",
     "BeamLaw": "materials.section_law",
     "LineMesh": "mesh.line_mesh",
     "read_mesh": "mesh.line_mesh",
@@ -70,6 +72,10 @@ _MODULES = {
     "BodyMesh": "mesh.body_mesh",
     "build_body_mesh": "mesh.body_mesh",
     "read_body_mesh": "mesh.body_mesh",
+    "BeamData": "io.beams.beam_data",
+    "read_section_table": "io.beams.section_stations",
+    "read_beamdyn": "io.beams.beamdyn",
+    "read_windio": "io.beams.windio",
     "Pose": "core.pose",
     "Beam": "model.bodies.basic",
     "Shell": "model.bodies.shell",
@@ -237,6 +243,7 @@ _MODULES = {
     "LinearModel": "simulation.linear_model",
     "main": "cli",
     "run_case": "studies.separate_run",
+    "shipped_data": "resources",
 }
 # Names that are modules.
 _NAMESPACES = {"laws": "core.laws", "research": "research"}

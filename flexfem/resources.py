@@ -29,6 +29,19 @@ def shipped_files(name: str) -> dict[str, Path]:
     return {path.stem: path for path in files if not path.stem.startswith("_")}
 
 
+def shipped_data(name: str) -> Path:
+    """Data that comes with the package, such as ``iea15_blade.yaml`` of ``meshes``.
+
+    Raises:
+        ValueError: There is no such file.
+    """
+    folder = shipped_folder("meshes")
+    known = {path.name: path for path in sorted(folder.glob("*.yaml"))}
+    if name not in known:
+        raise ValueError(f"no data '{name}' is shipped, known are {', '.join(known)}")
+    return known[name]
+
+
 def load_module(path: Path, prefix: str) -> ModuleType:
     """Execute a Python file that is not part of a package.
 

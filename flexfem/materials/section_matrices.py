@@ -10,7 +10,13 @@ from flexfem._types import FloatArray
 from flexfem.materials.constants import Shape
 from flexfem.materials.material import Material
 
-__all__ = ["about_shear_centre", "inertia_of", "stiffness_of"]
+__all__ = [
+    "about_centres",
+    "about_shear_centre",
+    "inertia_about_axis",
+    "inertia_of",
+    "stiffness_of",
+]
 
 
 def stiffness_of(
@@ -47,15 +53,37 @@ def about_shear_centre(stiffness: FloatArray, centre: FloatArray) -> FloatArray:
     return result
 
 
+def about_centres(stiffness: FloatArray, tension: FloatArray, shear: FloatArray) -> FloatArray:
+    """Let normal forces act through the tension centre (y, z), shear through the shear centre.
+
+    The extension of the tension centre is `gamma1 + z kappa2 - y kappa3`, the shear strains are
+    those of :func:`about_shear_centre`.
+    """
+    y, z = tension
+    a = np.eye(6)
+    a[0, 4] = z
+    a[0, 5] = -y
+    return about_shear_centre(a.T @ stiffness @ a, shear)
+
+
 def inertia_of(shape: Shape, density: float, centre: FloatArray) -> FloatArray:
     """Return the inertia per length about the reference axis, mass centre at (y, z)."""
-    y, z = centre
-    mass = density * shape.area
     i22, i33 = shape.second_moments
+    rotary = density * np.diag([i22 + i33, i22, i33])
+    rotary[1, 2] = rotary[2, 1] = -density * shape.product
+    return inertia_about_axis(density * shape.area, centre, rotary)
+
+
+def inertia_about_axis(mass: float, centre: FloatArray, rotary: FloatArray) -> FloatArray:
+    """Return the inertia per length about the reference axis from that about the mass centre.
+
+    Args:
+        mass: Per length, kg/m.
+        centre: Mass centre (y, z), m.
+        rotary: Rotary inertia (3, 3) about it, kg m.
+    """
+    y, z = centre
     skew = mass * np.array([[0.0, -z, y], [z, 0.0, 0.0], [-y, 0.0, 0.0]])
     # m (c.c I - c c^T) is skew(c)^T skew(c) times m
     steiner = skew.T @ skew / mass if mass > 0.0 else np.zeros((3, 3))
-    rotary = density * np.diag([i22 + i33, i22, i33]) + steiner
-    rotary[1, 2] -= density * shape.product
-    rotary[2, 1] -= density * shape.product
-    return np.block([[mass * np.eye(3), -skew], [skew, rotary]])
+    return np.block([[mass * np.eye(3), -skew], [skew, rotary + steiner]])

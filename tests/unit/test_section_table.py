@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.io.tables import section_table
+from flexfem.io.tables import csv_table, section_table
 
 pytestmark = pytest.mark.serial
 
@@ -214,4 +214,5 @@ def test_units(column, unit, file) -> None:
 
 def test_all_units_of_the_tables_are_tested() -> None:
     known = {unit for units in UNITS.values() for unit in units}
-    assert {unit for units in section_table._UNITS.values() for unit in units} == known
+    tables = set(section_table._COLUMNS.values())
+    assert {unit for si in tables for unit in csv_table.UNITS[si]} == known

@@ -30,7 +30,8 @@ def axis_spline(points: FloatArray) -> CubicSpline:
 def arc_fractions(points: FloatArray) -> FloatArray:
     """Arc length (k,) of the spline at the points it goes through, relative to its end."""
     arcs = _arcs(axis_spline(points))
-    return arcs / arcs[-1]
+    fractions: FloatArray = arcs / arcs[-1]
+    return fractions
 
 
 def _arcs(spline: CubicSpline) -> FloatArray:
@@ -85,7 +86,8 @@ class BeamData:
             reached = arcs[i] + (half * np.linalg.norm(spline(at, 1), axis=-1)) @ _WEIGHTS
             found = found - (reached - wanted) / np.linalg.norm(spline(found, 1), axis=-1)
             found = np.clip(found, spline.x[0], spline.x[-1])
-        return found
+        parameters: FloatArray = found
+        return parameters
 
     def mesh(self, name: str, elements: int) -> LineMesh:
         """Mesh of a line group along the axis, elements of equal arc length.
@@ -119,5 +121,7 @@ class BeamData:
             **given: Further arguments of :class:`Beam`, or others in place of `section`,
                 `orientation` and `damping`.
         """
-        own = {"orientation": self.orientation, "damping": self.damping}
-        return Beam(name, **({"section": self.sections} | own | given))
+        own: dict[str, Any] = {
+            "section": self.sections, "orientation": self.orientation, "damping": self.damping,
+        }  # fmt: skip
+        return Beam(name, **(own | given))

@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Blades from the input files of BeamDyn, the beam module of OpenFAST.
 
-The primary file has the reference axis as key points with an initial twist, the blade file stiffness
-and mass matrices (6, 6) at stations of the axis and the damping coefficients (Q. Wang, M. A.
-Sprague, J. Jonkman, N. Johnson, B. Jonkman, Wind Energy 20 (2017) 1439-1462; OpenFAST's
+The primary file has the reference axis as key points with an initial twist, the blade file
+stiffness and mass matrices (6, 6) at stations of the axis and the damping coefficients (Q. Wang, M.
+A. Sprague, J. Jonkman, N. Johnson, B. Jonkman, Wind Energy 20 (2017) 1439-1462; OpenFAST's
 documentation, "BeamDyn input files"). BeamDyn's z is along the blade, x and y across; its matrices
 are in the order of forces along x, y, z and moments about x, y, z. Here e1 is z, e2 is x, e3 is y.
 """
@@ -31,14 +31,13 @@ _LARGEST = 16_000_000
 _ACROSS = np.array([0.0, 1.0, 0.0])
 
 
-def read_beamdyn(
-    path: str | PathLike[str], blade: str | PathLike[str] | None = None
-) -> BeamData:
+def read_beamdyn(path: str | PathLike[str], blade: str | PathLike[str] | None = None) -> BeamData:
     """Read a blade from BeamDyn's primary file and its blade file.
 
-    Axes are those of the blade's root: z along the blade, x and y across it. The initial twist
-    rotates sections about the axis in the right-handed sense. A spline goes through the key points;
-    its arc length gives the places of stations.
+    Axes are those of the blade's root: z along the blade, x downwind, y across. The initial twist
+    rotates sections about z in the left-handed sense: BeamDyn changes its sign as it reads it. A
+    spline goes through the key points, where BeamDyn fits a polynomial of at most the sixth degree
+    to those of a member; its arc length gives the places of stations.
 
     Args:
         path: The primary file.
@@ -56,7 +55,7 @@ def read_beamdyn(
         file.fail(f"only blades of one member are read, got {members}")
     keys = _key_points(file)
     other = Path(path).parent / file.word("BldFile") if blade is None else Path(blade)
-    points, twist = keys[:, :3], np.deg2rad(keys[:, 3])
+    points, twist = keys[:, :3], -np.deg2rad(keys[:, 3])
     if len(points) < 3 or not (np.diff(points, axis=0) != 0.0).any(axis=1).all():
         file.fail("key points must be at least three, neighbours at different places")
     table, damping = _sections(_File(other), CubicSpline(arc_fractions(points), twist))
@@ -77,7 +76,9 @@ def _sections(file: "_File", twist: CubicSpline) -> tuple[SectionTable, FloatArr
         file.fail(f"damp_type must be 0 or 1, got {damped}")
     row = file.line_of("mu1")
     damping, after = file.numbers(row + 2, 1, 6)
-    stations, stiffness, inertia = np.empty(count), [], []
+    stations = np.empty(count)
+    stiffness: list[FloatArray] = []
+    inertia: list[FloatArray] = []
     after += 1  # the heading of the sections
     for i in range(count):
         station, after = file.numbers(after, 1, 1)
@@ -117,10 +118,9 @@ class _File:
 
     def line_of(self, name: str) -> int:
         """Number of the line on which a name stands, from zero."""
-        for number, line in enumerate(self.lines):
-            if name in line.split():
-                return number
-        self.fail(f"{name} is missing")
+        found = (number for number, line in enumerate(self.lines) if name in line.split())
+        number = next(found, None)
+        return self.fail(f"{name} is missing") if number is None else number
 
     def word(self, name: str) -> str:
         """Value before a name, without quotes."""
@@ -132,7 +132,9 @@ class _File:
         """Whole number before a name."""
         text = self.word(name)
         if not (text.isascii() and text.isdigit() and len(text) < 10):
-            self.fail(f"{name} must be a whole number, got {_checks.show(text)}", self.line_of(name) + 1)
+            self.fail(
+                f"{name} must be a whole number, got {_checks.show(text)}", self.line_of(name) + 1
+            )
         return int(text)
 
     def numbers(self, first: int, rows: int, columns: int) -> tuple[FloatArray, int]:

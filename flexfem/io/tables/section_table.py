@@ -1,31 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Materials and sections from tables (CSV files with one of them in a row)."""
 
-import csv
-from collections.abc import Callable, Mapping
+from collections.abc import Mapping
 from os import PathLike
 from pathlib import Path
-from typing import Any, NoReturn
+from typing import Any
 
 from flexfem import _checks
-from flexfem._files import number_in, read_text
+from flexfem.io.tables.csv_table import CsvTable, Row
 from flexfem.materials.material import Material
 from flexfem.materials.section import Section
 
 __all__ = ["read_materials", "read_sections"]
 
-#: Factors of the units that may stand in brackets behind the name of a column, by its SI unit.
-_UNITS: dict[str, dict[str, float]] = {
-    "": {},
-    "m": {"m": 1.0, "cm": 1e-2, "mm": 1e-3},
-    "m^2": {"m^2": 1.0, "cm^2": 1e-4, "mm^2": 1e-6},
-    "m^4": {"m^4": 1.0, "cm^4": 1e-8, "mm^4": 1e-12},
-    "Pa": {"Pa": 1.0, "MPa": 1e6, "N/mm^2": 1e6, "GPa": 1e9},
-    "kg/m^3": {"kg/m^3": 1.0, "g/cm^3": 1e3, "t/mm^3": 1e12},
-}
-
-#: Bytes of a table, and characters of a line, beyond which it must be something else.
-_LARGEST, _LONGEST = 16_000_000, 10_000
 _MATERIAL = {"E": "youngs_modulus", "nu": "poisson_ratio", "rho": "density"}
 # SI unit of each column of numbers
 _COLUMNS = {
@@ -66,10 +53,10 @@ def read_materials(path: str | PathLike[str]) -> dict[str, Material]:
         ValueError: The file is missing, a column is unknown, missing or in an unknown unit, or a
             value is wrong or missing; with the line.
     """
-    table = _Table(Path(path), {"name", *_MATERIAL})
-    for column in _MATERIAL:
+    table = CsvTable(Path(path), {"name": "", **{name: _COLUMNS[name] for name in _MATERIAL}})
+    for column in ("name", *_MATERIAL):
         table.need(column)
-    return table.things(lambda row: row.material())
+    return table.things(_material)
 
 
 def read_sections(
@@ -103,12 +90,13 @@ def read_sections(
     _checks.instance("read_sections", "materials", known, Mapping)
     for name, material in known.items():
         _checks.instance("read_sections", f'material "{name}"', material, Material)
-    table = _Table(Path(path), {"name", "kind", "material", *_COLUMNS})
+    table = CsvTable(Path(path), {"name": "", "kind": "", "material": "", **_COLUMNS})
+    table.need("name")
     table.need("kind")
     return table.things(lambda row: _section(row, known))
 
 
-def _section(row: "_Row", materials: Mapping[str, Material]) -> Section:
+def _section(row: Row, materials: Mapping[str, Material]) -> Section:
     kind = row.text("kind")
     if kind not in _DIMENSIONS:
         row.fail(f"kind must be one of {', '.join(_DIMENSIONS)}, got {_checks.show(kind)}")
@@ -116,7 +104,7 @@ def _section(row: "_Row", materials: Mapping[str, Material]) -> Section:
     if name and name not in materials:
         known = ", ".join(materials) or "none"
         row.fail(f'material "{name}" is not known; there are {_checks.show(known, 200)}')
-    material = materials[name] if name else row.material()
+    material = materials[name] if name else _material(row)
     needed = _DIMENSIONS[kind]
     profile = ("fillet",) if kind in _PROFILES else ()
     allowed = {*needed, *profile, "k2", "k3", *_CENTRES, *(() if name else _MATERIAL)}
@@ -145,120 +133,6 @@ def _section(row: "_Row", materials: Mapping[str, Material]) -> Section:
     return section
 
 
-class _Table:
-    """Rows of a CSV file with known columns."""
-
-    def __init__(self, path: Path, known: set[str]) -> None:
-        self.owner = f'table "{path}"'
-        text = read_text(f"{self.owner} cannot be read", path, _LARGEST)
-        lines = [
-            (number, line)
-            for number, line in enumerate(text.splitlines(), 1)
-            if line.strip(" ,;\t") and not line.lstrip().startswith("#")
-        ]
-        if not lines:
-            raise ValueError(f"{self.owner}: no line with the names of columns")
-        for number, line in lines:
-            if len(line) > _LONGEST:
-                raise ValueError(f"{self.owner}, line {number}: more than {_LONGEST} characters")
-        self.line, head = lines[0]
-        self.separator = ";" if ";" in head else ","
-        self.columns: list[str] = []
-        self.factors: dict[str, float] = {}
-        for field in self._split(head):
-            self._add_column(field, known)
-        self.need("name")
-        self.rows = [(number, self._split(line)) for number, line in lines[1:]]
-        if not self.rows:
-            raise ValueError(f"{self.owner}: no rows")
-
-    def need(self, column: str) -> None:
-        """Raise when a column is not there."""
-        if column not in self.columns:
-            raise ValueError(
-                f'{self.owner}, line {self.line}: column "{column}" is missing; there are '
-                f"{', '.join(self.columns)}"
-            )
-
-    def things[Thing](self, make: "Callable[[_Row], Thing]") -> dict[str, Thing]:
-        """Return the object of each row by its name."""
-        found: dict[str, Thing] = {}
-        for line, fields in self.rows:
-            row = _Row(f"{self.owner}, line {line}", self, fields)
-            name = row.text("name")
-            if name in found:
-                row.fail(f'the name "{name}" occurs twice')
-            row.owner += f' "{name}"'
-            try:
-                found[name] = make(row)
-            except _RowError:
-                raise
-            except ValueError as error:
-                row.fail(str(error).removeprefix("Section: ").removeprefix("Material: "))
-        return found
-
-    def _split(self, line: str) -> list[str]:
-        fields = next(csv.reader([line], delimiter=self.separator, skipinitialspace=True))
-        return [field.strip() for field in fields]
-
-    def _add_column(self, field: str, known: set[str]) -> None:
-        name, bracket, unit = field.partition("[")
-        name, unit = name.strip(), unit.strip().removesuffix("]").strip()
-        owner = f"{self.owner}, line {self.line}"
-        if name not in known:
-            raise ValueError(
-                f"{owner}: column {_checks.show(name)} is not known; known are "
-                f"{', '.join(['name', *sorted(known - {'name'})])}"
-            )
-        if name in self.columns:
-            raise ValueError(f'{owner}: column "{name}" occurs twice')
-        units = _UNITS[_COLUMNS.get(name, "")]
-        if bracket and unit not in units:
-            raise ValueError(
-                f'{owner}: column "{name}" is in {unit!r}, it may be in '
-                f"{', '.join(units) or 'no unit'}"
-            )
-        self.columns.append(name)
-        self.factors[name] = units[unit] if bracket else 1.0
-
-
-class _RowError(ValueError):
-    """Raised with the place in the table."""
-
-
-class _Row:
-    """Fields of one line."""
-
-    def __init__(self, owner: str, table: _Table, fields: list[str]) -> None:
-        self.owner, self.table = owner, table
-        if len(fields) > len(table.columns) and any(fields[len(table.columns) :]):
-            self.fail(f"{len(fields)} fields for {len(table.columns)} columns")
-        self.fields = dict(zip(table.columns, fields, strict=False))
-
-    def fail(self, reason: str) -> NoReturn:
-        """Raise for an error in the line."""
-        raise _RowError(f"{self.owner}: {reason}")
-
-    def text(self, column: str) -> str:
-        """Return a field that must not be empty."""
-        value = self.fields.get(column, "")
-        if not value:
-            self.fail(f"{column} is missing")
-        return value
-
-    def optional(self, column: str) -> float | None:
-        """Return a number in SI units, None for an empty field or no such column."""
-        return self.number(column) if self.fields.get(column) else None
-
-    def number(self, column: str) -> float:
-        """Return a number in SI units."""
-        text = self.text(column)
-        try:
-            value = number_in(text)
-        except ValueError as error:
-            self.fail(f"{column} {error}")
-        return value * self.table.factors[column]
-
-    def material(self) -> Material:
-        """Return the material of the row's constants."""
-        return Material(**{field: self.number(column) for column, field in _MATERIAL.items()})
+def _material(row: Row) -> Material:
+    """Return the material of the row's constants."""
+    return Material(**{field: row.number(column) for column, field in _MATERIAL.items()})
