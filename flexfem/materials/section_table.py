@@ -134,6 +134,12 @@ class SectionTable:
         stiffness = np.array([one.stiffness for one in sections])
         return cls(stations, stiffness, np.array([one.inertia for one in sections]), **given)
 
+    @property
+    def jumps(self) -> FloatArray:
+        """Stations that occur twice."""
+        found: FloatArray = self.stations[1:][np.diff(self.stations) == 0.0]
+        return found
+
     def scale(self, owner: str, length: float) -> float:
         """Unit of the stations along a beam of a length, metres.
 

@@ -287,6 +287,11 @@ class System:
             contacts.time = t
 
     @property
+    def strained(self) -> bool:
+        """True if elements have initial strains."""
+        return len(self._strained) > 0
+
+    @property
     def timed(self) -> bool:
         """True if initial strains change with time."""
         return any(elements.timed for elements in self._strained)

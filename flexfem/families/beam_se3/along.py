@@ -1,11 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What varies along SE(3) beams, as the two-node element takes it: means over each cell.
 
-Strain and stress resultants are constant in an element. With the stress as an unknown of its own
-(Hellinger-Reissner), the element has the mean compliance and the mean initial strain of its
-sections: it deforms exactly under constant resultants, whatever jumps inside it. The inertia is the
-mean as well, so that masses are exact. Means are Gauss quadratures between the ends of elements and
-the stations of tables, between which tables are smooth.
+The strain is constant in an element: its energy is that of the mean stiffness of its sections, and
+of the mean initial strain. Parts on both sides of a jump deform one after the other, their
+compliances are added: the strain jumps there as the section does. The inertia is a mean, so that
+masses are exact. Means are Gauss quadratures between the ends of elements and the stations of
+tables, between which tables are smooth. Deflections and frequencies converge with the square of the
+size of the elements, as those of uniform beams do.
 """
 
 from collections.abc import Callable
@@ -74,10 +75,10 @@ class Places:
         return cls(cell, at.ravel(), np.tile(_WEIGHTS, len(ends)), len(ends))
 
     def means(self, values: FloatArray) -> FloatArray:
-        """Means (m, ...) over the cells of values (q, ...) at the points."""
+        """Means (m, ...) over the cells of values (q, ...) at the points; exact for equal ones."""
         weights = self.weight.reshape(-1, *(1 for _ in values.shape[1:]))
-        total = np.zeros((self.count, *values.shape[1:]))
-        np.add.at(total, self.cell, weights * values)
+        total = values[np.searchsorted(self.cell, np.arange(self.count))]
+        np.add.at(total, self.cell, weights * (values - total[self.cell]))
         return total
 
 
@@ -95,18 +96,20 @@ def cell_sections(beam: Beam, arcs: FloatArray) -> list[Section]:
     owner, section, middle = f'Beam "{beam.name}"', beam.section, 0.5 * (arcs[1:] + arcs[:-1])
     if isinstance(section, SectionTable):
         unit = section.scale(owner, float(arcs[-1]))
+        ends = np.union1d(arcs, np.clip(unit * section.jumps, 0.0, arcs[-1]))
+        parts = Places.of(ends, unit * section.stations)
+        stiffness = _in_series(arcs, ends, parts.means(section.at(parts.at / unit)[0]))
         places = Places.of(arcs, unit * section.stations)
-        stiffness, inertia = section.at(places.at / unit)
+        inertia = places.means(section.at(places.at / unit)[1])
         outlines = [section.outline_at(s / unit) for s in middle]
     else:
         assert callable(section)
         places = Places.of(arcs)
         found = [_called(owner, section, s) for s in places.at.tolist()]
-        stiffness = np.array([one.stiffness for one in found])
-        inertia = np.array([one.inertia for one in found])
+        stiffness = places.means(np.array([one.stiffness for one in found]))
+        inertia = places.means(np.array([one.inertia for one in found]))
         outlines = [_called(owner, section, s).outline for s in middle.tolist()]
-    means = zip(_harmonic(places, stiffness), places.means(inertia), outlines, strict=True)
-    return [Section(K, M, outline) for K, M, outline in means]
+    return [Section(*given) for given in zip(stiffness, inertia, outlines, strict=True)]
 
 
 def end_walls(beam: Beam, arcs: FloatArray) -> list[Walls]:
@@ -212,15 +215,25 @@ def _called(owner: str, section: Callable[[float], Section], s: float) -> Sectio
     return found
 
 
-def _harmonic(places: Places, stiffness: FloatArray) -> FloatArray:
-    """Inverse of the mean compliance (m, 6, 6) of each cell."""
-    # newtons and newton metres squared comparable, by one scale in each cell
-    first = np.searchsorted(places.cell, np.arange(places.count))
-    roots = np.sqrt(np.diagonal(stiffness[first], axis1=1, axis2=2))
-    scale = roots[:, :, np.newaxis] * roots[:, np.newaxis]
-    mean = places.means(np.linalg.inv(stiffness / scale[places.cell]))
-    found = scale * np.linalg.inv(mean)
-    return 0.5 * (found + np.swapaxes(found, 1, 2))
+def _in_series(arcs: FloatArray, ends: FloatArray, stiffness: FloatArray) -> FloatArray:
+    """Stiffness (m, 6, 6) of cells of some parts that deform one after the other.
+
+    Args:
+        arcs: (m + 1,) ends of the cells.
+        ends: (p + 1,) ends of the parts, those of the cells among them.
+        stiffness: (p, 6, 6) of the parts.
+    """
+    cell = np.searchsorted(arcs, 0.5 * (ends[1:] + ends[:-1])) - 1
+    share = np.diff(ends) / np.diff(arcs)[cell]
+    found = stiffness[np.searchsorted(cell, np.arange(len(arcs) - 1))]
+    for i in np.flatnonzero(np.bincount(cell) > 1):
+        parts, weights = stiffness[cell == i], share[cell == i]
+        # newtons and newton metres squared comparable
+        roots = np.sqrt(np.diag(parts[0]))
+        scale = np.outer(roots, roots)
+        mean = scale * np.linalg.inv(np.tensordot(weights, np.linalg.inv(parts / scale), 1))
+        found[i] = 0.5 * (mean + mean.T)
+    return found
 
 
 def _wall(outline: FloatArray | None) -> tuple[SectionWall, ...]:

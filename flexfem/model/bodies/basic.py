@@ -87,8 +87,8 @@ class Beam:
     Attributes:
         name: Unique name in the model.
         section: Stiffness and inertia: a :class:`Section`, a :class:`SectionTable`, or a function
-            of s that returns a Section. Elements take means of its compliance and of its inertia
-            over their length: they deform exactly under constant resultants.
+            of s that returns a Section. Elements take means of stiffness and inertia over their
+            length; parts on both sides of a jump of a table deform one after the other.
         group: Line group of the model's mesh; None for that of the beam's name, or with a curve.
         curve: Curve of a beam that needs no mesh; its elements are its knot spans.
         degree: Degree of the curve through the nodes of the group with the formulation "nurbs", 3

@@ -150,9 +150,9 @@ def find_equilibrium(
 ) -> Status:
     """Move the system from its present state to the equilibrium (collective).
 
-    The iteration starts from the present configuration with all loads and the whole spin; if
-    Newton's method fails, or an element is inverted, loads and spin grow in steps, each half as
-    large as the last failed one.
+    The iteration starts from the present configuration with all loads, initial strains and the
+    whole spin; if Newton's method fails, or an element is inverted, they grow in steps, each half
+    as large as the last failed one.
 
     Args:
         linearization: of the system.
@@ -168,6 +168,7 @@ def find_equilibrium(
     while reached < 1.0:
         goal = min(1.0, reached + step)
         system.gravity[:], system.factors[:] = goal * gravity, goal * factors
+        system.set_initial_strains(goal)
         status, found = _newton(linearization, rotation.at(goal), multipliers)
         if status is Status.OK and not upright():
             status = Status.INSIDE_OUT
@@ -181,6 +182,7 @@ def find_equilibrium(
         if step < 0.5**_HALVINGS:
             break
     system.gravity[:], system.factors[:] = gravity, factors
+    system.set_initial_strains()
     _accept(
         linearization, rotation,
         np.zeros(system.constraints.size) if multipliers is None else multipliers,

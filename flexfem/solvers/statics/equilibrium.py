@@ -119,7 +119,7 @@ class Loading:
             self.set(at, self.fraction)
             rows.evaluate(shifts.dynamics)
             values.append((system.factors.copy(), system.gravity.copy(), rows.values.copy()))
-            inner.append(self._inner_forces(shifts.scale) if system.timed else [])
+            inner.append(self.inner_forces(shifts.scale) if system.timed else [])
         self.set(t, self.fraction)
         rows.evaluate(shifts.dynamics)
         factors, gravity, by_t = (
@@ -137,7 +137,7 @@ class Loading:
         moved = zip(blocks, *inner, strict=True)
         return [block + (b - a) / (high - low) for block, a, b in moved], by_t
 
-    def _inner_forces(self, scale: float) -> list[FloatArray]:
+    def inner_forces(self, scale: float) -> list[FloatArray]:
         """Residuals (n_owned, width) of the blocks without loads."""
         found, none = [], np.zeros_like(self._system.factors)
         for part in self._system.parts:

@@ -50,7 +50,7 @@ class HeldEquilibrium(Equilibrium):
         return self.iterate(self._held_step)
 
     def _largest_load(self) -> float:
-        """Largest force of the loads that act now (collective)."""
+        """Largest force of the loads and initial strains that act now (collective)."""
         system, scale, largest = self.system, self.shifts.scale, 0.0
         for part in system.parts:
             part.add_residual(system.gravity, system.factors, scale)
@@ -58,7 +58,21 @@ class HeldEquilibrium(Equilibrium):
             part.add_residual(np.zeros(3), np.zeros_like(system.factors), scale)
             force -= part.block.owned_residual
             largest = max(largest, largest_entry(force[:, :3].ravel()))
-        return self.largest(largest)
+        return self.largest(max(largest, self._largest_initial()))
+
+    def _largest_initial(self) -> float:
+        """Largest force, or moment by the size of the model, of initial strains on this rank."""
+        system, largest = self.system, 0.0
+        if not system.strained:
+            return largest
+        held = self.loading.inner_forces(self.shifts.scale)
+        system.set_initial_strains(0.0)
+        free = self.loading.inner_forces(self.shifts.scale)
+        system.set_initial_strains(self.loading.fraction)
+        for a, b in zip(held, free, strict=True):
+            change = (a - b) / np.repeat([1.0, self.size], 3)[: a.shape[1]]
+            largest = max(largest, largest_entry(change.ravel()))
+        return largest
 
     def _held_step(self) -> tuple[bool, FloatArray, float]:
         """Step from the evaluated residuals; see ``LinearStep`` (collective)."""
