@@ -37,6 +37,7 @@ from flexfem.io.hdf5.structure import read_structure
 from flexfem.robots.surface_files import read_surface
 from flexfem.simulation.run.checkpoints import SavedState
 from tests.fuzz_readers import Reader
+from tests.unit.beam_texts import BLADE, MATRICES, PRIMARY, STATIONS, WINDIO_1, WINDIO_2
 from tests.unit.fmu_files import description
 from tests.unit.forged import seal
 from tests.unit.test_bad_urdf import SOUND
@@ -51,6 +52,10 @@ _NODES = {"nodes": Numbering(np.arange(4), np.ones(4, dtype=bool), 4)}
 
 def _texts(*texts: str) -> Sequence[bytes]:
     return [text.encode() for text in texts]
+
+
+def _beamdyn(path: Path) -> object:
+    return ff.read_beamdyn(path, blade=path)
 
 
 def _sections(path: Path) -> object:
@@ -206,6 +211,16 @@ READERS = {
         lambda: _texts(SECTIONS),
         _sections,
         (b'"', b",,,", b"a;circle", b"b;hollow_rectangle;steel;1e18;1e18;1e-3"),
+    ),
+    "stations": Reader(
+        ".csv", lambda: _texts(STATIONS, MATRICES), ff.read_section_table, (b'"', b",,,", b"1;;;")
+    ),
+    "beamdyn": Reader(".dat", lambda: _texts(PRIMARY + BLADE), _beamdyn, (b"1D400 1", b"1e")),
+    "windio": Reader(
+        ".yaml",
+        lambda: _texts(WINDIO_1, WINDIO_2),
+        ff.read_windio,
+        (b"a: &a [*a]", b"<<: *axis", b"[[[[[", b"{", b"!!python/name:os.system"),
     ),
     "urdf": Reader(".urdf", lambda: _texts(SOUND), ff.read_urdf, _WORDS_XML),
     "stl": Reader(

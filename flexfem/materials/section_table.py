@@ -87,7 +87,7 @@ class SectionTable:
         stiffness = _checks.array(owner, "stiffness", self.stiffness, (n, 6, 6))
         inertia = _checks.array(owner, "inertia", self.inertia, (n, 6, 6))
         for place, K, M in zip(self.stations.tolist(), stiffness, inertia, strict=True):
-            at = f"{owner}, station {place:g}"
+            at = f"SectionTable, station {place:g}"
             check_definite(at, "stiffness", K, semidefinite=False)
             check_definite(at, "inertia", M, semidefinite=True)
             check_inertia_form(at, M)

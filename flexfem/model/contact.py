@@ -7,7 +7,6 @@ from typing import Any
 
 from flexfem import _checks
 from flexfem._fields import Given, checked, declared, flag, number, text
-from flexfem.materials.section import Section
 from flexfem.model.bodies.base import Body
 from flexfem.model.bodies.basic import Beam, RigidBody
 from flexfem.model.bodies.floating_body import FloatingBody
@@ -156,14 +155,12 @@ class Contact:
         """
         if self.radius is not None:
             return self.radius
-        section = beam.section
-        radius = section.round_radius if isinstance(section, Section) else None
+        owner = f'Contact "{self.name}": Beam "{beam.name}"'
+        if beam.varies:
+            raise ValueError(f"{owner}: its section varies, give Contact(radius=...)")
+        radius = beam.uniform.round_radius
         if radius is None:
-            kind = "varies" if beam.varies else "is not round"
-            raise ValueError(
-                f'Contact "{self.name}": Beam "{beam.name}": its section {kind}, give '
-                "Contact(radius=...)"
-            )
+            raise ValueError(f"{owner}: its section is not round, give Contact(radius=...)")
         return radius
 
 

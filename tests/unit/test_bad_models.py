@@ -120,7 +120,10 @@ CONSTRUCTORS = [
     (lambda: Marker(Beam("b", SECTION)), "Marker: body must be a string, got"),
     # bodies
     (lambda: Beam("two\nlines", SECTION), "Beam: name must be .* got 'two"),
-    (lambda: Beam("beam", 1.0), 'Beam "beam": section must be a Section, got 1.0'),
+    (
+        lambda: Beam("beam", 1.0),
+        'Beam "beam": section must be a Section, a SectionTable or a function',
+    ),
     (
         lambda: Beam("beam", SECTION, formulation="cubic"),
         'Beam "beam": formulation must be "se3" or "nurbs", got \'cubic\'',
