@@ -209,6 +209,13 @@ class SE3Beams:
             found[rows] = group.stretches(frames)
         return found
 
+    def elongations(self, frames: FloatArray) -> FloatArray:
+        """Changes (m,) of the lengths of all cells along the normal of the section, m."""
+        found = np.empty(len(self.data.cells))
+        for rows, group in self.groups:
+            found[rows] = group.elongations(frames)
+        return found
+
     def energies(self, frames: FloatArray) -> FloatArray:
         """Strain energies (m,) of all cells, J."""
         return self._response(frames)[2]

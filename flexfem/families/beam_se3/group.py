@@ -224,9 +224,13 @@ class BeamGroup:
 
     def stretches(self, frames: FloatArray) -> FloatArray:
         """Lengths (m,) of the cells along the normal of the section, relative to the start."""
-        change = self.twists(frames)[:, 0] - self.start[:, 0]
-        stretched: FloatArray = 1.0 + change / self.lengths
+        stretched: FloatArray = 1.0 + self.elongations(frames) / self.lengths
         return stretched
+
+    def elongations(self, frames: FloatArray) -> FloatArray:
+        """Changes (m,) of these lengths since the start, m."""
+        change: FloatArray = self.twists(frames)[:, 0] - self.start[:, 0]
+        return change
 
     def response(
         self, frames: FloatArray, at: IntArray | None = None

@@ -11,9 +11,11 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.inertia import inertia_about
 from flexfem.families.beam_se3.along import (
+    Places,
     Walls,
     cell_sections,
     end_walls,
+    initial_strains,
     rest_twists,
     twists_at,
 )
@@ -69,6 +71,8 @@ class _Cells:
             sections, walls = [beam.section], [(beam.section.walls, beam.section.walls)]
         else:
             sections, walls = cell_sections(beam, arcs), end_walls(beam, arcs)
+        if beam.timed:  # a mistake in it is found on all ranks
+            initial_strains(beam, Places.of(arcs), 0.0)
         ends = np.stack([arcs[:-1], arcs[1:]], axis=1)
         return cls(nodes, frames, ends, rest_twists(beam, arcs, twists), sections, walls)
 

@@ -41,7 +41,7 @@ class StrainSensor:
 
 
 class BeamElongation:
-    """Axial strains of this rank's elements of an SE(3) beam times their lengths, summed."""
+    """Changes of the lengths of this rank's elements of an SE(3) beam, summed."""
 
     def __init__(self, part: BlockPart, number: int) -> None:
         """Find the elements of the beam of a number in the model."""
@@ -53,5 +53,5 @@ class BeamElongation:
 
     def update(self) -> FloatArray:
         """See :class:`flexfem.layout.family.Sensor`."""
-        strains, _ = self._beams.resultants(self._part.block.frames, self._cells)
-        return np.array([strains[:, 0] @ self._beams.lengths[self._cells]])
+        changes = self._beams.elongations(self._part.block.frames)
+        return np.array([changes[self._cells].sum()])
