@@ -3,11 +3,14 @@
 
 from typing import Any
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 
 import flexfem as ff
 
+RANK = MPI.COMM_WORLD.rank
 STEEL = ff.Material(2.1e11, 0.3, 7850.0)
 SECTION = ff.Section.rectangle(0.03, 0.02, STEEL)
 LENGTH = 2.0
@@ -47,6 +50,8 @@ def test_a_gradient_of_temperature_bends_to_an_arc(heat: str) -> None:
         given = (lambda s, t: change * t, lambda s, t: gradient * t + 0.0 * s)
     strain = ff.ThermalStrain(alpha, given[0], gradient_z=given[1])
     history = static(beam(6, ff.StrainProbe("mid", "beam", 0.5), prestrain=strain))
+    if RANK > 0:
+        return
     kappa, stretched = alpha * gradient, (1.0 + alpha * change) * LENGTH
     angle = kappa * LENGTH  # about e2 = Y: the tip goes along -Z for a positive one
     expected = stretched / angle * np.array([np.sin(angle), 0.0, np.cos(angle) - 1.0])
@@ -87,10 +92,12 @@ def test_an_arc_meshed_straight_is_the_curved_mesh() -> None:
     angle, load = 1.3, ff.PointForce("f", TIP, (20.0, 60.0, -90.0))
     # bending about e2 = Y by a positive curvature is towards -Z
     curvature = np.array([0.0, -angle / LENGTH, 0.0])
-    straight = beam(10, rest_curvature=curvature)
-    np.testing.assert_allclose(tip(static(straight)), _arc(10, angle)[-1], atol=1e-9)
+    straight = static(beam(10, rest_curvature=curvature))
     loaded = static(beam(10, load, rest_curvature=lambda s: curvature))
     curved = static(beam(10, load, points=_arc(10, angle)))
+    if RANK > 0:
+        return
+    np.testing.assert_allclose(tip(straight), _arc(10, angle)[-1], atol=1e-9)
     # the same elements, to the tolerance of the iteration; as if straight, it is decimetres off
     np.testing.assert_allclose(tip(loaded), tip(curved), atol=1e-8)
 

@@ -68,6 +68,8 @@ def test_a_uniform_table_is_the_constant_section() -> None:
         still = static(model)
         moving = ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=0.01, quiet=True)).history
         found.append([h[k][-1] for h in (still, moving) for k in h])
+    if COMM.rank > 0:
+        return
     # means of equal matrices by quadrature leave round-off, any other mean would leave per cents
     size = np.abs(found[0])
     assert np.max(np.abs(np.subtract(found[1], found[0])) / np.maximum(size, 1e-3)) < 1e-10
