@@ -185,6 +185,25 @@ def sheet() -> ff.Model:
     return model
 
 
+def heated() -> ff.Model:
+    """A twisted cone with a damping for each strain, that the sun warms on one side as it turns."""
+    steel = ff.Material(2.1e9, 0.3, 7850.0)
+    sun = ff.ThermalStrain(1e-5, lambda s, t: 300.0 * t * s, lambda s, t: 1e4 * np.sin(60.0 * t))
+    model = ff.Model("heated", mesh=LineMesh.straight({"mast": [(0, 0, 0), (0, 0, 1)]}, 6))
+    model.add(
+        ff.Gravity((0.0, 1.0, -9.81)),
+        ff.Beam(
+            "mast", lambda s: ff.Section.circle(0.03 - 0.01 * s, steel), twist=lambda s: 0.5 * s,
+            rest_curvature=(0.5, 0.1, 0.2), prestrain=sun, damping=1e-4 * np.arange(6.0),
+        ),
+        ff.Rigid("foot", ff.Ground(), ff.Marker("mast", "start")),
+        ff.PositionProbe("top", ff.Marker("mast", "end")),
+        ff.StrainProbe("strain", "mast", 0.4),
+        ff.EnergyProbe("energy"),
+    )  # fmt: skip
+    return model
+
+
 MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "slider_crank": (
         lambda: load_case("slider_crank").model(elements=3),
@@ -200,6 +219,7 @@ MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "sliding": (sliding, {"dt": 4e-3, "t_end": 0.144, "split_above": 2, "tolerance": 1e-9}),
     "sheet": (sheet, {"dt": 2e-3, "t_end": 0.072, "split_above": 1, "tolerance": 1e-9}),
     "energy": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "energy_momentum"}),
+    "heated": (heated, {"dt": 2e-3, "t_end": 0.072, "split_above": 1, "tolerance": 1e-10}),
     "index2": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "stabilized_index2"}),
 }
 #: What is kept of the iteration matrix, "auto" as "frozen", is the same for all models but that of
