@@ -41,7 +41,7 @@ class _Cells:
     Attributes:
         nodes: (m, 2) in the mesh; frames: (m, 2, 12) of the section at their ends.
         arcs: (m, 2) arc lengths of the ends, m; zero for beams along which nothing varies.
-        rest: (m, 6) relative twists of the ends without stress.
+        rest: (m, 6) relative twists of the ends without stress, none for those of the frames.
         sections: the section of all cells, or that of each.
         walls: boundaries at both ends of the cells of each of these.
     """
@@ -60,12 +60,14 @@ class _Cells:
         assert mesh is not None  # checked by validate()
         nodes = mesh.cells[_along(model, beam)]
         axes = section_frames(mesh.points, nodes, beam.orientation)
-        frames, arcs = se3.frame(mesh.points[nodes], axes), np.zeros(len(nodes) + 1)
+        frames, rest = se3.frame(mesh.points[nodes], axes), np.empty((0, 6))
+        arcs = np.zeros(len(nodes) + 1)
         if _varies(beam):
             _check_chain(beam, nodes)
             arcs[1:] = np.cumsum(_lengths(frames))
             frames = _twisted(frames, twists_at(beam, arcs))
-        twists = _twists(frames)
+        if _strained(beam):
+            rest = rest_twists(beam, arcs, _twists(frames))
         walls: list[Walls]
         if isinstance(beam.section, Section):
             sections, walls = [beam.section], [(beam.section.walls, beam.section.walls)]
@@ -74,7 +76,7 @@ class _Cells:
         if beam.timed:  # a mistake in it is found on all ranks
             initial_strains(beam, Places.of(arcs), 0.0)
         ends = np.stack([arcs[:-1], arcs[1:]], axis=1)
-        return cls(nodes, frames, ends, rest_twists(beam, arcs, twists), sections, walls)
+        return cls(nodes, frames, ends, rest, sections, walls)
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,26 +121,29 @@ class BeamMesh:
         points = mesh.points[used]
         nodes = nodes.reshape(-1, 2).astype(np.int64)
         sections, number = _numbered(beams, parts)
+        frames = np.concatenate([part.frames for part in parts])
+        rest, strained = _twists(frames), np.repeat([_strained(beam) for beam in beams], counts)
+        rest[strained] = np.concatenate([part.rest for part in parts])
         cells = BeamCells(
             cells=nodes,
             body=np.repeat([model.beams.index(b) for b in beams], counts),
             section=number,
-            frames=np.concatenate([part.frames for part in parts]),
-            rest=np.concatenate([part.rest for part in parts]),
-            strained=np.repeat([_strained(beam) for beam in beams], counts),
+            frames=frames,
+            rest=rest,
+            strained=strained,
             arcs=np.concatenate([part.arcs for part in parts]),
             damping=_dampings(beams, counts),
         )
         body_of_node = np.empty(len(used), dtype=np.int64)
         body_of_node[nodes] = cells.body[:, np.newaxis]
-        frames, velocities = node_frames(nodes, cells.frames, len(used)), np.zeros((len(used), 6))
+        at_nodes, velocities = node_frames(nodes, frames, len(used)), np.zeros((len(used), 6))
         for beam in beams:
             own = np.unique(nodes[cells.body == model.beams.index(beam)])
-            velocities[own] = initial_velocities(beam, frames[own])
+            velocities[own] = initial_velocities(beam, at_nodes[own])
         node_of_mesh = {int(node): i for i, node in enumerate(used)}
         different, walls, owners = zip(*sections, strict=True)
         return cls(
-            cells, points, frames, velocities, body_of_node, list(different), list(walls),
+            cells, points, at_nodes, velocities, body_of_node, list(different), list(walls),
             list(owners), node_of_mesh,
         )  # fmt: skip
 
