@@ -49,7 +49,8 @@ def test_a_gradient_of_temperature_bends_to_an_arc(heat: str) -> None:
     if heat == "function":
         given = (lambda s, t: change * t, lambda s, t: gradient * t + 0.0 * s)
     strain = ff.ThermalStrain(alpha, given[0], gradient_z=given[1])
-    history = static(beam(6, ff.StrainProbe("mid", "beam", 0.5), prestrain=strain))
+    probes = ff.StrainProbe("mid", "beam", 0.5), ff.ElongationProbe("grown", "beam")
+    history = static(beam(6, *probes, prestrain=strain))
     if RANK > 0:
         return
     kappa, stretched = alpha * gradient, (1.0 + alpha * change) * LENGTH
@@ -58,6 +59,7 @@ def test_a_gradient_of_temperature_bends_to_an_arc(heat: str) -> None:
     # helices are exact; half a curvature or another sign is centimetres
     np.testing.assert_allclose(tip(history), expected, atol=1e-10)
     assert history["mid_n1"][-1] == pytest.approx(0.0, abs=1e-3)
+    assert history["grown"][-1] == pytest.approx(alpha * change * LENGTH, rel=1e-6)
     assert history["mid_m2"][-1] == pytest.approx(0.0, abs=1e-4)
 
 

@@ -2,7 +2,6 @@
 """A beam as a file describes it: a curved axis with sections, twist and damping along it."""
 
 from dataclasses import dataclass
-from functools import cached_property
 from typing import Any
 
 import numpy as np
@@ -63,7 +62,7 @@ class BeamData:
     damping: FloatArray
     across: FloatArray
 
-    @cached_property
+    @property
     def _spline(self) -> CubicSpline:
         return axis_spline(self.points)
 

@@ -16,11 +16,11 @@ from pathlib import Path
 from typing import Any, NoReturn
 
 import numpy as np
-import yaml
 from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from flexfem import _checks
 from flexfem._files import read_text
+from flexfem._packages import missing
 from flexfem._types import FloatArray
 from flexfem.io.beams.beam_data import BeamData, arc_fractions
 from flexfem.io.beams.beamdyn import ORDER
@@ -48,6 +48,7 @@ def read_windio(path: str | PathLike[str], component: str = "blade") -> BeamData
         Axis, sections and damping; version 1 has none.
 
     Raises:
+        InstallationError: PyYAML is not installed.
         ValueError: The file is missing or unreadable, or something in it is missing or wrong; with
             its place in the file.
     """
@@ -248,6 +249,10 @@ def _number(value: Any) -> float:
 
 def _load(path: Path) -> Any:
     """Plain data of a YAML file."""
+    try:
+        import yaml
+    except ModuleNotFoundError:
+        raise missing("PyYAML") from None
     owner = f'windIO file "{path}"'
     text = read_text(f"{owner} cannot be read", path, _LARGEST)
     base: Any = getattr(yaml, "CSafeLoader", yaml.SafeLoader)
