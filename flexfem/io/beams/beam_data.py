@@ -21,13 +21,24 @@ _POINTS, _WEIGHTS = (0.5 * x for x in np.polynomial.legendre.leggauss(6))
 
 
 def axis_spline(points: FloatArray) -> CubicSpline:
-    """Cubic spline through points (k, 3), with the chord length as its parameter, m."""
+    """Cubic spline through points (k, 3), with the chord length as its parameter, m.
+
+    Raises:
+        ValueError: There are fewer than two, or neighbours at one place, to the digits of all.
+    """
     chords = np.linalg.norm(np.diff(points, axis=0), axis=1)
-    return CubicSpline(np.append(0.0, np.cumsum(chords)), points)
+    at = np.append(0.0, np.cumsum(chords))
+    if len(points) < 2 or not (np.diff(at) > 0.0).all():
+        raise ValueError("points of the axis must be at least two, neighbours at different places")
+    return CubicSpline(at, points)
 
 
 def arc_fractions(points: FloatArray) -> FloatArray:
-    """Arc length (k,) of the spline at the points it goes through, relative to its end."""
+    """Arc length (k,) of the spline at the points it goes through, relative to its end.
+
+    Raises:
+        ValueError: As for :func:`axis_spline`.
+    """
     arcs = _arcs(axis_spline(points))
     fractions: FloatArray = arcs / arcs[-1]
     return fractions

@@ -56,9 +56,11 @@ def read_beamdyn(path: str | PathLike[str], blade: str | PathLike[str] | None = 
     keys = _key_points(file)
     other = Path(path).parent / file.word("BldFile") if blade is None else Path(blade)
     points, twist = keys[:, :3], -np.deg2rad(keys[:, 3])
-    if len(points) < 3 or not (np.diff(points, axis=0) != 0.0).any(axis=1).all():
-        file.fail("key points must be at least three, neighbours at different places")
-    table, damping = _sections(_File(other), CubicSpline(arc_fractions(points), twist))
+    try:
+        places = arc_fractions(points)
+    except ValueError as error:
+        file.fail(str(error))
+    table, damping = _sections(_File(other), CubicSpline(places, twist))
     return BeamData(points, table, damping, _ACROSS)
 
 

@@ -109,9 +109,10 @@ def _axis(part: "_Part") -> FloatArray:
         for own, values in curves
     ]
     points = np.stack(columns, axis=1)
-    if not (np.linalg.norm(np.diff(points, axis=0), axis=1) > 0.0).all():
-        part.fail("neighbouring points must be at different places")
-    arc_fractions(points)
+    try:
+        arc_fractions(points)
+    except ValueError as error:
+        part.fail(str(error))
     return points
 
 
