@@ -9,8 +9,9 @@ from the start on, positive against X: the default bends the blade downwind, as 
 damping of the file is multiplied by ``--damping``; sections without outline are drawn as ellipses
 with the radii of gyration of thin tubes.
 
-History: ``tip_x, tip_y, tip_z``, displacements of the tip (m); ``root_gamma1`` to ``root_kappa3``,
-strains (1, 1/m), and ``root_n1`` to ``root_m3``, resultants (N, N m) of the first element.
+History: ``tip_x, tip_y, tip_z``, displacements of the tip (m). Of the first element: strains
+``root_gamma1, root_gamma2, root_gamma3`` and ``root_kappa1, root_kappa2, root_kappa3`` (1/m),
+forces ``root_n1, root_n2, root_n3`` (N) and moments ``root_m1, root_m2, root_m3`` (N m).
 
 Expected (BeamDyn, one element of order 10, the same sections): ``tip_x`` 3.215, 6.279, 8.422,
 10.223, 11.547, 12.886, 13.887, 14.310, 16.186, 17.668 m at 0.05, 0.10, ... 0.50 s; here 1.9 % off

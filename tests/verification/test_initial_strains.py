@@ -207,3 +207,28 @@ def test_arc_length_follows_heat() -> None:
     # one path, to the tolerance of the iteration; heat that is left out of the step is a failure
     assert found[1] == pytest.approx(found[0], rel=1e-6)
     assert found[0] > 0.03
+
+
+@pytest.mark.serial
+def test_linear_statics_of_heat() -> None:
+    """To first order: the tip goes by alpha dT L along the beam and by half a curvature across."""
+    alpha, change, gradient = 1.2e-5, 60.0, 50.0
+    strain = ff.ThermalStrain(alpha, change, gradient_y=gradient)
+    history = static(beam(4, prestrain=strain), linear=True)
+    assert history["tip_x"][-1] - LENGTH == pytest.approx(alpha * change * LENGTH, rel=1e-6)
+    assert history["tip_y"][-1] == pytest.approx(-0.5 * alpha * gradient * LENGTH**2, rel=1e-6)
+
+
+@pytest.mark.serial
+def test_a_heated_column_buckles() -> None:
+    """Between clamped ends at E A alpha dT = 4 pi^2 E I / L^2, the load factor heats it."""
+    heat = ff.ThermalStrain(1.2e-5, lambda s, t: 100.0 * t)
+    model = beam(16, prestrain=heat)
+    model.add(ff.Rigid("wall", ff.Ground((LENGTH, 0.0, 0.0)), TIP))
+    options = ff.StaticOptions(quiet=True, t_end=0.05, load_steps=2, buckling_modes=1)
+    found = ff.solve_static(model, options).summary["buckling"]
+    assert SECTION.stiffness is not None
+    D = np.diag(SECTION.stiffness)
+    euler = 4.0 * np.pi**2 * D[4:].min() / LENGTH**2
+    # the mesh leaves 1 per cent, shear flexibility and shortening less
+    assert found[0] == pytest.approx(euler / (D[0] * 1.2e-5 * 100.0), rel=0.02)
