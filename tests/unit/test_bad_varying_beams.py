@@ -99,6 +99,20 @@ def test_what_varies_wrongly_is_refused(make: Callable[[], object], message: str
     assert_on_page(text)
 
 
+def test_a_prestrain_that_fails_in_a_run_ends_it_in_good_order() -> None:
+    """Results until then are there; on several ranks nobody waits, as with loads."""
+
+    def heat(s: np.ndarray, t: float) -> np.ndarray:
+        return np.full(6, 1e-6 * t) if t < 0.0045 else np.zeros(5)
+
+    with pytest.raises(
+        ff.FunctionError, match=r"prestrain must return shape .*, from heat"
+    ) as raised:
+        run(prestrain=heat, dynamics={"t_end": 0.01})
+    assert str(raised.value).startswith('Beam "beam": ')
+    assert raised.value.outcome.history["t"][-1] == pytest.approx(0.004)
+
+
 def test_contact_of_a_beam_that_varies_needs_a_radius() -> None:
     contact = ff.Contact("touch", "beam", surfaces=ff.RigidPlane(ff.Ground((0.0, 0.0, -1.0))))
     mesh = ff.LineMesh.straight({"beam": [(0, 0, 0), (2, 0, 0)]}, 2)

@@ -17,7 +17,7 @@ from typing import Any
 import numpy as np
 
 from flexfem import _checks
-from flexfem._faults import FAILURES, located
+from flexfem._faults import FAILURES, ReturnError, located, noted
 from flexfem._types import FloatArray, IntArray
 from flexfem.materials.section import Section
 from flexfem.materials.section_table import SectionTable
@@ -30,6 +30,7 @@ __all__ = [
     "cell_sections",
     "end_walls",
     "initial_strains",
+    "present_strains",
     "rest_twists",
     "twists_at",
 ]
@@ -141,7 +142,11 @@ def twists_at(beam: Beam, arcs: FloatArray) -> FloatArray:
     if beam.twist is not None:
         angles += _along(owner, "twist", beam.twist, (arcs,), ())
     if isinstance(section, SectionTable):
-        angles += section.twist_at(arcs / section.scale(owner, float(arcs[-1])))
+        places = arcs / section.scale(owner, float(arcs[-1]))
+        if callable(section.twist):
+            angles += _along(owner, "twist of its section", section.twist, (places,), ())
+        else:
+            angles += section.twist_at(places)
     return angles
 
 
@@ -181,23 +186,47 @@ def initial_strains(beam: Beam, places: Places, time: float) -> FloatArray:
     return places.means(_along(owner, "prestrain", beam.prestrain, (places.at, time), (6,)))
 
 
+def present_strains(beam: Beam, places: Places, time: float) -> FloatArray:
+    """Mean initial strains (m, 6) of cells in a run; nan where the function fails, which is noted.
+
+    Raises:
+        FunctionError: it fails outside of a run.
+    """
+    try:
+        return places.means(_values("prestrain", beam.prestrain, (places.at, time), (6,)))
+    except FAILURES as error:
+        noted(f'Beam "{beam.name}"', beam.prestrain, error)
+        return np.full((places.count, 6), np.nan)
+
+
 def _along(
     owner: str, what: str, given: Any, arguments: tuple[Any, ...], shape: tuple[int, ...]
 ) -> FloatArray:
-    """Values (k, ...) of a constant or of a function along a beam, at places (k,)."""
+    """Values (k, ...) of a constant or of a function along a beam, with the beam in messages."""
+    try:
+        return _values(what, given, arguments, shape)
+    except ReturnError as error:
+        raise ValueError(f"{owner}: {error}") from None
+    except FAILURES as error:
+        raise ValueError(f"{owner}: {what}: {located(given, error)}") from error
+
+
+def _values(
+    what: str, given: Any, arguments: tuple[Any, ...], shape: tuple[int, ...]
+) -> FloatArray:
+    """Values (k, ...) of a constant or of a function along a beam, at places (k,).
+
+    Raises:
+        ReturnError: the function returns something else.
+    """
     full = (len(arguments[0]), *shape)
     if not callable(given):
         return np.broadcast_to(given, full)
-    try:
-        values = _checks.numbers(given(*arguments))
-    except FAILURES as error:
-        raise ValueError(f"{owner}: {what}: {located(given, error)}") from error
+    values = _checks.numbers(given(*arguments))
     if values.shape not in (full, shape) or not np.isfinite(values).all():
         kind = "finite numbers" if values.shape in (full, shape) else f"shape {full} or {shape}"
-        raise ValueError(
-            f"{owner}: {what} must return {kind} for {full[0]} places, got "
-            f"{_checks.show(values.tolist())}"
-        )
+        got = _checks.show(values.tolist())
+        raise ReturnError(f"{what} must return {kind} for {full[0]} places, got {got}")
     return np.broadcast_to(values, full)
 
 

@@ -15,7 +15,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.families.beam_se3.along import Places, initial_strains
+from flexfem.families.beam_se3.along import Places, present_strains
 from flexfem.families.beam_se3.elements import SE3Beams
 from flexfem.families.beam_se3.loads import se3_line_forces, se3_node_forces
 from flexfem.families.beam_se3.mesh import BeamMesh
@@ -182,7 +182,7 @@ def _chain(cells: IntArray) -> IntArray | None:
 
 def _initial_strain(beam: Beam, ends: FloatArray, time: float) -> FloatArray:
     """Mean initial strains (m, 6) of cells of a beam between arc lengths (m, 2), m."""
-    return initial_strains(beam, Places.inside(ends), time)
+    return present_strains(beam, Places.inside(ends), time)
 
 
 def _axial(beam: Beam, section: Section) -> float:
