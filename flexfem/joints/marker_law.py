@@ -15,7 +15,6 @@ from flexfem._faults import FAILURES, ReturnError, located
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.laws import ElementMotion
 from flexfem.core.pose import Pose
-from flexfem.lie import so3
 
 __all__ = ["Ends", "MarkerLaw"]
 
@@ -192,7 +191,10 @@ class MarkerLaw:
         for m in range(size):
             for q in range(2):
                 at = slice(6 * m + 3 * q, 6 * m + 3 * q + 3)
-                out[:, at, 6 * m + 3 : 6 * m + 6] += so3.skew(forces[:, m, q])
+                # a force fixed in inertial axes rotates in those of its marker
+                out[:, at, 6 * m + 3 : 6 * m + 6] -= np.cross(
+                    forces[:, m, q, np.newaxis], np.eye(3)
+                )
         return out
 
 

@@ -9,7 +9,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from scipy.interpolate import CubicSpline, PchipInterpolator
 
 from flexfem import _checks
 from flexfem._types import FloatArray
@@ -68,6 +67,8 @@ class Curve:
             slope = np.diff(self.y) / np.diff(self.x)
             inner = np.stack([self.y[:-1], slope, 0.0 * slope, 0.0 * slope], axis=1)
         else:
+            from scipy.interpolate import CubicSpline, PchipInterpolator
+
             make = CubicSpline if self.kind == "spline" else PchipInterpolator
             inner = make(self.x, self.y).c[::-1].T
         width = self.x[-1] - self.x[-2]
