@@ -7,7 +7,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._types import FloatArray
-from flexfem.core.marker import Marker
+from flexfem.core.marker import LINE_ENDS, Marker
 from flexfem.joints.rigid import Rigid
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.model.bodies.basic import Beam
@@ -19,7 +19,7 @@ _CLOSE = 1e-9
 
 
 def weld(mesh: LineMesh, beams: Sequence[Beam]) -> list[Rigid]:
-    """Make rigid joints where named points of different beams are in one place.
+    """Make rigid joints where ends and named points of different beams are in one place.
 
     Where k beams meet there are k - 1 joints, all with the first of the beams. They are called
     after both beams, "mast_arm", and numbered from the second on, "mast_arm_2".
@@ -40,6 +40,9 @@ def weld(mesh: LineMesh, beams: Sequence[Beam]) -> list[Rigid]:
             raise ValueError(f'weld: Beam "{beam.name}" is along no group of the mesh')
         own = set(mesh.group_cells(beam.group).ravel().tolist())
         points = {node: name for name, node in mesh.point_groups.items() if node in own}
+        order = mesh.order(beam.group)
+        if order is not None and order[0] != order[-1]:
+            points = dict(zip(order[[0, -1]].tolist(), LINE_ENDS, strict=True)) | points
         ends += [(beam.name, name, mesh.points[node]) for node, name in points.items()]
     joints: list[Rigid] = []
     times: dict[str, int] = {}

@@ -314,6 +314,19 @@ def test_nodes_in_one_place_are_merged_on_demand(file) -> None:
     assert dict(one.point_groups) == {"MIDDLE": 1}
 
 
+def test_welds_of_ends_without_names() -> None:
+    """A post, and two girders that begin where it ends."""
+    rod = ff.Section.circle(0.01, ff.Material(210e9, 0.3, 7850.0))
+    lines = {"post": [(0, 0, 0), (0, 0, 1)], "one": [(0, 0, 1), (1, 0, 1)],
+             "two": [(0, 1, 1), (0, 0, 1)]}  # fmt: skip
+    mesh = ff.LineMesh.straight(lines, 2)
+    joints = ff.weld(mesh, [ff.Beam(name, rod, group=name) for name in lines])
+    assert [f"{joint.a} {joint.b}" for joint in joints] == [
+        "post:end one:start",
+        "post:end two:end",
+    ]
+
+
 def test_welds_of_beams(file) -> None:
     path = file("frame.inp", mesh_texts.ABAQUS_FRAME)
     mesh = ff.read_mesh(path, scale=1e-3, lines=["LEGS", "Beam"], separate=True)
