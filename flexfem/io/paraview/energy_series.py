@@ -42,6 +42,8 @@ class EnergySeries:
     Energies are those per length, area or volume at the start, J/m, J/m^2 or J/m^3.
     """
 
+    shown_as = tuple(name for name, _ in _SERIES.values())
+
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
         resume: float | None,

@@ -41,7 +41,10 @@ _BODY = 0.2
 
 
 class Series(Protocol):
-    """Pictures of some bodies over time; every call is collective."""
+    """Pictures of some bodies over time; every call is collective.
+
+    A class may have ``shown_as``, the names of its files, so that viewers know the names of bodies.
+    """
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
@@ -70,6 +73,8 @@ class Series(Protocol):
 class BeamSeries:
     """Beams as lines with sections; see :class:`Series`."""
 
+    shown_as = ("beams", "beam_surfaces")
+
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
         resume: float | None,
@@ -97,6 +102,8 @@ class BeamSeries:
 class ShellSeries:
     """Shells as triangles; see :class:`Series`."""
 
+    shown_as = ("shells",)
+
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
         resume: float | None,
@@ -118,6 +125,8 @@ class ShellSeries:
 
 class RigidSeries:
     """Rigid bodies as surfaces; see :class:`Series`."""
+
+    shown_as = ("rigid_bodies",)
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
@@ -145,6 +154,8 @@ class RigidSeries:
 
 class FloatingSeries:
     """Bodies in floating frames as their meshes; see :class:`Series`."""
+
+    shown_as = ("floating_bodies", "floating_lines")
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,

@@ -1,14 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """ParaView output of a whole system: the bodies of all families, obstacles and joints."""
 
+from collections.abc import Sequence
 from importlib import import_module
 from pathlib import Path
 
 import numpy as np
 
+from flexfem.families.common.beam_family import BeamFamily
+from flexfem.io.atomic import raise_together
 from flexfem.io.paraview.contact_surfaces import ContactSurfaceWriter
 from flexfem.io.paraview.family_series import Series
 from flexfem.io.paraview.paraview_state import write_paraview_state
+from flexfem.io.scene_file import SceneFile, Walls
 from flexfem.io.vtu.body_fields import JointFields, JointWriter
 from flexfem.joints.elastic_lock import ElasticLock
 from flexfem.layout.family import registry
@@ -54,7 +58,8 @@ class FieldOutput:
             ContactSurfaceWriter(folder, system, serial, resume)
         )
         self._sampler = _JointSampler(system, serial)
-        kinds = [j.owner.partition(" ")[0] for j in serial.joints]
+        self._scene = _scene(system, serial)
+        kinds = [kind for kind, _ in self._scene.joints]
         size = _GLYPH * model_extent(serial)
         self._joints = JointWriter(folder, comm, kinds, size, resume=resume)
 
@@ -69,7 +74,17 @@ class FieldOutput:
             self._joints.write(time, step, self._sampler.fields())
         if not self._opened:
             write_paraview_state(self._folder, self._system.comm)
+            self._write_scene()
             self._opened = True
+
+    def _write_scene(self) -> None:
+        error: Exception | None = None
+        if self._system.comm.rank == 0:
+            try:
+                self._scene.write(self._folder)
+            except OSError as exc:
+                error = exc
+        raise_together(self._system.comm, error)
 
     def close(self) -> None:
         """End all series."""
@@ -85,6 +100,22 @@ def _series(name: str | type[Series]) -> type[Series]:
     module, _, known = name.partition(":")
     found: type[Series] = getattr(import_module(module), known)
     return found
+
+
+def _scene(system: System, serial: NumberedModel) -> SceneFile:
+    """Names of bodies and joints, and sections of beams in the order of their numbers."""
+    bodies: dict[str, list[str]] = {}
+    sections: list[Walls] = []
+    for part in system.parts:
+        shown = part.family.series and _series(part.family.series)
+        for name in getattr(shown, "shown_as", ()):
+            bodies[name] = [body.name for body in part.family.bodies]
+        if isinstance(part.family, BeamFamily):
+            sections += part.family.walls
+    every = {id(s): s for contact in serial.model.contacts for s in contact.surfaces}
+    bodies["contact_surfaces"] = [type(surface).__name__ for surface in every.values()]
+    joints = [(joint.owner.partition(" ")[0], joint.name) for joint in serial.joints]
+    return SceneFile(bodies, joints, sections)
 
 
 class _JointSampler:

@@ -96,6 +96,7 @@ class BeamSkin:
 
     Attributes:
         node, cell: Node and cell of every point (p,).
+        arm: Vector (p, 3) from the node to the point, in the axes of the node, m.
         quads: Quadrilaterals (q, 4).
         owner: Cell of every quadrilateral (q,).
     """
@@ -148,8 +149,8 @@ class BeamSkin:
             start += 2 * k * m
         self.node, self.cell = np.concatenate(node), np.concatenate(cell)
         self.quads, self.owner = np.concatenate(quads), np.concatenate(owner)
-        self._arm = np.concatenate(arm)
-        self._turned = bool(np.any(self._arm[:, 0]))
+        self.arm = np.concatenate(arm)
+        self._turned = bool(np.any(self.arm[:, 0]))
 
     def fits(self, beams: BeamFields) -> bool:
         """Return True if the topology belongs to these cells."""
@@ -161,9 +162,18 @@ class BeamSkin:
         x: FloatArray = beams.position.take(self.node, axis=0)
         for i in range(0 if self._turned else 1, 3):
             axis = beams.rotation[:, :, i].take(self.node, axis=0)
-            axis *= self._arm[:, i : i + 1]
+            axis *= self.arm[:, i : i + 1]
             x += axis
         return x
+
+    def stress_factors(self) -> FloatArray:
+        """Axial and shear stress of every point per resultant (p, 2, 6), of cells in their order.
+
+        NaN where stresses are not known.
+        """
+        found = [np.zeros((0, 2, 6))]
+        found += [group.stress[group.section].reshape(-1, 2, 6) for group in self._groups]
+        return np.concatenate(found)
 
     def stresses(self, beams: BeamFields) -> FloatArray:
         """Axial stress and shear stress (p, 2) at all points, Pa; NaN where not known."""

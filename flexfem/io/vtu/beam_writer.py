@@ -19,7 +19,7 @@ from flexfem.materials.section_wall import SectionWall
 if TYPE_CHECKING:
     from mpi4py import MPI
 
-__all__ = ["BeamWriter"]
+__all__ = ["BeamWriter", "drawn_walls"]
 
 #: Walls at the first and at the second end of cells.
 Walls = tuple[tuple[SectionWall, ...], ...]
@@ -33,7 +33,9 @@ class BeamWriter:
     """Series ``beams`` (lines) and ``beam_surfaces`` (sections swept along the deformed beams).
 
     Where the stresses in sections are known, points of surfaces have ``axial_stress``,
-    ``shear_stress`` (of torsion, along the boundary of the section) and ``von_mises``, Pa.
+    ``shear_stress`` (of torsion, along the boundary of the section) and ``von_mises``, Pa. Cells of
+    lines have the number of their ``section``; where its axes are not those of the nodes for all
+    cells, also ``section_axes``: e2 and e3 at both ends in the axes of the node there.
     """
 
     def __init__(
@@ -56,12 +58,14 @@ class BeamWriter:
             caps: True if the ends of the swept surfaces are closed.
             resume: Keep the instants of an earlier run up to this time (s).
         """
-        walls = [_walls(outline, i) for i, outline in enumerate(outlines)]
+        walls = [drawn_walls(outline, i) for i, outline in enumerate(outlines)]
         self._sections, self._caps = [SkinSection(*ends) for ends in walls], caps
         self._stressed = any(np.isfinite(one.stress).any() for one in self._sections)
         self._lines = VtuSeries(folder, "beams", comm, components=COMPONENTS, resume=resume)
         self._skins = VtuSeries(folder, "beam_surfaces", comm, components=COMPONENTS, resume=resume)
         self._skin: BeamSkin | None = None
+        self._comm = comm
+        self._axes: bool | None = None  # section axes differ from those of nodes, on any rank
 
     def write(self, time: float, step: int, beams: BeamFields) -> None:
         """Write both series at one instant; collective.
@@ -85,9 +89,11 @@ class BeamWriter:
             "angular_velocity": beams.angular_velocity.astype(single),
         }
         frames: dict[str, NDArray[Any]] = {f"e{i + 1}": beams.rotation[:, :, i] for i in range(3)}
+        sections = {"section": beams.section.astype(np.int32)} | self._section_axes(beams)
         self._lines.write(
-            time, step, beams.position, beams.cells, "line", point_data | frames, cell_data
-        )
+            time, step, beams.position, beams.cells, "line", point_data | frames,
+            cell_data | sections,
+        )  # fmt: skip
         if self._skin is None or not self._skin.fits(beams):
             self._skin = BeamSkin(beams, self._sections, caps=self._caps)
         skin = self._skin
@@ -106,13 +112,23 @@ class BeamWriter:
             {k: v.take(skin.owner, axis=0) for k, v in cell_data.items() if k != "strain"},
         )
 
+    def _section_axes(self, beams: BeamFields) -> dict[str, NDArray[Any]]:
+        """Axes of sections (m, 2, 6) where they are not those of the nodes; collective at first."""
+        if self._axes is None:
+            own = bool(np.any(beams.turn != np.eye(3)))
+            self._axes = any(self._comm.allgather(own)) if self._comm.size > 1 else own
+        if not self._axes:
+            return {}
+        axes = np.swapaxes(beams.turn[..., 1:], -1, -2)
+        return {"section_axes": axes.reshape(len(axes), 2, 6).astype(np.float32)}
+
     def close(self) -> None:
         """End both series; collective."""
         self._lines.close()
         self._skins.close()
 
 
-def _walls(
+def drawn_walls(
     outline: ArrayLike | Sequence[SectionWall] | Walls | None, number: int
 ) -> tuple[tuple[SectionWall, ...], ...]:
     """Walls of a section, of which there may be none; of both ends where they are given."""

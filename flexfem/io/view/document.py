@@ -1,0 +1,97 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The HTML file of a page, with its program and three.js inside: it needs no network.
+
+Names in result files must not become markup or code: they are in JSON only, in an element whose
+text cannot end it, and the program makes text of them. Besides, the policy in the page's head
+allows no code but the page's own, and no connections.
+"""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import html
+import json
+import zlib
+from collections.abc import Iterator
+from functools import cache
+from pathlib import Path
+
+from flexfem.io.atomic import replace_file
+from flexfem.io.view.content import Choice, Content, gather
+
+__all__ = ["NAME", "page", "write_view"]
+
+NAME = "view.html"
+_WEB = Path(__file__).with_name("web")
+#: Bytes of an element with data: browsers limit texts.
+_PIECE = 24_000_000
+_POLICY = (
+    "default-src 'none'; script-src 'nonce-{nonce}' blob:; style-src 'nonce-{nonce}'; "
+    "img-src blob: data:; base-uri 'none'; form-action 'none'"
+)
+
+
+def write_view(folder: Path, choice: Choice, output: Path | None = None) -> tuple[Path, list[str]]:
+    """Make the page of a result folder; returns its file and notes about what is left out.
+
+    Args:
+        folder: of the results.
+        choice: what it shall show.
+        output: the file; ``view.html`` in the folder by default.
+
+    Raises:
+        InputError: the folder has nothing to show, or a file is damaged; nothing is written.
+        OSError: the file cannot be written.
+    """
+    content = gather(folder, choice)
+    target = output or folder / NAME
+    replace_file(target, (text.encode() for text in page(content)))
+    return target, list(content.notes)
+
+
+def page(content: Content) -> Iterator[str]:
+    """The text of a page, in parts."""
+    nonce = hashlib.sha256(content.data).hexdigest()[:32]
+    parts = {
+        "NONCE": lambda: iter([nonce]),
+        "POLICY": lambda: iter([_POLICY.format(nonce=nonce)]),
+        "TITLE": lambda: iter([html.escape(content.title)]),
+        "STYLE": lambda: iter([_text("viewer.css")]),
+        "BOOT": lambda: iter([_text("boot.js")]),
+        "LIBRARY": lambda: iter([_library()]),
+        "MODULES": _modules,
+        "SCENE": lambda: iter([_json(content.scene)]),
+        "DATA": lambda: _data(content.data),
+    }
+    for number, piece in enumerate(_text("viewer.html").split("@@")):
+        yield from parts[piece]() if number % 2 else iter([piece])
+
+
+@cache
+def _text(name: str) -> str:
+    return (_WEB / name).read_text(encoding="utf-8")
+
+
+@cache
+def _library() -> str:
+    return base64.b64encode(zlib.compress((_WEB / "three.module.min.js").read_bytes(), 9)).decode()
+
+
+def _modules() -> Iterator[str]:
+    for file in sorted(_WEB.glob("*.js")):
+        if file.name not in ("boot.js", "three.module.min.js"):
+            yield f'<script type="text/plain" data-module="view/{file.name}">\n'
+            yield f"{_text(file.name)}</script>\n"
+
+
+def _json(data: object) -> str:
+    """JSON whose text cannot end its element, nor begin a comment."""
+    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+    return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
+
+
+def _data(data: bytes) -> Iterator[str]:
+    for start in range(0, len(data), _PIECE):
+        text = base64.b64encode(data[start : start + _PIECE]).decode()
+        yield f'<script type="text/plain" data-arrays>{text}</script>\n'

@@ -1,0 +1,79 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Series of a result folder, and the instants of them that a page shows."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem.io.vtu.reader import Grid, Instant, read_instants, read_pieces
+
+__all__ = ["SERIES", "Series", "evenly", "find_series"]
+
+#: All that can be shown, what lies in front last.
+SERIES = (
+    "contact_surfaces", "rigid_bodies", "shells", "floating_bodies", "floating_lines",
+    "energy_solids", "energy_triangles", "energy_lines", "beam_surfaces", "beams", "joints",
+    "reactions",
+)  # fmt: skip
+#: Instants of a run beyond which an index must be something else.
+_MOST = 10_000_000
+
+
+@dataclass(frozen=True)
+class Series:
+    """One series of a folder.
+
+    Attributes:
+        name: of the series.
+        instants: those in its index, in order of time.
+    """
+
+    name: str
+    instants: Sequence[Instant]
+
+    def at(self, time: float) -> Path:
+        """File of an instant, of the one before where the series has none at this time."""
+        times = [instant.time for instant in self.instants]
+        number = int(np.searchsorted(times, time * (1 + 1e-12) + 1e-300, side="right"))
+        return self.instants[max(number - 1, 0)].file
+
+    def grids(self, time: float, wanted: Sequence[str] | None = None) -> list[Grid]:
+        """Cells of all ranks at a time."""
+        return read_pieces(self.at(time), wanted)
+
+
+def find_series(folder: Path) -> tuple[list[Series], np.ndarray]:
+    """Series of a folder, and the times (s) at which any of them has an instant.
+
+    Raises:
+        InputError: it is no folder of results, or an index is damaged.
+    """
+    if not folder.is_dir():
+        raise InputError(f"{folder}: there is no such folder")
+    series = [Series(name, found) for name in SERIES if (found := read_instants(folder, name))]
+    if not series:
+        known = (folder / "history.csv").exists() or (folder / "summary.json").exists()
+        reason = "the run wrote no fields" if known else "it is not a folder of results"
+        raise InputError(
+            f"{folder}: nothing to show, {reason} (no {SERIES[1]}.pvd, {SERIES[9]}.pvd, ...)"
+        )
+    times = np.unique([one.time for each in series for one in each.instants])
+    if len(times) > _MOST:
+        raise InputError(
+            f"{folder}: its series have {len(times)} instants, at most {_MOST} are read"
+        )
+    return series, times
+
+
+def evenly(times: np.ndarray, count: int) -> np.ndarray:
+    """At most so many of some times, the first and the last among them."""
+    if len(times) <= count:
+        return times
+    chosen = np.unique(np.linspace(0, len(times) - 1, max(count, 2)).round().astype(int))
+    kept: np.ndarray = times[chosen]
+    return kept
