@@ -32,7 +32,7 @@ import numpy as np
 __all__ = ["Reader", "Tally", "all_readers", "any_of", "fuzz"]
 
 #: Modules with a table READERS of names and readers.
-MODULES = ("tests.fuzz_meshes", "tests.fuzz_files")
+MODULES = ("tests.fuzz_meshes", "tests.fuzz_files", "tests.fuzz_views")
 
 #: Seconds of the processor that an input may take, and bytes that all may need.
 PATIENCE, ROOM = 5.0, 2**30

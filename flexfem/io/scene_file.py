@@ -60,15 +60,18 @@ class SceneFile:
         replace_file(folder / NAME, [json.dumps(data, allow_nan=False).encode(), b"\n"])
 
     @classmethod
-    def read(cls, folder: Path) -> SceneFile:
-        """Read the file of a folder; a folder without one, of an older version, has no names.
+    def of(cls, folder: Path) -> SceneFile:
+        """The scene of a folder; one without the file, of an older version, has no names."""
+        path = folder / NAME
+        return cls.read(path) if path.exists() else cls()
+
+    @classmethod
+    def read(cls, path: Path) -> SceneFile:
+        """Read a file.
 
         Raises:
-            InputError: the file cannot be read, or is damaged.
+            InputError: it cannot be read, or is damaged.
         """
-        path = folder / NAME
-        if not path.exists():
-            return cls()
         owner = f"scene '{path}'"
         try:
             data = json.loads(read_text(owner, path, _LARGEST))
@@ -80,7 +83,9 @@ class SceneFile:
             ]
         except InputError:
             raise
-        except (ValueError, KeyError, TypeError, AttributeError, RecursionError) as error:
+        except (
+            ValueError, KeyError, TypeError, AttributeError, RecursionError, OverflowError
+        ) as error:  # fmt: skip
             reason = show(str(error) or type(error).__name__)
             raise InputError(f"{owner}: it is damaged ({reason})") from None
         return cls(bodies, joints, sections)

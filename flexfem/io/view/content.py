@@ -32,6 +32,8 @@ __all__ = ["Choice", "Content", "gather"]
 
 #: Bytes of motions and fields before they are deflated: what a page takes by default, and at most.
 _ROOM, _MOST_ROOM = 150e6, 2e9
+#: Places beyond which nothing is drawn, m.
+_FAR = 1e30
 #: Instants by default; there are frames between them, too.
 _FRAMES = 600
 #: Instants below which fields are left out rather than instants.
@@ -83,6 +85,12 @@ def gather(folder: Path, choice: Choice) -> Content:
     Raises:
         InputError: it has nothing to show, or a file is damaged.
     """
+    # what is not finite, or not in single precision, is shown as missing
+    with np.errstate(over="ignore", invalid="ignore", divide="ignore"):
+        return _gathered(folder, choice)
+
+
+def _gathered(folder: Path, choice: Choice) -> Content:
     series, times = find_series(folder)
     reading = _Reading(folder, series, choice)
     chosen, notes = reading.choose(times)
@@ -108,7 +116,7 @@ class _Reading:
 
     def __init__(self, folder: Path, series: Sequence[Series], choice: Choice) -> None:
         """Look at the first instants."""
-        self._folder, self._choice, self._scene = folder, choice, SceneFile.read(folder)
+        self._folder, self._choice, self._scene = folder, choice, SceneFile.of(folder)
         self._series = {one.name: one for one in series}
         self._first = {one.name: joined(one.grids(one.instants[0].time)) for one in series}
         self._swept = {"section", "e1", "resultant"} <= self._arrays("beams") and bool(
@@ -117,7 +125,7 @@ class _Reading:
         if self._swept:
             self._series.pop("beam_surfaces", None)
         for name, grid in self._first.items():
-            if not np.isfinite(grid.points).all():
+            if not _drawable(grid):
                 raise InputError(
                     f"{folder}: positions in {name} are not finite at the first instant"
                 )
@@ -199,7 +207,7 @@ class _Reading:
 
     def _read_instant(self, layers: Mapping[str, Layer], time: float) -> bool:
         grids = {name: joined(one.grids(time)) for name, one in self._series.items()}
-        if not all(np.isfinite(grid.points).all() for grid in grids.values()):
+        if not all(map(_drawable, grids.values())):
             return False
         for name, layer in layers.items():
             try:
@@ -225,6 +233,11 @@ class _Reading:
             except ChangedShapeError:
                 self._loose.add(name)
         return MeshLayer(name, self._scene, self._fields, first)
+
+
+def _drawable(grid: Grid) -> bool:
+    """True if all positions are numbers that single precision holds."""
+    return bool(np.all(np.abs(grid.points) < _FAR))
 
 
 class _LooseError(Exception):

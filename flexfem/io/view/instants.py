@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem.io.vtu.reader import Grid, Instant, read_instants, read_pieces
+from flexfem.io.vtu.reader import Grid, Instant, read_index, read_pieces
 
 __all__ = ["SERIES", "Series", "evenly", "find_series"]
 
@@ -55,7 +55,9 @@ def find_series(folder: Path) -> tuple[list[Series], np.ndarray]:
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
-    series = [Series(name, found) for name in SERIES if (found := read_instants(folder, name))]
+    there = {name: folder / f"{name}.pvd" for name in SERIES}
+    indices = {name: read_index(path, name) for name, path in there.items() if path.exists()}
+    series = [Series(name, instants) for name, instants in indices.items() if instants]
     if not series:
         known = (folder / "history.csv").exists() or (folder / "summary.json").exists()
         reason = "the run wrote no fields" if known else "it is not a folder of results"

@@ -236,6 +236,7 @@ class MeshLayer(Layer):
     def __init__(self, series: str, scene: SceneFile, wanted: Sequence[str], first: Grid) -> None:
         """Choose cells and points: of solids, those on the outside."""
         super().__init__(series, scene, wanted, first)
+        self._about = first.points.mean(axis=0)
         self._places: list[FloatArray] = []
         self._cells, self._owner = _drawn(first)
         self._points, inverse = np.unique(self._cells, return_inverse=True)
@@ -246,7 +247,7 @@ class MeshLayer(Layer):
             self._cells, self._source = shaded.triangles, shaded.point
 
     def _add(self, grid: Grid) -> None:
-        self._places.append(grid.points[self._points].astype(np.float32))
+        self._places.append((grid.points[self._points] - self._about).astype(np.float32))
 
     def store(self, pack: Pack) -> list[Description]:
         """See :class:`Layer`."""
@@ -261,7 +262,8 @@ class MeshLayer(Layer):
             "cells": pack.store(self._cells.astype(np.uint32)),
             "cell": pack.store(position.astype(np.uint32)), "bodies": pack.store(bodies),
             "source": pack.store(self._source.astype(np.uint32)), "names": names,
-            "motion": store_points(pack, self._places), "fields": self._stored_fields(pack),
+            "motion": store_points(pack, self._places, self._about),
+            "fields": self._stored_fields(pack),
         }]  # fmt: skip
 
 

@@ -109,17 +109,27 @@ def store_frames(
     return {**store_points(pack, places), "turns": pack.store_motion(rounded(q, -1.0, 1.0))}
 
 
-def store_points(pack: Pack, places: Sequence[FloatArray]) -> dict[str, Any]:
-    """Keep the motions of points (n, 3) at each instant, m."""
-    x = np.array(places, dtype=np.float32)
+def store_points(
+    pack: Pack, places: Sequence[FloatArray], about: FloatArray | None = None
+) -> dict[str, Any]:
+    """Keep the motions of points.
+
+    Args:
+        pack: where to.
+        places: (n, 3) at each instant, m.
+        about: (3,) the point from which they are measured, for single precision; by default the
+            origin.
+    """
+    x = np.array(places)
     axes = tuple(range(x.ndim - 1))
     low, high = (x.min(axis=axes), x.max(axis=axes)) if x.size else (np.zeros(3), np.zeros(3))
     middle, half = 0.5 * (low + high).astype(float), float(0.5 * (high - low).max()) or 1.0
-    # in place and axis by axis: the largest array there is
+    # axis by axis: the largest array there is
     whole = np.empty(x.shape, dtype=np.int16)
     for i in range(3):
         whole[..., i] = rounded(x[..., i], middle[i] - half, middle[i] + half)
-    return {"places": pack.store_motion(whole), "middle": middle.tolist(), "half": half}
+    far = middle if about is None else middle + about
+    return {"places": pack.store_motion(whole), "middle": far.tolist(), "half": half}
 
 
 def _farthest(distance: FloatArray, part: IntArray, parts: int) -> IntArray:

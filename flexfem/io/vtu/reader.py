@@ -23,7 +23,7 @@ from numpy.typing import NDArray
 from flexfem._checks import InputError, show
 from flexfem._files import open_file, read_bytes
 
-__all__ = ["Grid", "Instant", "read_instants", "read_pieces"]
+__all__ = ["Grid", "Instant", "read_index", "read_pieces"]
 
 #: Bytes of an index, of the text in front of the arrays, and of a whole file that are read at most.
 _INDEX, _HEADER, _WHOLE = 256_000_000, 1_000_000, 4_000_000_000
@@ -64,15 +64,16 @@ class Grid:
     components: Mapping[str, tuple[str, ...]]
 
 
-def read_instants(folder: Path, name: str) -> list[Instant]:
-    """Instants of a series in a result folder, in order of time; none if it is not there.
+def read_index(path: Path, name: str) -> list[Instant]:
+    """Instants of a series in order of time.
+
+    Args:
+        path: its index, ``<name>.pvd`` in a result folder.
+        name: of the series.
 
     Raises:
         InputError: the index cannot be read, or is damaged.
     """
-    path = folder / f"{name}.pvd"
-    if not path.exists():
-        return []
     owner = f"series '{path}'"
     own = re.compile(rf"{re.escape(name)}/{re.escape(name)}_\d{{6,}}(_\d+)?\.p?vtu")
     found: dict[float, Instant] = {}
@@ -80,7 +81,7 @@ def read_instants(folder: Path, name: str) -> list[Instant]:
         file, time = element.get("file", ""), _number(element.get("timestep", ""))
         if not own.fullmatch(file) or not math.isfinite(time):
             raise InputError(f"{owner}: it is damaged, or not a series of flexfem")
-        found[time] = Instant(time, folder / file)
+        found[time] = Instant(time, path.parent / file)
     return [found[time] for time in sorted(found)]
 
 
