@@ -143,6 +143,8 @@ _MODULES = {
     "read_materials": "io.tables.section_table",
     "read_sections": "io.tables.section_table",
     "read_history": "io.tables.history",
+    "View": "io.view.document",
+    "view": "io.view.document",
     "save_reduced_body": "io.hdf5.reduced_body",
     "load_reduced_body": "io.hdf5.reduced_body",
     "Joint": "core.joint",
@@ -242,6 +244,8 @@ _MODULES = {
     "linearize": "simulation.linear_model",
     "LinearModel": "simulation.linear_model",
     "main": "cli",
+    "plot": "cli.pictures",
+    "render": "cli.pictures",
     "run_case": "studies.separate_run",
     "shipped_data": "resources",
 }

@@ -10,7 +10,7 @@ from flexfem import launch
 from flexfem.cli.usage import UsageError
 from flexfem.resources import load_module, shipped_folder
 
-__all__ = ["print_files", "script"]
+__all__ = ["made_files", "print_files", "script"]
 
 #: Packages of the extra "post".
 _EXTRA = ("imageio", "imageio_ffmpeg", "matplotlib", "pyvista", "vtk", "vtkmodules", "PIL")
@@ -40,6 +40,17 @@ def print_files(make: Callable[[], list[Path]]) -> int:
     Raises:
         UsageError: Results or options cannot be used, on all ranks.
     """
+    for file in made_files(make):
+        launch.say(str(file))
+    return 0
+
+
+def made_files(make: Callable[[], list[Path]]) -> list[Path]:
+    """Make pictures on the first rank; returns their files there, none on other ranks.
+
+    Raises:
+        UsageError: Results or options cannot be used, on all ranks.
+    """
     message, files = "", []
     if launch.rank() == 0:
         try:
@@ -56,9 +67,7 @@ def print_files(make: Callable[[], list[Path]]) -> int:
     message = launch.first_message(message)
     if message:
         raise UsageError(message, agreed=True)
-    for file in files:
-        launch.say(str(file))
-    return 0
+    return files
 
 
 def _missing(error: ImportError) -> Exception:

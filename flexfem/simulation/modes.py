@@ -106,7 +106,9 @@ def _ended(
             f"frequency_{k + 1}": f for k, f in enumerate(found.frequencies.tolist())
         }
     ended = conclude(summary, history, results, options, comm)
-    return ModesOutcome(ended.status, ended.summary, ended.history, found, state)
+    return ModesOutcome(
+        ended.status, ended.summary, ended.history, ended.folder, found, state
+    )  # fmt: skip
 
 
 def modes_at(point: OperatingPoint, options: ModeOptions, more: int = 0) -> Modes:

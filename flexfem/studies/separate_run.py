@@ -107,4 +107,5 @@ def _outcome(folder: Path) -> Outcome:
     from flexfem.simulation.run.outcome import Outcome
 
     summary, table = read_summary(folder / "summary.json"), folder / "history.csv"
-    return Outcome(summary["status"], summary, read_history(table) if table.exists() else {})
+    history = read_history(table) if table.exists() else {}
+    return Outcome(summary["status"], summary, history, folder)

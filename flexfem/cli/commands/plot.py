@@ -2,7 +2,7 @@
 """flexfem plot: histories of one run, or of several in one picture."""
 
 import argparse
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from pathlib import Path
 
 from flexfem.cli.postprocessing import print_files, script
@@ -31,6 +31,11 @@ _INSTEAD = {
 
 def execute(argv: Sequence[str], prog: str) -> int:
     """Plot and print the names of the files."""
+    return print_files(prepare(argv, prog))
+
+
+def prepare(argv: Sequence[str], prog: str) -> Callable[[], list[Path]]:
+    """Return what plots, and returns the files."""
     options = _parser(prog).parse_args(join_negative_values(argv))
     folders = list(dict.fromkeys(options.folders))
     if len(folders) > 1:
@@ -42,7 +47,7 @@ def execute(argv: Sequence[str], prog: str) -> int:
             if getattr(options, name) != default:
                 raise UsageError(f"argument --{name}: takes several RESULTS_DIR, got 1")
     _fit_together(options)
-    return print_files(lambda: _plot(folders, options))
+    return lambda: _plot(folders, options)
 
 
 def _fit_together(options: argparse.Namespace) -> None:

@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """flexfem render: pictures and films of the motion in result folders."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from pathlib import Path
 
 from flexfem.cli.postprocessing import print_files, script
 from flexfem.cli.usage import Parser, join_negative_values
@@ -16,8 +17,13 @@ a mode, such as results/blade/mode_01, is one, too.
 
 def execute(argv: Sequence[str], prog: str) -> int:
     """Draw and print the names of the files."""
+    return print_files(prepare(argv, prog))
+
+
+def prepare(argv: Sequence[str], prog: str) -> Callable[[], list[Path]]:
+    """Return what draws, and returns the files."""
     render = script("render")
     parser = Parser(prog=prog, description=_DESCRIPTION)
     render.add_arguments(parser)
     options = parser.parse_args(join_negative_values(argv))
-    return print_files(lambda: render.make(options))
+    return lambda: list(render.make(options))

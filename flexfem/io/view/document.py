@@ -13,23 +13,78 @@ import hashlib
 import html
 import json
 import zlib
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
 from functools import cache
 from pathlib import Path
 
+from flexfem import launch
 from flexfem.io.atomic import replace_file
 from flexfem.io.view.content import Choice, Content, gather
 
-__all__ = ["NAME", "page", "write_view"]
+__all__ = ["NAME", "View", "page", "view", "write_view"]
 
 NAME = "view.html"
 _WEB = Path(__file__).with_name("web")
 #: Bytes of an element with data: browsers limit texts.
 _PIECE = 24_000_000
+#: Bytes of a page that a notebook should not hold.
+_LARGEST_CELL = 30_000_000
 _POLICY = (
     "default-src 'none'; script-src 'nonce-{nonce}' blob:; style-src 'nonce-{nonce}'; "
     "img-src blob: data:; base-uri 'none'; form-action 'none'"
 )
+
+
+@dataclass(frozen=True)
+class View:
+    """The page of a result folder; the last line of a cell of a notebook shows it.
+
+    Attributes:
+        path: the file.
+        notes: what it leaves out, and how to choose.
+        height: of the frame in a notebook, in pixels.
+    """
+
+    path: Path
+    notes: tuple[str, ...] = ()
+    height: int = 620
+
+    def _repr_html_(self) -> str:
+        """The page in a frame, inside the notebook, which shows it elsewhere as well."""
+        size = self.path.stat().st_size
+        if size > _LARGEST_CELL:
+            where = html.escape(str(self.path))
+            return f"<p>{where} has {size / 1e6:.0f} MB: open it in a browser</p>"
+        text = html.escape(self.path.read_text(encoding="utf-8"), quote=True)
+        style = f"width:100%;height:{self.height}px;border:0"
+        return f'<iframe title="flexfem" style="{style}" srcdoc="{text}"></iframe>'
+
+
+def view(
+    folder: str | Path, *, frames: int | None = None, fields: Sequence[str] | None = None,
+    output: str | Path | None = None, height: int = 620,
+) -> View:  # fmt: skip
+    """Make one HTML file that shows a result, as ``flexfem view`` does.
+
+    Args:
+        folder: of the results.
+        frames: number of instants at most; by default up to 600, fewer of large models.
+        fields: names of the fields that colours can show, ``["all"]`` or ``["none"]``; the usual
+            ones by default.
+        output: the file; ``view.html`` in the folder by default.
+        height: of the frame in a notebook, in pixels.
+
+    Raises:
+        ValueError: the folder has nothing to show, or a file is damaged; nothing is written.
+        OSError: the file cannot be written.
+    """
+    choice = Choice(frames, None if fields is None else tuple(fields))
+    source, target = Path(folder), None if output is None else Path(output)
+    if launch.rank() > 0:  # the first one makes it
+        return View(target or source / NAME, (), height)
+    path, notes = write_view(source, choice, target)
+    return View(path, tuple(notes), height)
 
 
 def write_view(folder: Path, choice: Choice, output: Path | None = None) -> tuple[Path, list[str]]:

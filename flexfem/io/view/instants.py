@@ -59,8 +59,7 @@ def find_series(folder: Path) -> tuple[list[Series], np.ndarray]:
     indices = {name: read_index(path, name) for name, path in there.items() if path.exists()}
     series = [Series(name, instants) for name, instants in indices.items() if instants]
     if not series:
-        known = (folder / "history.csv").exists() or (folder / "summary.json").exists()
-        reason = "the run wrote no fields" if known else "it is not a folder of results"
+        reason = _reason(folder)
         raise InputError(
             f"{folder}: nothing to show, {reason} (no {SERIES[1]}.pvd, {SERIES[9]}.pvd, ...)"
         )
@@ -70,6 +69,14 @@ def find_series(folder: Path) -> tuple[list[Series], np.ndarray]:
             f"{folder}: its series have {len(times)} instants, at most {_MOST} are read"
         )
     return series, times
+
+
+def _reason(folder: Path) -> str:
+    """Why a folder has no series."""
+    if (folder / "mode_01").is_dir():
+        return "its modes are in folders of their own, mode_01, ..."
+    known = (folder / "history.csv").exists() or (folder / "summary.json").exists()
+    return "the run wrote no fields" if known else "it is not a folder of results"
 
 
 def evenly(times: np.ndarray, count: int) -> np.ndarray:

@@ -154,6 +154,8 @@ class RigidLayer(Layer):
             raise ChangedShapeError
         cells, points = self._without_rods(first, number)
         self._cells, self._used = first.cells[:cells], slice(points)
+        if not len(self._cells) or self._cells.max() >= points:
+            raise ChangedShapeError
         self._numbers, self._of_cell = np.unique(number[:cells], return_inverse=True)
         part = np.full(points, -1)
         part[self._cells] = self._of_cell[:, None]

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Outcome of an analysis."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -10,6 +11,7 @@ from mpi4py import MPI
 from flexfem._faults import FAILURES, FunctionError, current, noted
 from flexfem._types import FloatArray
 from flexfem.io.summary import write_summary
+from flexfem.io.view.document import View, view
 from flexfem.options import Settings
 from flexfem.simulation.run.guard import agreed, folder_is_lost
 from flexfem.system.system import System
@@ -29,11 +31,27 @@ class Outcome:
         summary: contents of ``summary.json``.
         history: columns of the history, angles unwrapped, without rows if nothing was accepted;
             no columns on other ranks than the first.
+        folder: of the results; None of a run that wrote nothing.
     """
 
     status: str
     summary: Mapping[str, Any]
     history: Mapping[str, FloatArray] = field(default_factory=dict)
+    folder: Path | None = None
+
+    def show(
+        self, *, frames: int | None = None, fields: Sequence[str] | None = None, height: int = 620
+    ) -> View:
+        """Make the page of the results, see :func:`flexfem.view`; a notebook shows it.
+
+        Raises:
+            ValueError: the run wrote no results, or nothing that can be shown.
+        """
+        if self.folder is None:
+            raise ValueError(
+                'Outcome.show: the run wrote no results; give it a folder, output="results/a"'
+            )
+        return view(self.folder, frames=frames, fields=fields, height=height)
 
     def __repr__(self) -> str:
         """Status and sizes in one line, for interactive work."""
@@ -65,7 +83,7 @@ def conclude(
         with faults.files():
             write_summary(options.output / "summary.json", summary, comm)
     _tell(summary, comm)
-    outcome = Outcome(summary["status"], summary, history)
+    outcome = Outcome(summary["status"], summary, history, options.output)
     faults.outcome = outcome
     return outcome
 
