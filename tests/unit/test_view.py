@@ -2,6 +2,7 @@
 """Pages of result folders: what they hold is what the files hold, and nothing harmful."""
 
 import base64
+import html
 import json
 import re
 import shutil
@@ -330,3 +331,37 @@ def test_scene_file_tells_names_and_sections(results: Path) -> None:
     assert [np.linalg.norm(wall.points, axis=1).max() for wall in walls] == pytest.approx(
         [0.015, 0.01]
     )
+
+
+def test_python_makes_the_same_page(copy: Path) -> None:
+    """A frame in a notebook holds the page, whose text cannot end the attribute that it is in."""
+    made = ff.view(copy, frames=3, fields=["N"])
+    assert made.path == copy / "view.html"
+    assert any("3 of 11 instants" in note for note in made.notes)
+    text = made._repr_html_()
+    found = re.fullmatch(r'<iframe title="flexfem" style="[^"]*" srcdoc="([^"]*)"></iframe>', text)
+    assert found is not None
+    assert html.unescape(found[1]) == made.path.read_text()
+
+
+def test_outcomes_show_their_folder(tmp_path: Path) -> None:
+    short = {"dt": 0.02, "t_end": 0.04, "every": 1, "quiet": True}
+    outcome = ff.simulate(mechanism(), ff.RunOptions(**short, output=tmp_path / "swing"))
+    assert outcome.folder == tmp_path / "swing"
+    assert outcome.show().path == tmp_path / "swing" / "view.html"
+    outcome = ff.simulate(mechanism(), ff.RunOptions(**short))
+    with pytest.raises(ValueError, match="the run wrote no results") as raised:
+        outcome.show()
+    assert_on_page(str(raised.value))
+
+
+def test_pictures_from_python(copy: Path) -> None:
+    """Options are those of the command line, and so are the messages."""
+    pytest.importorskip("matplotlib")
+    picture = copy / "one.png"
+    assert ff.plot(copy, columns=[EVIL_COLUMN + "_x"], output=picture) == [picture]
+    assert picture.stat().st_size > 1000
+    with pytest.raises(ValueError, match="no column 'speed'"):
+        ff.plot(copy, columns=["speed"])
+    with pytest.raises(ValueError, match="did you mean --colour"):
+        ff.render(copy, colours="N")

@@ -138,6 +138,7 @@ class FrameLayer extends Layer {
     super(data, data.series, FRAMES, origin);
     this.uniforms.framesA = { value: null };
     this.uniforms.framesB = { value: null };
+    this.uniforms.growth = { value: 1 };
     const geometry = new THREE.BufferGeometry();
     geometry.setAttribute("local", new THREE.BufferAttribute(data.local, 3));
     geometry.setAttribute("normal", new THREE.BufferAttribute(data.normal, 3, true));

@@ -4,7 +4,7 @@ import { readData, unpack } from "view/arrays.js";
 import { measured, shown } from "view/colours.js";
 import { makeLayers } from "view/layers.js";
 import { Motion, rotate } from "view/motion.js";
-import { Colours, connectTheme, fillLayers, fillViews, paintLayers, words } from "view/panel.js";
+import { Colours, connectJoints, connectTheme, fillLayers, fillViews, paintLayers, words } from "view/panel.js";
 import { Picker } from "view/picking.js";
 import { Plots } from "view/plots.js";
 import { Stage } from "view/stage.js";
@@ -38,6 +38,7 @@ class Page {
     this.plots = new Plots(scene.history, this.timeline);
     this.picker = new Picker(this.stage, this.layers);
     fillLayers(this.layers, () => this.changed());
+    connectJoints(this.layers, () => this.changed());
     fillViews(this.stage);
     this.stage.showGrid(find("grid").checked);
     connectTheme(() => {
@@ -87,16 +88,21 @@ class Page {
   /** Choose the element under a place of the canvas, or nothing. */
   pick(x, y) {
     this.draw();
-    const found = this.picker.at(x, y);
+    this.choose(this.picker.at(x, y));
+    return this.picked;
+  }
+
+  /** Choose what the picker has found, or nothing. */
+  choose(found) {
     for (const layer of this.layers) layer.uniforms.picked.value = -1;
     this.picked = null;
     if (found) {
       const held = found.layer.hold(found.cell, found.point, this.timeline.moment());
       this.picked = { ...found, ...held };
       found.layer.uniforms.picked.value = found.cell;
+      find("side").hidden = false;
     }
     this.changed();
-    return this.picked;
   }
 
   #showNotes() {
@@ -110,15 +116,14 @@ class Page {
 
   /** Name, place and values of what is chosen. */
   #showCard() {
-    find("card").hidden = !this.picked;
+    find("chosen").hidden = !this.picked;
     if (!this.picked) return;
     const { layer, cell, vertex, at } = this.picked;
     const { name, kind } = layer.name(cell);
     const moment = this.timeline.moment();
     const rows = [[kind || layer.style.label, name]];
     if (layer.values) rows.push(["element", String(cell)]);
-    const [x, y, z] = at(moment).map((value, c) => shown(value + this.origin[c]));
-    rows.push(["position", `${x}, ${y}, ${z} m`]);
+    at(moment).forEach((value, c) => rows.push(["xyz"[c], `${shown(value + this.origin[c])} m`]));
     const nearest = moment.s > 0.5 ? layer.motion.next(moment.i) : moment.i;
     for (const [field, unit] of this.#listed(layer)) {
       const value = layer.values.at(field, nearest, vertex, cell);
@@ -128,30 +133,27 @@ class Page {
       Object.assign(document.createElement("dt"), { textContent: term }),
       Object.assign(document.createElement("dd"), { textContent: text }),
     ]);
-    if (this.colours.field && layer.values?.has(this.colours.field)) parts.push(this.#plotButton());
     find("card").replaceChildren(...parts);
+    find("plot-chosen").hidden = !layer.values?.has(this.colours.field);
   }
 
-  /** The chosen field first, then the others. */
+  /** The field that colours show first, then the others. */
   #listed(layer) {
     const every = layer.values?.list() ?? [];
     const first = every.filter(([name]) => name === this.colours.field);
-    return [...first, ...every.filter(([name]) => name !== this.colours.field)].slice(0, 6);
+    return [...first, ...every.filter(([name]) => name !== this.colours.field)];
   }
 
-  #plotButton() {
-    const button = Object.assign(document.createElement("button"), { textContent: "plot over time" });
-    button.addEventListener("click", () => {
-      const { layer, vertex, cell } = this.picked;
-      const field = this.colours.field;
-      const values = Float32Array.from(this.scene.times, (_, i) => {
-        const value = layer.values.at(field, i, vertex, cell);
-        return value >= NONE ? NaN : value;
-      });
-      this.#togglePlots(true);
-      this.plots.add(`${words(field)}, ${layer.name(cell).name} ${cell}`, this.scene.times, values);
+  /** A plot of the field that colours show, where it was clicked. */
+  #plotChosen() {
+    const { layer, vertex, cell } = this.picked;
+    const field = this.colours.field;
+    const values = Float32Array.from(this.scene.times, (_, i) => {
+      const value = layer.values.at(field, i, vertex, cell);
+      return value >= NONE ? NaN : value;
     });
-    return button;
+    this.#togglePlots(true);
+    this.plots.add(`${words(field)}, ${layer.name(cell).name} ${cell}`, this.scene.times, values);
   }
 
   #placeMark() {
@@ -175,6 +177,8 @@ class Page {
       const still = down && Math.hypot(event.offsetX - down[0], event.offsetY - down[1]) < 4;
       if (still && event.button === 0) this.pick(event.offsetX, event.offsetY);
     });
+    find("plot-chosen").addEventListener("click", () => this.#plotChosen());
+    find("forget").addEventListener("click", () => this.choose(null));
     find("edges").addEventListener("change", () => {
       this.layers.forEach((layer) => layer.showEdges(find("edges").checked));
       this.changed();

@@ -45,7 +45,11 @@ export class Colours {
     }
     find("field").append(new Option("one colour", ""));
     for (const name of this.units.keys()) find("field").append(new Option(words(name), name));
+    // rather one that everything has that can be coloured
+    const bearing = this.layers.filter((layer) => layer.values && layer.data.kind !== "lines");
+    const common = USUAL.find((name) => bearing.every((layer) => layer.values.has(name)));
     this.usual = USUAL.find((name) => this.units.has(name)) ?? null;
+    if (common && common !== "displacement") this.usual = common;
   }
 
   /** Range of the field over the whole motion. */
@@ -114,6 +118,16 @@ export function fillLayers(layers, changed) {
     row.append(box, swatch, label);
     find("layers").append(row);
   }
+}
+
+/** The size of the pictures of joints. */
+export function connectJoints(layers, changed) {
+  const joints = layers.filter((layer) => layer.series === "joints" && layer.uniforms.growth);
+  find("joint-row").hidden = !joints.length;
+  find("joint-size").addEventListener("input", () => {
+    for (const layer of joints) layer.uniforms.growth.value = 2 ** Number(find("joint-size").value);
+    changed();
+  });
 }
 
 export function fillViews(stage) {

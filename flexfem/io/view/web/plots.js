@@ -14,7 +14,7 @@ export class Plots {
     this.groups = history ? grouped(history.names) : new Map();
     this.panels = new Map();
     this.#makeChoice();
-    const first = [...this.groups.keys()].filter((name) => !name.startsWith("energy"));
+    const first = [...this.groups.keys()].filter((name) => !/energy/.test(name));
     for (const name of (first.length ? first : [...this.groups.keys()]).slice(0, 2)) this.#toggle(name, true);
     new ResizeObserver(() => this.draw()).observe(this.list);
   }
@@ -194,10 +194,11 @@ function valueAt({ t, values }, now) {
 function grouped(names) {
   const groups = new Map();
   for (const name of names) {
-    const vector = name.match(/^(.*)_([fmvaw]?)[xyz]$/);
-    let key = name;
-    if (vector) key = vector[2] ? `${vector[1]} ${vector[2]}` : vector[1];
-    else if (name.startsWith("energy_") && name !== "energy_balance") key = "energy";
+    const vector = name.match(/^(.*)_([fmpl]?)[xyz]$/);
+    const numbered = name.match(/^(.*)_(|[nm]|gamma|kappa|eps)\d+$/);
+    const energy = name.match(/^(.*)_(kinetic|strain|gravity|work|dissipation)$/);
+    const [, start = name, kind = ""] = vector ?? numbered ?? (energy && energy.slice(0, 2)) ?? [];
+    const key = kind ? `${start} ${kind}` : start;
     if (!groups.has(key)) groups.set(key, []);
     groups.get(key).push(name);
   }

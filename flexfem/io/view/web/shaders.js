@@ -33,6 +33,7 @@ flat out uint shownCell;
 export const FRAMES = /* glsl */ `${HEAD}${VALUES}${CELL}
 uniform isampler2D framesA;
 uniform isampler2D framesB;
+uniform float growth;
 in vec3 local;
 in vec3 normal;
 in uint frame;
@@ -48,7 +49,7 @@ void main() {
     vec3(texelFetch(framesA, first, 0).xyz), vec3(texelFetch(framesB, first, 0).xyz), mixing);
   vec4 turn = normalize(mix(
     vec4(texelFetch(framesA, second, 0)), vec4(texelFetch(framesB, second, 0)), mixing));
-  vec4 position = modelViewMatrix * vec4(offset + scale * place + rotated(turn, local), 1.0);
+  vec4 position = modelViewMatrix * vec4(offset + scale * place + rotated(turn, growth * local), 1.0);
   shownNormal = mat3(modelViewMatrix) * rotated(turn, normal);
   seen = position.xyz;
   shownCell = cell;
