@@ -7,9 +7,10 @@ import json
 import re
 import shutil
 import zlib
-from collections.abc import Callable, Iterator, Mapping
+from collections.abc import Callable
 from pathlib import Path
-from typing import Any
+
+from mpi4py import MPI
 
 import numpy as np
 import pytest
@@ -18,11 +19,15 @@ import flexfem as ff
 from flexfem import cli
 from flexfem.io.scene_file import SceneFile
 from flexfem.io.tables.history import read_history
-from flexfem.io.view.content import Choice, Content, gather
-from flexfem.io.view.packing import MISSING
-from flexfem.io.vtu.reader import read_index, read_pieces
+from flexfem.io.view.content import Choice, gather
+from flexfem.io.vtu.beam_fields import BeamFields
+from flexfem.io.vtu.beam_writer import BeamWriter
+from flexfem.io.vtu.reader import read_pieces
+from flexfem.lie import so3
+from flexfem.materials.section_wall import SectionWall
 from tests.unit.refusals import assert_on_page
 from tests.unit.swing import EVIL, EVIL_COLUMN, mechanism
+from tests.unit.unpacked import Unpacked, farthest, files
 
 pytestmark = pytest.mark.serial
 
@@ -42,65 +47,9 @@ def copy(results: Path, tmp_path: Path) -> Path:
     return Path(shutil.copytree(results, tmp_path / "swing"))
 
 
-class Unpacked:
-    """The other side of packing, written from its description."""
-
-    def __init__(self, content: Content) -> None:
-        self.scene, self._data = content.scene, content.data
-        self.layers = {layer["series"]: layer for layer in content.scene["layers"]}
-
-    def array(self, reference: Mapping[str, Any]) -> np.ndarray:
-        start = reference["at"]
-        raw = zlib.decompress(self._data[start : start + reference["bytes"]])
-        shape = reference["shape"]
-        if "order" not in reference:
-            return np.frombuffer(raw, reference["type"]).reshape(shape)
-        low, high = np.frombuffer(raw, np.uint8).reshape(2, -1).astype(np.int64)
-        folded = low + 256 * high
-        values = np.where(folded % 2, -(folded + 1) // 2, folded // 2).reshape(shape)
-        for _ in range(reference["order"]):
-            values = np.cumsum(values, axis=0)
-        return (values + 2**15) % 2**16 - 2**15
-
-    def places(self, motion: Mapping[str, Any]) -> np.ndarray:
-        return motion["middle"] + motion["half"] * self.array(motion["places"]) / 32767
-
-    def turns(self, motion: Mapping[str, Any]) -> np.ndarray:
-        """Rotations (instants, n, 3, 3), by the formula of Rodrigues."""
-        q = self.array(motion["turns"]) / 32767
-        q = q / np.linalg.norm(q, axis=-1, keepdims=True)
-        v, w = q[..., :3], q[..., 3:]
-        eye = np.eye(3)
-        cross = np.stack([np.cross(v, e) for e in eye], axis=-1)
-        return eye + 2 * (w[..., None] * cross + cross @ cross)
-
-    def vertices(self, series: str) -> np.ndarray:
-        """Places of the vertices of a surface in frames (instants, v, 3)."""
-        layer = self.layers[series]
-        frame, local = self.array(layer["frame"]), self.array(layer["local"])
-        turned = np.einsum("tvij,vj->tvi", self.turns(layer["motion"])[:, frame], local)
-        return self.places(layer["motion"])[:, frame] + turned
-
-    def field(self, series: str, name: str) -> np.ndarray:
-        (one,) = (f for f in self.layers[series]["fields"] if f["name"] == name)
-        whole = self.array(one["values"])
-        assert not np.any(whole == MISSING)
-        return one["low"] + (whole + 32767) / 65534 * (one["high"] - one["low"])
-
-
 @pytest.fixture(scope="session")
 def unpacked(results: Path) -> Unpacked:
     return Unpacked(gather(results, Choice()))
-
-
-def files(folder: Path, series: str) -> Iterator[Any]:
-    for instant in read_index(folder / f"{series}.pvd", series):
-        yield from read_pieces(instant.file)
-
-
-def farthest(one: np.ndarray, other: np.ndarray) -> float:
-    """Largest distance of a point of one set to the other set."""
-    return float(np.linalg.norm(one[:, None] - other, axis=2).min(axis=1).max())
 
 
 # Half a step of 16 bits over this motion is 2e-5 m, that of rotations as much at the box. A wrong
@@ -120,6 +69,26 @@ def test_surfaces_are_those_of_the_files(
         assert farthest(found, grid.points) < TOLERANCE
         assert farthest(grid.points, found) < TOLERANCE
     assert np.ptp(vertices, axis=0).max() > 0.1  # it moves
+
+
+def test_sections_rotated_against_nodes(tmp_path: Path, rng: np.random.Generator) -> None:
+    """Elements that meet at an angle have section axes of their own at a node."""
+    outline = np.array([[-0.1, -0.2], [0.1, -0.2], [0.1, 0.3], [-0.1, 0.2]])
+    writer = BeamWriter(tmp_path, MPI.COMM_SELF, [outline])
+    turn = so3.exp(rng.normal(size=(2, 2, 3)))
+    for step in range(3):
+        v, number = rng.normal(size=(3, 3)), np.zeros(2, dtype=np.int64)
+        frames, cells = so3.exp(rng.normal(size=(3, 3))), np.array([[0, 1], [1, 2]])
+        s = rng.normal(size=(2, 6))
+        writer.write(
+            0.1 * step, step, BeamFields(v, v, frames, v, v, cells, number, s, s, number, turn)
+        )
+    writer.close()
+    SceneFile({"beams": ["rod"]}, [], [[SectionWall(outline)]]).write(tmp_path)
+    found = Unpacked(gather(tmp_path, Choice())).vertices("beams")
+    for vertices, grid in zip(found, files(tmp_path, "beam_surfaces"), strict=True):
+        assert farthest(grid.points, vertices) < TOLERANCE
+        assert farthest(vertices, grid.points) < TOLERANCE
 
 
 def test_joints_are_those_of_the_files(results: Path, unpacked: Unpacked) -> None:

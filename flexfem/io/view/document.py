@@ -135,7 +135,7 @@ def _library() -> str:
 
 def _modules() -> Iterator[str]:
     for file in sorted(_WEB.glob("*.js")):
-        if file.name not in ("boot.js", "three.module.min.js"):
+        if file.name != "boot.js" and not file.name.startswith("three."):
             yield f'<script type="text/plain" data-module="view/{file.name}">\n'
             yield f"{_text(file.name)}</script>\n"
 
