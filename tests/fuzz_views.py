@@ -12,8 +12,9 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem.io.scene_file import NAME, SceneFile
-from flexfem.io.view.content import Choice, gather
+from flexfem.io.view.content import gather
 from flexfem.io.view.document import page
+from flexfem.io.view.reading import Choice
 from flexfem.io.vtu.beam_fields import BeamFields
 from flexfem.io.vtu.beam_writer import BeamWriter
 from flexfem.io.vtu.body_fields import JointFields, JointWriter

@@ -19,7 +19,8 @@ import flexfem as ff
 from flexfem import cli
 from flexfem.io.scene_file import SceneFile
 from flexfem.io.tables.history import read_history
-from flexfem.io.view.content import Choice, gather
+from flexfem.io.view.content import gather
+from flexfem.io.view.reading import Choice
 from flexfem.io.vtu.beam_fields import BeamFields
 from flexfem.io.vtu.beam_writer import BeamWriter
 from flexfem.io.vtu.reader import read_pieces

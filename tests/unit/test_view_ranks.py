@@ -10,7 +10,8 @@ import pytest
 
 import flexfem as ff
 from flexfem import cli
-from flexfem.io.view.content import Choice, gather
+from flexfem.io.view.content import gather
+from flexfem.io.view.reading import Choice
 from tests.unit.swing import mechanism
 from tests.unit.unpacked import Unpacked, farthest
 

@@ -29,19 +29,26 @@ def execute(argv: Sequence[str], prog: str) -> int:
         "--fields", metavar="A,B",
         help='fields that colours can show, "all" or "none" (default: the usual ones)',
     )  # fmt: skip
+    parser.add_argument(
+        "--gltf", action="store_true",
+        help="instead of pages view.glb, an animated glTF file of what moves in frames: beams, "
+        "rigid bodies, joints, obstacles",
+    )  # fmt: skip
     options = parser.parse_args(join_negative_values(argv))
     return print_files(lambda: _make(options))
 
 
 def _make(options: argparse.Namespace) -> list[Path]:
     """Make the pages, and print what they leave out."""
-    from flexfem.io.view.content import Choice
     from flexfem.io.view.document import write_view
+    from flexfem.io.view.gltf import write_gltf
+    from flexfem.io.view.reading import Choice
 
     fields = None if options.fields is None else options.fields.split(",")
     made = []
     for one in dict.fromkeys(options.folders):
-        path, notes = write_view(one, Choice(options.frames, fields))
+        write = write_gltf if options.gltf else write_view
+        path, notes = write(one, Choice(options.frames, fields))
         made.append(path)
         for note in notes:
             launch.say(f"{one}: {note}")

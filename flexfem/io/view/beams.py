@@ -15,8 +15,7 @@ from numpy.typing import NDArray
 
 from flexfem._checks import InputError
 from flexfem.io.scene_file import SceneFile
-from flexfem.io.view.layers import Description, Layer, store_surface
-from flexfem.io.view.motion import store_frames
+from flexfem.io.view.layers import Description, Framed, Layer
 from flexfem.io.view.normals import shade, triangulated
 from flexfem.io.view.packing import Pack
 from flexfem.io.vtu.beam_fields import BeamFields
@@ -24,13 +23,15 @@ from flexfem.io.vtu.beam_skin import BeamSkin, SkinSection
 from flexfem.io.vtu.beam_writer import drawn_walls
 from flexfem.io.vtu.reader import Grid
 
-__all__ = ["ARRAYS", "STRESSES", "BeamLayer"]
+__all__ = ["ARRAYS", "RESULTANTS", "STRESSES", "BeamLayer"]
 
 type FloatArray = NDArray[np.floating[Any]]
 
 #: Arrays without which sections cannot be swept.
 ARRAYS = ("e1", "e2", "e3", "body", "section", "resultant")
-#: Fields that a page computes from resultants.
+#: Components of the resultants, ...
+RESULTANTS = ("N", "Q2", "Q3", "T", "M2", "M3")
+#: ... from which a page computes these fields.
 STRESSES = ("von_mises", "axial_stress", "shear_stress")
 
 
@@ -41,13 +42,7 @@ class BeamLayer(Layer):
         """Sweep the sections."""
         super().__init__(series, scene, wanted, first)
         self._beams = _beam_fields(first)
-        if (
-            self._beams.section.size
-            and not 0
-            <= self._beams.section.min()
-            <= self._beams.section.max()
-            < len(scene.sections)
-        ):
+        if not np.isin(self._beams.section, np.arange(len(scene.sections))).all():
             raise InputError(f"series '{series}': a section is missing in scene.json")
         walls = [drawn_walls(ends, i) for i, ends in enumerate(scene.sections)]
         self._skin = BeamSkin(self._beams, [SkinSection(*ends) for ends in walls])
@@ -60,32 +55,32 @@ class BeamLayer(Layer):
 
     def store(self, pack: Pack) -> list[Description]:
         """See :class:`Layer`."""
-        bodies, names = self._names(self._shape.cell_data["body"])
+        surface = self.framed()
         fields = self._stored_fields(pack)
-        lines = pack.store(self._shape.cells.astype(np.uint32))
         return [{
-            "series": self.series, "kind": "frames", **self._stored_skin(pack), "lines": lines,
-            "bodies": pack.store(bodies), "names": names, "fields": fields,
-            "motion": store_frames(pack, self._places, self._turns),
+            "series": self.series, **surface.store(pack), "fields": fields,
+            "lines": pack.store(self._shape.cells.astype(np.uint32)),
             "stress": self._stored_stress(pack, {one["name"] for one in fields}),
         }]  # fmt: skip
 
-    def _stored_skin(self, pack: Pack) -> Description:
+    def framed(self) -> Framed:
+        """The swept surface and its motion."""
         skin = self._skin
         triangles, _ = triangulated(skin.quads)
         shaded = shade(skin.points(self._beams), triangles)
         self._vertex = shaded.point
         node = skin.node[shaded.point]
-        turned = np.einsum("nji,nj->ni", self._beams.rotation[node], shaded.normal)
-        return store_surface(
-            pack, skin.arm[shaded.point], turned, node, skin.cell[shaded.point], shaded.triangles
-        )
+        normal = np.einsum("nji,nj->ni", self._beams.rotation[node], shaded.normal)
+        return Framed(
+            skin.arm[shaded.point], normal, node, skin.cell[shaded.point], shaded.triangles,
+            self._places, self._turns, *self._names(self._shape.cell_data["body"]),
+        )  # fmt: skip
 
     def _stored_stress(self, pack: Pack, fields: set[str]) -> Description | None:
         """What resultants mean for stresses at vertices, where they are known and kept."""
         factors = self._skin.stress_factors()[self._vertex].reshape(-1, 12)
         known = np.isfinite(factors).all(axis=1)
-        if not known.any() or not {"N", "Q2", "Q3", "T", "M2", "M3"} <= fields:
+        if not known.any() or not {*RESULTANTS} <= fields:
             return None
         table, row = np.unique(factors[known], axis=0, return_inverse=True)
         rows = np.full(len(factors), len(table))

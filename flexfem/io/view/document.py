@@ -20,7 +20,8 @@ from pathlib import Path
 
 from flexfem import launch
 from flexfem.io.atomic import replace_file
-from flexfem.io.view.content import Choice, Content, gather
+from flexfem.io.view.content import Content, gather
+from flexfem.io.view.reading import Choice
 
 __all__ = ["NAME", "View", "page", "view", "write_view"]
 

@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
 from typing import Any
 
 import numpy as np
@@ -27,12 +28,12 @@ from flexfem.io.vtu.reader import Grid
 
 __all__ = [
     "ChangedShapeError",
+    "Framed",
     "Layer",
     "MeshLayer",
     "ReactionLayer",
     "RigidLayer",
     "joined",
-    "store_surface",
 ]
 
 type FloatArray = NDArray[np.floating[Any]]
@@ -122,22 +123,40 @@ class Layer(ABC):
         return index.astype(np.uint32), [self.scene.body(self.series, int(k)) for k in found]
 
 
-def store_surface(
-    pack: Pack,
-    local: FloatArray,
-    normal: FloatArray,
-    frame: IntArray,
-    cell: IntArray,
-    triangles: IntArray,
-) -> Description:
-    """Keep vertices that are fixed in frames: places and normals there, frames and cells."""
-    return {
-        "local": pack.store(local.astype(np.float32)),
-        "normal": pack.store(np.rint(np.clip(normal, -1.0, 1.0) * 127.0).astype(np.int8)),
-        "frame": pack.store(frame.astype(np.uint32)),
-        "cell": pack.store(cell.astype(np.uint32)),
-        "triangles": pack.store(triangles.astype(np.uint32)),
-    }
+@dataclass(frozen=True)
+class Framed:
+    """A surface whose vertices are fixed in moving frames.
+
+    Attributes:
+        local: (v, 3) places of the vertices in their frames, m; normal: (v, 3) unit vectors there.
+        frame: (v,) frames; cell: (v,) elements, or parts of what is rigid.
+        triangles: (t, 3) vertices.
+        places: (n, 3) of the frames at each instant, m; turns: (n, 3, 3) their rotations.
+        bodies: numbers of the elements' names; names: of the bodies.
+    """
+
+    local: FloatArray
+    normal: FloatArray
+    frame: IntArray
+    cell: IntArray
+    triangles: IntArray
+    places: Sequence[FloatArray]
+    turns: Sequence[FloatArray]
+    bodies: IntArray
+    names: Sequence[str]
+
+    def store(self, pack: Pack) -> Description:
+        """Keep all of it."""
+        normal = np.rint(np.clip(self.normal, -1.0, 1.0) * 127.0)
+        return {
+            "kind": "frames", "local": pack.store(self.local.astype(np.float32)),
+            "normal": pack.store(normal.astype(np.int8)),
+            "frame": pack.store(self.frame.astype(np.uint32)),
+            "cell": pack.store(self.cell.astype(np.uint32)),
+            "triangles": pack.store(self.triangles.astype(np.uint32)),
+            "bodies": pack.store(self.bodies.astype(np.uint32)), "names": list(self.names),
+            "motion": store_frames(pack, self.places, self.turns),
+        }  # fmt: skip
 
 
 class RigidLayer(Layer):
@@ -195,21 +214,24 @@ class RigidLayer(Layer):
 
     def store(self, pack: Pack) -> list[Description]:
         """See :class:`Layer`."""
-        shaded = shade(self._start, self._cells)
-        frame = self._part[shaded.point]
-        surface = store_surface(
-            pack, self._anchors.local[shaded.point], shaded.normal, frame, frame, shaded.triangles
-        )
-        joints = self.series == "joints"
-        named = [self.scene.joint(int(k)) if joints else ("", self.scene.body(self.series, int(k)))
-                 for k in self._numbers]  # fmt: skip
-        own = {
-            "series": self.series, "kind": "frames", **surface, "fields": [],
-            "names": [name for _, name in named], "kinds": [kind for kind, _ in named if kind],
-            "bodies": pack.store(np.arange(len(named), dtype=np.uint32)),
-            "motion": store_frames(pack, self._places, self._turns),
-        }  # fmt: skip
+        named = [self.scene.joint(int(k)) for k in self._numbers]
+        kinds = [kind for kind, _ in named] if self.series == "joints" else []
+        own = {"series": self.series, **self.framed().store(pack), "kinds": kinds, "fields": []}
         return [own, *self._stored_rods(pack)]
+
+    def framed(self) -> Framed:
+        """The surface and its motion."""
+        shaded = shade(self._start, self._cells)
+        part, local = self._part[shaded.point], self._anchors.local[shaded.point]
+        numbers = [int(k) for k in self._numbers]
+        joints = self.series == "joints"
+        names = [
+            self.scene.joint(k)[1] if joints else self.scene.body(self.series, k) for k in numbers
+        ]
+        return Framed(
+            local, shaded.normal, part, part, shaded.triangles, self._places, self._turns,
+            np.arange(len(numbers)), names,
+        )  # fmt: skip
 
     def _stored_rods(self, pack: Pack) -> list[Description]:
         """Lines between the markers of joints, unless they are always at one place."""
