@@ -23,7 +23,7 @@ _OPTIONS = (
     "--headless=new", "--no-first-run", "--disable-background-networking", "--disable-sync",
     "--disable-component-update", "--no-default-browser-check", "--disable-extensions",
     "--use-angle=swiftshader", "--enable-unsafe-swiftshader", "--hide-scrollbars", "--mute-audio",
-    "--host-resolver-rules=MAP * ~NOTFOUND", "--remote-debugging-pipe",
+    "--host-resolver-rules=MAP * ~NOTFOUND, EXCLUDE 127.0.0.1", "--remote-debugging-pipe",
 )  # fmt: skip
 
 
@@ -145,11 +145,12 @@ class Browser:
             self.requests.append(what["request"]["url"])
 
     def open(
-        self, page: Path, address: str = "", until: str = "window.flexfem !== undefined"
+        self, page: Path | str, address: str = "", until: str = "window.flexfem !== undefined"
     ) -> float:
-        """Open a file and wait until an expression is true; returns the seconds that it took."""
+        """Open a file or an address and wait until an expression is true; returns the seconds."""
         begin = time.monotonic()
-        self.call("Page.navigate", url=page.resolve().as_uri() + address)
+        url = page if isinstance(page, str) else page.resolve().as_uri()
+        self.call("Page.navigate", url=url + address)
         while not self.ask(until):
             assert time.monotonic() - begin < 60.0, self.errors
             time.sleep(0.01)

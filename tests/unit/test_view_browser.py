@@ -5,15 +5,19 @@ Needs Chromium (Debian: ``apt-get install chromium``; ``CHROMIUM`` names another
 """
 
 import base64
+import shutil
 import time
 from collections.abc import Iterator
 from pathlib import Path
+from threading import Thread
 
 import numpy as np
 import pytest
 
 import flexfem as ff
 from flexfem import cli
+from flexfem.io.view import live
+from flexfem.io.view.reading import Choice
 from flexfem.io.vtu.reader import read_index, read_pieces
 from tests.browser import Browser, chromium
 from tests.unit.swing import EVIL, EVIL_COLUMN, mechanism
@@ -149,3 +153,40 @@ def test_dark_and_light(page: Path, browser: Browser) -> None:
     dark = pixels(browser)
     assert light[:8, :8, :3].mean() > 200 > 60 > dark[:8, :8, :3].mean()
     assert not browser.errors
+
+
+def wait(browser: Browser, expression: str) -> None:
+    """Wait until an expression is true."""
+    end = time.monotonic() + PATIENCE
+    while not browser.ask(expression):
+        assert time.monotonic() < end, browser.errors
+        time.sleep(0.05)
+
+
+def test_page_of_a_run_that_goes_on(
+    page: Path, browser: Browser, tmp_path: Path, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """More instants appear; who looks at the last one goes on, with the colours chosen before."""
+    monkeypatch.setattr(live, "_SHARE", 1.0)  # it need not wait here
+    folder = Path(shutil.copytree(page.parent, tmp_path / "run"))
+    (folder / "summary.json").unlink()
+    whole = {path: path.read_text() for path in folder.glob("*.pvd")}
+    for path, text in whole.items():
+        lines = text.splitlines(keepends=True)
+        path.write_text("".join([*lines[:9], *lines[-2:]]))  # six instants
+    served, address = live.server(live.Watched(folder, Choice()), 0)
+    Thread(target=served.serve_forever, daemon=True).start()
+    with served:
+        browser.open(address)
+        assert browser.ask("flexfem.timeline.times.length") == 6
+        assert browser.ask("document.getElementById('status').textContent") == "running"
+        browser.ask("flexfem.colours.choose('M2'); flexfem.timeline.go(9)")
+        before = pixels(browser)
+        for path, text in whole.items():
+            path.write_text(text)
+        wait(browser, "flexfem.timeline.times.length === 21")
+        assert browser.ask("flexfem.timeline.now") == pytest.approx(0.4)
+        assert browser.ask("flexfem.colours.field") == "M2"
+        assert np.any(before != pixels(browser))
+        assert not browser.errors
+        served.shutdown()

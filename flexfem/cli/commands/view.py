@@ -2,18 +2,25 @@
 """flexfem view: a result folder as one HTML file to look at, turn and send."""
 
 import argparse
+import os
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from flexfem import launch
 from flexfem.cli.postprocessing import print_files
-from flexfem.cli.usage import Parser, folder, join_negative_values
+from flexfem.cli.usage import Parser, UsageError, folder, join_negative_values
+
+if TYPE_CHECKING:
+    from flexfem.io.view.reading import Choice
 
 SUMMARY = "make one HTML file that shows a result: flexfem view RESULTS_DIR [options]"
+#: By how much a server gives way to the run that it shows.
+_NICE = 10
 _DESCRIPTION = """\
 Makes view.html in each result folder: the motion to turn, play and look into, with colours, values,
 forces at joints and the histories of probes. It is one file that needs no network and nothing but a
-browser; view.html#t=1.5 opens at 1.5 s.
+browser; view.html#t=1.5 opens at 1.5 s. With --live it is a page of a run that goes on.
 """
 
 
@@ -34,22 +41,55 @@ def execute(argv: Sequence[str], prog: str) -> int:
         help="instead of pages view.glb, an animated glTF file of what moves in frames: beams, "
         "rigid bodies, joints, obstacles",
     )  # fmt: skip
+    parser.add_argument(
+        "--live", action="store_true",
+        help="show a run that goes on, by a server on this computer, until Ctrl-C",
+    )  # fmt: skip
+    parser.add_argument(
+        "--port", type=int, default=0, metavar="N",
+        help="of that server, for tunnels: ssh -L N:127.0.0.1:N (default: one that is free)",
+    )  # fmt: skip
     options = parser.parse_args(join_negative_values(argv))
+    if options.live:
+        return _serve(options)
     return print_files(lambda: _make(options))
+
+
+def _serve(options: argparse.Namespace) -> int:
+    """Show one folder while its run goes on."""
+    from flexfem.io.view.live import serve
+
+    if len(options.folders) > 1 or options.gltf:
+        raise UsageError("argument --live: takes one RESULTS_DIR, and no --gltf")
+    if not 0 <= options.port < 2**16:
+        raise UsageError(f"argument --port: must be from 0 to 65535, got {options.port}")
+    if launch.rank() > 0:
+        return 0
+    os.nice(_NICE)
+    try:
+        serve(options.folders[0], _choice(options), options.port, launch.say)
+    except (OSError, ValueError) as error:
+        raise UsageError(str(error)) from error
+    return 0
 
 
 def _make(options: argparse.Namespace) -> list[Path]:
     """Make the pages, and print what they leave out."""
     from flexfem.io.view.document import write_view
     from flexfem.io.view.gltf import write_gltf
-    from flexfem.io.view.reading import Choice
 
-    fields = None if options.fields is None else options.fields.split(",")
-    made = []
+    made, choice = [], _choice(options)
     for one in dict.fromkeys(options.folders):
         write = write_gltf if options.gltf else write_view
-        path, notes = write(one, Choice(options.frames, fields))
+        path, notes = write(one, choice)
         made.append(path)
         for note in notes:
             launch.say(f"{one}: {note}")
     return made
+
+
+def _choice(options: argparse.Namespace) -> "Choice":
+    from flexfem.io.view.reading import Choice
+
+    fields = None if options.fields is None else options.fields.split(",")
+    return Choice(options.frames, fields)

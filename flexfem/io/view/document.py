@@ -23,7 +23,7 @@ from flexfem.io.atomic import replace_file
 from flexfem.io.view.content import Content, gather
 from flexfem.io.view.reading import Choice
 
-__all__ = ["NAME", "View", "page", "view", "write_view"]
+__all__ = ["NAME", "View", "page", "scene_text", "view", "write_view"]
 
 NAME = "view.html"
 _WEB = Path(__file__).with_name("web")
@@ -33,7 +33,7 @@ _PIECE = 24_000_000
 _LARGEST_CELL = 30_000_000
 _POLICY = (
     "default-src 'none'; script-src 'nonce-{nonce}' blob:; style-src 'nonce-{nonce}'; "
-    "img-src blob: data:; base-uri 'none'; form-action 'none'"
+    "img-src blob: data:; connect-src {connect}; base-uri 'none'; form-action 'none'"
 )
 
 
@@ -106,18 +106,25 @@ def write_view(folder: Path, choice: Choice, output: Path | None = None) -> tupl
     return target, list(content.notes)
 
 
-def page(content: Content) -> Iterator[str]:
-    """The text of a page, in parts."""
+def page(content: Content, *, live: bool = False) -> Iterator[str]:
+    """The text of a page, in parts.
+
+    Args:
+        content: what it shows.
+        live: True for a page that asks its server for later states.
+    """
     nonce = hashlib.sha256(content.data).hexdigest()[:32]
+    policy = _POLICY.format(nonce=nonce, connect="'self'" if live else "'none'")
     parts = {
         "NONCE": lambda: iter([nonce]),
-        "POLICY": lambda: iter([_POLICY.format(nonce=nonce)]),
+        "POLICY": lambda: iter([policy]),
+        "SOURCE": lambda: iter(["live" if live else "file"]),
         "TITLE": lambda: iter([html.escape(content.title)]),
         "STYLE": lambda: iter([_text("viewer.css")]),
         "BOOT": lambda: iter([_text("boot.js")]),
         "LIBRARY": lambda: iter([_library()]),
         "MODULES": _modules,
-        "SCENE": lambda: iter([_json(content.scene)]),
+        "SCENE": lambda: iter([scene_text(content)]),
         "DATA": lambda: _data(content.data),
     }
     for number, piece in enumerate(_text("viewer.html").split("@@")):
@@ -141,9 +148,9 @@ def _modules() -> Iterator[str]:
             yield f"{_text(file.name)}</script>\n"
 
 
-def _json(data: object) -> str:
-    """JSON whose text cannot end its element, nor begin a comment."""
-    text = json.dumps(data, allow_nan=False, separators=(",", ":"))
+def scene_text(content: Content) -> str:
+    """The scene as JSON whose text cannot end its element, nor begin a comment."""
+    text = json.dumps(content.scene, allow_nan=False, separators=(",", ":"))
     return text.replace("<", "\\u003c").replace(">", "\\u003e").replace("&", "\\u0026")
 
 

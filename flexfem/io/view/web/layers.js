@@ -78,6 +78,15 @@ class Layer {
     this.mesh.visible = !this.style.hidden;
   }
 
+  /** Free what the graphics processor holds. */
+  dispose() {
+    this.mesh.removeFromParent();
+    this.mesh.geometry.dispose();
+    this.edges?.geometry.dispose();
+    for (const slot of this.slots) slot.table?.dispose();
+    for (const material of [this.material, this.pickMaterial, this.edgeMaterial]) material.dispose();
+  }
+
   /** Show or hide the edges of elements. */
   showEdges(on) {
     if (!this.data.fields.length || !this.edgesAt) return;

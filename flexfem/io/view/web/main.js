@@ -4,12 +4,13 @@ import { readData, unpack } from "view/arrays.js";
 import { measured, shown } from "view/colours.js";
 import { makeLayers } from "view/layers.js";
 import { Motion, rotate } from "view/motion.js";
-import { Colours, connectJoints, connectTheme, fillLayers, fillViews, paintLayers, words } from "view/panel.js";
+import { Colours, connectTheme, fillLayers, fillViews, paintLayers, sizeJoints, words } from "view/panel.js";
 import { Picker } from "view/picking.js";
 import { Plots } from "view/plots.js";
 import { Stage } from "view/stage.js";
 import { Timeline } from "view/timeline.js";
 import { NONE } from "view/values.js";
+import { watch } from "view/live.js";
 
 const find = (id) => document.getElementById(id);
 
@@ -20,37 +21,59 @@ export async function start() {
   const page = new Page(scene);
   window.flexfem = page; // for tests, and for the curious
   page.run();
+  if (document.documentElement.dataset.source === "live") watch(page);
 }
 
 class Page {
   constructor(scene) {
     this.scene = scene;
-    find("title").textContent = scene.title;
-    if (scene.status && scene.status !== "ok") find("status").textContent = scene.status;
-    this.#showNotes();
+    this.#showWords();
     const { origin, box, reach, cloud } = surroundings(scene.layers);
-    this.origin = origin;
+    Object.assign(this, { origin, frames: [] });
     this.timeline = new Timeline(scene.times, scene.clock);
     this.stage = new Stage(find("canvas"), box, cloud);
-    this.layers = makeLayers(scene, origin, reach);
-    this.layers.forEach((layer) => this.stage.scene.add(layer.mesh));
+    this.#setLayers(reach);
     this.colours = new Colours(this.layers, () => this.changed());
     this.plots = new Plots(scene.history, this.timeline);
-    this.picker = new Picker(this.stage, this.layers);
-    fillLayers(this.layers, () => this.changed());
-    connectJoints(this.layers, () => this.changed());
     fillViews(this.stage);
     this.stage.showGrid(find("grid").checked);
-    connectTheme(() => {
-      paintLayers(this.layers);
-      this.stage.paint();
-      this.plots.draw();
-    });
+    connectTheme(() => this.paint());
     this.colours.choose(this.colours.usual);
     this.timeline.onChange(() => this.changed());
     this.#connect();
     this.#readAddress();
-    this.frames = [];
+  }
+
+  /** Show a later state of the same run: time, colours, view and plots stay. */
+  replace(scene) {
+    this.scene = scene;
+    this.#showWords();
+    const { box, reach, cloud } = surroundings(scene.layers, this.origin);
+    this.layers.forEach((layer) => layer.dispose());
+    this.choose(null);
+    this.stage.surround(box, cloud);
+    this.stage.showGrid(find("grid").checked);
+    this.#setLayers(reach);
+    this.colours.replace(this.layers);
+    this.paint();
+    this.plots.setHistory(scene.history);
+    this.timeline.extend(scene.times);
+  }
+
+  /** Colours of light or dark. */
+  paint() {
+    paintLayers(this.layers);
+    this.stage.paint();
+    this.plots.draw();
+  }
+
+  #setLayers(reach) {
+    this.layers = makeLayers(this.scene, this.origin, reach);
+    this.layers.forEach((layer) => this.stage.scene.add(layer.mesh));
+    this.layers.forEach((layer) => layer.showEdges(find("edges").checked));
+    this.picker = new Picker(this.stage, this.layers);
+    fillLayers(this.layers, () => this.changed());
+    sizeJoints(this.layers);
   }
 
   /** Something that is shown has changed. */
@@ -105,13 +128,14 @@ class Page {
     this.changed();
   }
 
-  #showNotes() {
-    find("notes").hidden = !this.scene.notes.length;
-    for (const note of this.scene.notes) {
-      const item = document.createElement("li");
-      item.textContent = note;
-      find("notes-list").append(item);
-    }
+  /** Title, status and notes. */
+  #showWords() {
+    const { title, status, notes } = this.scene;
+    find("title").textContent = title;
+    find("status").textContent = status === "ok" ? "" : status;
+    find("notes").hidden = !notes.length;
+    const items = notes.map((note) => Object.assign(document.createElement("li"), { textContent: note }));
+    find("notes-list").replaceChildren(...items);
   }
 
   /** Name, place and values of what is chosen. */
@@ -179,6 +203,10 @@ class Page {
     });
     find("plot-chosen").addEventListener("click", () => this.#plotChosen());
     find("forget").addEventListener("click", () => this.choose(null));
+    find("joint-size").addEventListener("input", () => {
+      sizeJoints(this.layers);
+      this.changed();
+    });
     find("edges").addEventListener("change", () => {
       this.layers.forEach((layer) => layer.showEdges(find("edges").checked));
       this.changed();
@@ -240,16 +268,17 @@ class Page {
 
 /**
  * The middle of the motion, its bounds about it, its size, and a cloud of places all over it with
- * the sizes of what is there; of obstacles only the part that is close to others.
+ * the sizes of what is there; of obstacles only the part that is close to others. A `known` middle
+ * stays.
  */
-function surroundings(layers) {
+function surroundings(layers, known) {
   const solid = layers.filter(({ kind }) => kind !== "arrows");
   const moving = solid.filter(({ series }) => series !== "contact_surfaces");
   const cloud = (moving.length ? moving : solid).flatMap(sampled);
   const box = [-1, 1].map((sign) =>
     [0, 1, 2].map((c) => sign * cloud.reduce((most, at) => Math.max(most, sign * at[c] + at[3]), -Infinity)));
   if (moving.length) enlarge(box, cloud, solid.filter(({ series }) => series === "contact_surfaces"));
-  const origin = box[0].map((low, c) => 0.5 * (low + box[1][c]));
+  const origin = known ?? box[0].map((low, c) => 0.5 * (low + box[1][c]));
   const reach = Math.hypot(...box[1].map((high, c) => high - box[0][c])) || 1;
   const about = (at) => [...[0, 1, 2].map((c) => at[c] - origin[c]), at[3]];
   return { origin, reach, cloud: cloud.map(about), box: box.map((ends) => ends.map((value, c) => value - origin[c])) };

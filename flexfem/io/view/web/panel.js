@@ -10,16 +10,27 @@ const USUAL = ["von_mises", "bending_moment", "energy", "displacement"];
 /** The field, its range and colours, and the legend that explains them. */
 export class Colours {
   constructor(layers, changed) {
-    this.layers = layers;
     this.changed = changed;
-    this.ranges = new Map();
-    this.#fillFields();
+    this.#setLayers(layers);
     find("field").addEventListener("change", () => this.choose(find("field").value || null));
     find("elements").addEventListener("change", changed);
     find("range").addEventListener("click", () => this.#setRange(this.#whole()));
     for (const id of ["low", "high"]) {
       find(id).addEventListener("change", () => this.#readRange());
     }
+  }
+
+  /** Colour these layers, by the same field as before if they have it. */
+  replace(layers) {
+    const field = this.field;
+    this.#setLayers(layers);
+    this.choose(this.units.has(field) || field === null ? field : this.usual);
+  }
+
+  #setLayers(layers) {
+    this.layers = layers;
+    this.ranges = new Map();
+    this.#fillFields();
   }
 
   get smooth() {
@@ -43,7 +54,7 @@ export class Colours {
         this.units.set(name, known === undefined || known === unit ? unit : "");
       }
     }
-    find("field").append(new Option("one colour", ""));
+    find("field").replaceChildren(new Option("one colour", ""));
     for (const name of this.units.keys()) find("field").append(new Option(words(name), name));
     // rather one that everything has that can be coloured
     const bearing = this.layers.filter((layer) => layer.values && layer.data.kind !== "lines");
@@ -102,12 +113,16 @@ export class Colours {
 
 /** Switches of the layers, which share one where they have one label. */
 export function fillLayers(layers, changed) {
+  const before = new Map([...find("layers").querySelectorAll("input")].map((box) => [box.name, box.checked]));
+  find("layers").replaceChildren();
   const groups = Map.groupBy(layers, (layer) => layer.style.label);
   for (const [label, members] of groups) {
     const row = document.createElement("label");
     row.className = "check";
     const box = Object.assign(document.createElement("input"), { type: "checkbox" });
-    box.checked = !members[0].style.hidden;
+    box.name = label;
+    box.checked = before.get(label) ?? !members[0].style.hidden;
+    for (const layer of members) layer.mesh.visible = box.checked;
     box.addEventListener("change", () => {
       for (const layer of members) layer.mesh.visible = box.checked;
       changed();
@@ -121,13 +136,10 @@ export function fillLayers(layers, changed) {
 }
 
 /** The size of the pictures of joints. */
-export function connectJoints(layers, changed) {
+export function sizeJoints(layers) {
   const joints = layers.filter((layer) => layer.series === "joints" && layer.uniforms.growth);
   find("joint-row").hidden = !joints.length;
-  find("joint-size").addEventListener("input", () => {
-    for (const layer of joints) layer.uniforms.growth.value = 2 ** Number(find("joint-size").value);
-    changed();
-  });
+  for (const layer of joints) layer.uniforms.growth.value = 2 ** Number(find("joint-size").value);
 }
 
 export function fillViews(stage) {

@@ -7,16 +7,26 @@ const [LEFT, RIGHT, TOP, BOTTOM] = [58, 8, 22, 18];
 /** Panels of columns that belong together. */
 export class Plots {
   constructor(history, timeline) {
-    this.history = history;
     this.timeline = timeline;
     this.list = document.getElementById("plot-list");
+    this.panels = new Map();
+    this.setHistory(history);
+    new ResizeObserver(() => this.draw()).observe(this.list);
+  }
+
+  /** Plot this table; the panels that are open stay open. */
+  setHistory(history) {
+    this.history = history;
     this.rows = history ? history.t.length : 0;
     this.groups = history ? grouped(history.names) : new Map();
-    this.panels = new Map();
+    const open = [...this.panels.keys()].filter((name) => this.groups.has(name));
+    this.panels.forEach(({ element }) => element.remove());
+    this.panels.clear();
     this.#makeChoice();
-    const first = [...this.groups.keys()].filter((name) => !/energy/.test(name));
-    for (const name of (first.length ? first : [...this.groups.keys()]).slice(0, 2)) this.#toggle(name, true);
-    new ResizeObserver(() => this.draw()).observe(this.list);
+    const names = [...this.groups.keys()];
+    const first = names.filter((name) => !/energy/.test(name));
+    const usual = (first.length ? first : names).slice(0, 2);
+    for (const name of open.length ? open : usual) this.#toggle(name, true);
   }
 
   /** A curve that does not come from the table, such as the value at a point over time. */
@@ -32,6 +42,7 @@ export class Plots {
 
   #makeChoice() {
     const list = document.getElementById("column-list");
+    list.replaceChildren();
     for (const name of this.groups.keys()) {
       const label = document.createElement("label");
       label.className = "check";
@@ -42,7 +53,7 @@ export class Plots {
       label.append(box, members.length > 1 ? `${name} (${members.length})` : name);
       list.append(label);
     }
-    if (!this.groups.size) document.getElementById("columns").hidden = true;
+    document.getElementById("columns").hidden = !this.groups.size;
   }
 
   #toggle(name, on) {

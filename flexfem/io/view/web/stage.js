@@ -18,19 +18,26 @@ export class Stage {
    */
   constructor(canvas, box, cloud) {
     this.canvas = canvas;
-    this.cloud = cloud;
     this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace; // shaders write what screens show
     this.scene = new THREE.Scene();
-    this.box = box;
-    this.reach = Math.hypot(...box[1].map((high, c) => high - box[0][c])) || 1;
     this.parallel = new THREE.OrthographicCamera();
     this.perspective = new THREE.PerspectiveCamera(30);
     this.camera = this.parallel;
-    this.#makeGrid();
+    this.surround(box, cloud);
     this.look(...usualView(box));
     new ResizeObserver(() => this.resize()).observe(canvas);
     this.resize();
+  }
+
+  /** The motion has these bounds, and is all over these places. */
+  surround(box, cloud) {
+    Object.assign(this, { box, cloud });
+    this.reach = Math.hypot(...box[1].map((high, c) => high - box[0][c])) || 1;
+    this.grid?.removeFromParent();
+    this.grid?.geometry.dispose();
+    this.#makeGrid();
+    this.invalidate();
   }
 
   /** Something has changed. */

@@ -10,16 +10,23 @@ const USUAL = 8;
 export class Timeline {
   /** `times` of the instants; `clock` says what they are: "time" (s), "load factor", "iteration". */
   constructor(times, clock) {
-    this.times = times;
     this.seconds = clock === "time";
-    [this.start, this.end] = [times[0], times.at(-1)];
-    this.now = this.start;
     this.playing = false;
     this.listeners = [];
+    this.#setTimes(times);
+    this.now = this.start;
     const length = this.end - this.start;
     const usual = length / USUAL || 1;
     this.factor = this.seconds && length > 2 && length <= 20 ? 1 : nearest(usual);
     this.#connect(clock);
+  }
+
+  /** There are more instants; one who looks at the last one stays there. */
+  extend(times) {
+    const follow = this.now >= this.end && !this.playing;
+    this.#setTimes(times);
+    Object.assign(this.slider, { min: this.start, max: this.end });
+    this.go(follow ? this.end : this.now);
   }
 
   onChange(listener) {
@@ -73,6 +80,11 @@ export class Timeline {
       this.go(this.end);
       this.play(false);
     }
+  }
+
+  #setTimes(times) {
+    this.times = times;
+    [this.start, this.end] = [times[0], times.at(-1)];
   }
 
   #connect(clock) {
