@@ -213,6 +213,44 @@ def target_values(text: str) -> dict[str, tuple[float, ...]]:
     return found
 
 
+#: Fields that the series for ParaView can hold, and ``beam_surfaces``, a series of its own.
+FIELDS = (
+    "angular_velocity", "axial_stress", "beam_surfaces", "bending_energy", "bending_moment",
+    "deformation", "displacement", "energy", "force", "force_magnitude", "membrane_energy",
+    "moment", "moment_magnitude", "resultant", "shear_stress", "strain", "stress", "thickness",
+    "velocity", "von_mises",
+)  # fmt: skip
+
+
+@dataclass(frozen=True)
+class FieldsOption(Option):
+    """Fields to write, such as "displacement,resultant"; see :func:`field_names`."""
+
+    def check(self, value: Any) -> str:
+        """Return the text, also of a list of names; see :meth:`Option.check`."""
+        if isinstance(value, Sequence) and not isinstance(value, str):
+            value = ",".join(map(str, value)) or "none"
+        text: str = super().check(value)
+        for name in field_names(text) or ():
+            if name not in FIELDS:
+                hint = meant(name, FIELDS)
+                raise ValueError(
+                    f"must be {self.describe()}, got {value!r}" + (f"; {hint}?" if hint else "")
+                )
+        return text
+
+    def describe(self) -> str:
+        """See :meth:`Option.describe`."""
+        return "all, none, or names of fields such as displacement,resultant"
+
+
+def field_names(text: str) -> frozenset[str] | None:
+    """Return the names in a text such as "displacement,resultant"; None for "all"."""
+    if text == "all":
+        return None
+    return frozenset() if text == "none" else frozenset(text.split(","))
+
+
 @dataclass(frozen=True, init=False)
 class ProgressOption(Option):
     """Display of progress: see :func:`progress_kind`."""

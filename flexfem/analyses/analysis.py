@@ -6,9 +6,9 @@ from importlib import import_module
 from typing import Any
 
 from flexfem._checks import InputError
-from flexfem.options import Settings, option, setting
+from flexfem.options import FieldsOption, Settings, option, setting
 
-__all__ = ["Analysis", "kernels", "restart", "split_above"]
+__all__ = ["Analysis", "fields", "kernels", "restart", "split_above"]
 
 
 def kernels() -> Any:
@@ -19,6 +19,19 @@ def kernels() -> Any:
         default="fast",
         choices=("fast", "ufl"),
         note="The results are the same.",
+    )
+
+
+def fields() -> Any:
+    """Declare the option of all analyses with a history for what series for ParaView hold."""
+    return option(
+        "fields in the ParaView files: all, none, or names A,B",
+        default="all",
+        kind=FieldsOption,
+        note="Positions are always there, and what pages of ``flexfem view`` need to draw bodies. "
+        "The swept surfaces of beams, the largest part of most results, are written for ``all``, "
+        "for ``beam_surfaces`` and for a stress on them; pages sweep the sections themselves, and "
+        "have these stresses from ``resultant``.",
     )
 
 

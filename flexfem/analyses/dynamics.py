@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-from flexfem.analyses.analysis import Analysis, kernels, restart, split_above
+from flexfem.analyses.analysis import Analysis, fields, kernels, restart, split_above
 from flexfem.options import Settings, option, settings
 
 __all__ = ["DYNAMICS", "INTEGRATORS", "RunOptions"]
@@ -90,6 +90,7 @@ class RunOptions(Settings):
         "number of steps.",
     )
     every: int = option("write the ParaView fields every N-th time step dt", default=10, minimum=1)
+    fields: str = fields()
     checkpoint_every: int = option(
         "write a checkpoint every N-th step and at the end; 0: only if the run ends early",
         default=0,

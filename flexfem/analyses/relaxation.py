@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-from flexfem.analyses.analysis import Analysis, kernels, restart, split_above
+from flexfem.analyses.analysis import Analysis, fields, kernels, restart, split_above
 from flexfem.options import Settings, option, settings
 
 __all__ = ["RELAXATION", "RelaxationOptions"]
@@ -70,6 +70,7 @@ class RelaxationOptions(Settings):
         minimum=1,
         note="It is a multiple of ``record_every``.",
     )
+    fields: str = fields()
     checkpoint_every: int = option(
         "write a checkpoint every N-th iteration and at the end; 0: only if the run ends early",
         default=0,

@@ -3,7 +3,7 @@
 
 from pathlib import Path
 
-from flexfem.analyses.analysis import Analysis, kernels, restart, split_above
+from flexfem.analyses.analysis import Analysis, fields, kernels, restart, split_above
 from flexfem.options import Settings, TargetsOption, option, settings
 
 __all__ = ["StaticOptions"]
@@ -107,6 +107,7 @@ class StaticOptions(Settings):
         "elements away.",
     )
     every: int = option("write the ParaView fields every N-th step", default=1, minimum=1)
+    fields: str = fields()
     checkpoint_every: int = option(
         "write a checkpoint every N-th load step and at the end; 0: only if the run ends early",
         default=0,

@@ -303,6 +303,19 @@ def test_scene_file_tells_names_and_sections(results: Path) -> None:
     )
 
 
+@pytest.mark.parametrize("fields", ["none", "resultant"])
+def test_runs_that_write_few_fields_have_pages(fields: str, tmp_path: Path) -> None:
+    """Sections are swept without surfaces in the files; resultants are enough for stresses."""
+    options = ff.RunOptions(
+        dt=0.02, t_end=0.1, every=1, quiet=True, output=tmp_path, fields=fields
+    )  # fmt: skip
+    assert ff.simulate(mechanism(), options).status == "ok"
+    layer = Unpacked(gather(tmp_path, Choice())).layers["beams"]
+    assert layer["triangles"]["shape"][0] > 100
+    assert (layer["stress"] is None) == (fields == "none")
+    assert len(layer["fields"]) == (0 if fields == "none" else 6)
+
+
 def test_python_makes_the_same_page(copy: Path) -> None:
     """A frame in a notebook holds the page, whose text cannot end the attribute that it is in."""
     made = ff.view(copy, frames=3, fields=["N"])

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rigid surfaces of contacts for ParaView: obstacles on the ground and those that bodies carry."""
 
+from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -37,8 +38,9 @@ class ContactSurfaceWriter:
     """
 
     def __init__(
-        self, folder: Path, system: System, serial: NumberedModel, resume: float | None = None
-    ) -> None:
+        self, folder: Path, system: System, serial: NumberedModel, resume: float | None = None,
+        fields: Collection[str] | None = None,
+    ) -> None:  # fmt: skip
         """Declare the series; without surfaces it only removes earlier files.
 
         Args:
@@ -46,6 +48,7 @@ class ContactSurfaceWriter:
             system: system whose state is written.
             serial: serial data of its model.
             resume: keep the instants of an earlier run up to this time (s).
+            fields: to write; None for all.
         """
         # a surface may be of several contacts
         every = {id(s): s for contact in serial.model.contacts for s in contact.surfaces}
@@ -68,7 +71,7 @@ class ContactSurfaceWriter:
             if (place := _placed(number, key, blocks, system.comm.rank)) is not None
         ]  # fmt: skip
         self._writer = RigidBodyWriter(
-            folder, system.comm, templates, name="contact_surfaces", resume=resume
+            folder, system.comm, templates, name="contact_surfaces", resume=resume, fields=fields
         )
 
     def write(self, time: float, step: int) -> None:

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Series for ParaView of bodies with an energy in UFL: their cells with energy densities."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 
 from mpi4py import MPI
@@ -46,14 +46,14 @@ class EnergySeries:
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None,
+        resume: float | None, fields: Collection[str] | None = None,
     ) -> None:  # fmt: skip
         """See ``flexfem.io.paraview.family_series.Series``."""
         self._parts = list(parts)
         bodies = [body for part in parts for body in part.family.bodies]
         self._written = sorted({body.mesh.dimension + 1 for body in bodies})
         self._series = {
-            corners: VtuSeries(folder, name, comm, resume=resume)
+            corners: VtuSeries(folder, name, comm, resume=resume, fields=fields)
             for corners, (name, _) in _SERIES.items()
         }
 

@@ -5,7 +5,7 @@ Every class gets the parts of all families that name it in ``Family.series``, ma
 only removes files of an earlier run. All calls are collective.
 """
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
@@ -48,7 +48,7 @@ class Series(Protocol):
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None,
+        resume: float | None, fields: Collection[str] | None = None,
     ) -> None:  # fmt: skip
         """Declare the series.
 
@@ -58,6 +58,7 @@ class Series(Protocol):
             parts: of the families whose series it is.
             serial: serial data of the model.
             resume: keep the instants of an earlier run up to this time (s).
+            fields: names of those to write; None for all. A class without this argument writes all.
 
         Raises:
             InputError: the series of an earlier run cannot be read.
@@ -77,7 +78,7 @@ class BeamSeries:
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None,
+        resume: float | None, fields: Collection[str] | None = None,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
         self._samplers: list[_LineSampler | CurveSampler] = []
@@ -87,7 +88,7 @@ class BeamSeries:
             sampler = _LineSampler if isinstance(part.elements, SE3Beams) else CurveSampler
             self._samplers.append(sampler(part, len(outlines)))
             outlines += part.family.walls
-        self._writer = BeamWriter(folder, comm, outlines, resume=resume)
+        self._writer = BeamWriter(folder, comm, outlines, resume=resume, fields=fields)
 
     def write(self, time: float, step: int) -> None:
         """See :class:`Series`."""
@@ -106,12 +107,12 @@ class ShellSeries:
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None,
+        resume: float | None, fields: Collection[str] | None = None,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
         self._parts = list(parts)
         self._thickness = np.array([shell.section.thickness for shell in serial.model.shells])
-        self._writer = ShellWriter(folder, comm, resume=resume)
+        self._writer = ShellWriter(folder, comm, resume=resume, fields=fields)
 
     def write(self, time: float, step: int) -> None:
         """See :class:`Series`."""
@@ -130,7 +131,7 @@ class RigidSeries:
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None,
+        resume: float | None, fields: Collection[str] | None = None,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
         self._bodies = [_BodySampler(part) for part in parts]
@@ -140,7 +141,7 @@ class RigidSeries:
             body_surface(b.shape, b.mass, b.inertia, b.centre, largest)
             for b in serial.model.rigid_bodies
         ]
-        self._writer = RigidBodyWriter(folder, comm, surfaces, resume=resume)
+        self._writer = RigidBodyWriter(folder, comm, surfaces, resume=resume, fields=fields)
 
     def write(self, time: float, step: int) -> None:
         """See :class:`Series`."""
@@ -159,11 +160,11 @@ class FloatingSeries:
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None,
+        resume: float | None, fields: Collection[str] | None = None,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
         self._parts, self._bodies = list(parts), serial.model.floating_bodies
-        self._writer = FloatingWriter(folder, comm, self._bodies, resume=resume)
+        self._writer = FloatingWriter(folder, comm, self._bodies, resume=resume, fields=fields)
 
     def write(self, time: float, step: int) -> None:
         """See :class:`Series`."""

@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """ParaView output of a whole system: the bodies of all families, obstacles and joints."""
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from importlib import import_module
+from inspect import signature
 from pathlib import Path
 
 import numpy as np
@@ -31,8 +32,9 @@ class FieldOutput:
     """The series of one run; every call is collective."""
 
     def __init__(
-        self, folder: Path, system: System, serial: NumberedModel, resume: float | None = None
-    ) -> None:
+        self, folder: Path, system: System, serial: NumberedModel, resume: float | None = None,
+        fields: Collection[str] | None = None,
+    ) -> None:  # fmt: skip
         """Declare all series; those without anything to show only remove earlier files.
 
         Args:
@@ -40,6 +42,7 @@ class FieldOutput:
             system: system whose state is written.
             serial: serial data of its model.
             resume: keep the instants of an earlier run up to this time (s).
+            fields: names of those to write; None for all.
 
         Raises:
             InputError: the series of an earlier run cannot be read.
@@ -51,17 +54,20 @@ class FieldOutput:
         named = dict.fromkeys(family.series for family in registry(serial.model))
         for name in filter(None, named):
             parts = [part for part in system.parts if part.family.series == name]
-            series = _series(name)(folder, comm, parts, serial, resume)
+            made = _series(name)
+            # a class of a script may know nothing of fields
+            chosen = {"fields": fields} if "fields" in signature(made).parameters else {}
+            series = made(folder, comm, parts, serial, resume, **chosen)
             (self._filled if parts else self._empty).append(series)
         obstacles = any(contact.surfaces for contact in serial.model.contacts)
         (self._filled if obstacles else self._empty).append(
-            ContactSurfaceWriter(folder, system, serial, resume)
+            ContactSurfaceWriter(folder, system, serial, resume, fields)
         )
         self._sampler = _JointSampler(system, serial)
         self._scene = _scene(system, serial)
         kinds = [kind for kind, _ in self._scene.joints]
         size = _GLYPH * model_extent(serial)
-        self._joints = JointWriter(folder, comm, kinds, size, resume=resume)
+        self._joints = JointWriter(folder, comm, kinds, size, resume=resume, fields=fields)
 
     def write(self, time: float, step: int) -> None:
         """Write the accepted state."""

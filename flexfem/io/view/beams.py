@@ -28,7 +28,7 @@ __all__ = ["ARRAYS", "RESULTANTS", "STRESSES", "BeamLayer"]
 type FloatArray = NDArray[np.floating[Any]]
 
 #: Arrays without which sections cannot be swept.
-ARRAYS = ("e1", "e2", "e3", "body", "section", "resultant")
+ARRAYS = ("e1", "e2", "e3", "body", "section")
 #: Components of the resultants, ...
 RESULTANTS = ("N", "Q2", "Q3", "T", "M2", "M3")
 #: ... from which a page computes these fields.
@@ -109,6 +109,6 @@ def _beam_fields(grid: Grid) -> BeamFields:
     return BeamFields(
         position=grid.points, displacement=zero, rotation=_rotations(grid), velocity=zero,
         angular_velocity=zero, cells=grid.cells, body=grid.cell_data["body"],
-        strain=np.zeros((m, 6)), resultant=grid.cell_data["resultant"],
+        strain=np.zeros((m, 6)), resultant=np.zeros((m, 6)),
         section=grid.cell_data["section"], turn=turn,
     )  # fmt: skip

@@ -102,9 +102,7 @@ class _Reading:
         self._folder, self._choice, self._scene = folder, choice, SceneFile.of(folder)
         self._series = {one.name: one for one in series}
         self._first = {one.name: joined(one.grids(one.instants[0].time)) for one in series}
-        self._swept = {"section", "e1", "resultant"} <= self._arrays("beams") and bool(
-            self._scene.sections
-        )
+        self._swept = {"section", "e1"} <= self._arrays("beams") and bool(self._scene.sections)
         if self._swept:
             self._series.pop("beam_surfaces", None)
         for name, grid in self._first.items():
@@ -147,9 +145,10 @@ class _Reading:
 
     def _wanted(self) -> list[str]:
         stressed = any(wall.stress is not None for one in self._scene.sections for wall in one)
-        computed = STRESSES if self._swept and stressed else ()
         shown = [self._first[name] for name in self._series if name not in _PLAIN]
-        known = sorted({name for grid in shown for name, *_ in columns(grid)} | {*computed})
+        written = {name for grid in shown for name, *_ in columns(grid)}
+        computed = STRESSES if self._swept and stressed and {*RESULTANTS} <= written else ()
+        known = sorted(written | {*computed})
         asked = self._choice.fields
         if asked is None:
             return [name for name in known if not name.startswith(_ON_REQUEST)]
@@ -164,7 +163,8 @@ class _Reading:
 
     def _with_resultants(self, fields: Sequence[str]) -> list[str]:
         """Fields with those from which a page computes stresses of beams."""
-        needed = RESULTANTS if self._swept and {*STRESSES} & {*fields} else ()
+        there = "resultant" in self._arrays("beams")
+        needed = RESULTANTS if self._swept and there and {*STRESSES} & {*fields} else ()
         return [*fields, *(name for name in needed if name not in fields)]
 
     def _size(self, fields: Sequence[str] | None = None) -> float:

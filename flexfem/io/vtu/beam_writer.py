@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -26,6 +26,8 @@ Walls = tuple[tuple[SectionWall, ...], ...]
 
 STRAINS = ("gamma1", "gamma2", "gamma3", "kappa1", "kappa2", "kappa3")
 RESULTANTS = ("N", "Q2", "Q3", "T", "M2", "M3")
+#: Of points of surfaces.
+_STRESSES = ("axial_stress", "shear_stress", "von_mises")
 COMPONENTS = {"strain": STRAINS, "resultant": RESULTANTS}
 
 
@@ -46,6 +48,7 @@ class BeamWriter:
         *,
         caps: bool = True,
         resume: float | None = None,
+        fields: Collection[str] | None = None,
     ) -> None:
         """Declare the two series; nothing is written yet.
 
@@ -57,12 +60,21 @@ class BeamWriter:
                 shown as a line only.
             caps: True if the ends of the swept surfaces are closed.
             resume: Keep the instants of an earlier run up to this time (s).
+            fields: To write; None for all. Surfaces, which are large, are written for all, for
+                ``beam_surfaces`` among these names, and for a stress on them.
         """
         walls = [drawn_walls(outline, i) for i, outline in enumerate(outlines)]
         self._sections, self._caps = [SkinSection(*ends) for ends in walls], caps
         self._stressed = any(np.isfinite(one.stress).any() for one in self._sections)
-        self._lines = VtuSeries(folder, "beams", comm, components=COMPONENTS, resume=resume)
-        self._skins = VtuSeries(folder, "beam_surfaces", comm, components=COMPONENTS, resume=resume)
+        lines, skins = "beams", "beam_surfaces"
+        self._swept = fields is None or not {skins, *_STRESSES}.isdisjoint(fields)
+        self._lines = VtuSeries(
+            folder, lines, comm, components=COMPONENTS, resume=resume, fields=fields
+        )
+        self._skins = VtuSeries(
+            folder, skins, comm, components=COMPONENTS, resume=resume if self._swept else None,
+            fields=fields, single=True,
+        )  # fmt: skip
         self._skin: BeamSkin | None = None
         self._comm = comm
         self._axes: bool | None = None  # section axes differ from those of nodes, on any rank
@@ -94,6 +106,9 @@ class BeamWriter:
             time, step, beams.position, beams.cells, "line", point_data | frames,
             cell_data | sections,
         )  # fmt: skip
+        if not self._swept:
+            self._skins.close()  # files of an earlier run go
+            return
         if self._skin is None or not self._skin.fits(beams):
             self._skin = BeamSkin(beams, self._sections, caps=self._caps)
         skin = self._skin

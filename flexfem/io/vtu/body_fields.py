@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -63,6 +63,7 @@ class RigidBodyWriter:
         *,
         name: str = "rigid_bodies",
         resume: float | None = None,
+        fields: Collection[str] | None = None,
     ) -> None:
         """Declare the series; nothing is written yet.
 
@@ -72,8 +73,9 @@ class RigidBodyWriter:
             surfaces: Surface of every body of the model in body axes (see `body_surface`).
             name: Of the series.
             resume: Keep the instants of an earlier run up to this time (s).
+            fields: To write; None for all.
         """
-        self._series = VtuSeries(folder, name, comm, resume=resume)
+        self._series = VtuSeries(folder, name, comm, resume=resume, fields=fields)
         self._templates = InstanceCache(surfaces)
         self._mesh: Instances | None = None
         self._before = np.zeros((0, 3))  # its arms at the start
@@ -155,6 +157,7 @@ class JointWriter:
         size: float | Sequence[float],
         *,
         resume: float | None = None,
+        fields: Collection[str] | None = None,
     ) -> None:
         """Declare both series; nothing is written yet.
 
@@ -164,10 +167,11 @@ class JointWriter:
             kinds: Kind of every joint of the model, such as "Revolute"; unknown ones become cubes.
             size: Size of the glyphs in m, common or per joint.
             resume: Keep the instants of an earlier run up to this time (s).
+            fields: To write; None for all.
         """
         sizes = np.broadcast_to(np.asarray(size, dtype=np.float64), (len(kinds),)).tolist()
-        self._series = VtuSeries(folder, "joints", comm, resume=resume)
-        self._reactions = VtuSeries(folder, "reactions", comm, resume=resume)
+        self._series = VtuSeries(folder, "joints", comm, resume=resume, fields=fields)
+        self._reactions = VtuSeries(folder, "reactions", comm, resume=resume, fields=fields)
         glyphs = [glyph(kind).scaled(size) for kind, size in zip(kinds, sizes, strict=True)]
         # Thickness by size, length one: it is stretched to the distance of the markers.
         rods = [box((0.12 * s, 0.12 * s, 1.0)) for s in sizes]

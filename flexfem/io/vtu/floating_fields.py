@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -67,7 +67,7 @@ class FloatingWriter:
 
     def __init__(
         self, folder: Path, comm: MPI.Comm, bodies: Sequence[FloatingBody], *,
-        resume: float | None = None,
+        resume: float | None = None, fields: Collection[str] | None = None,
     ) -> None:  # fmt: skip
         """Declare both series; nothing is written yet.
 
@@ -76,10 +76,13 @@ class FloatingWriter:
             comm: Communicator; `write` and `close` are collective.
             bodies: Of the model; those without recovery are not shown.
             resume: Keep the instants of an earlier run up to this time (s).
+            fields: To write; None for all.
         """
         self._bodies = bodies
         self._series = {
-            corners: VtuSeries(folder, name, comm, components={"stress": STRESS}, resume=resume)
+            corners: VtuSeries(
+                folder, name, comm, components={"stress": STRESS}, resume=resume, fields=fields
+            )
             for name, corners in (("floating_bodies", 3), ("floating_lines", 2))
         }
 

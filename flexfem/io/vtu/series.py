@@ -11,7 +11,7 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Buffer, Mapping, Sequence
+from collections.abc import Buffer, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
 from os import SEEK_END
@@ -37,6 +37,8 @@ _TYPE_NAMES = {
     np.dtype(np.float64): "Float64", np.dtype(np.float32): "Float32", np.dtype(np.int32): "Int32",
     np.dtype(np.uint8): "UInt8",
 }  # fmt: skip
+# Arrays of a series whatever fields are chosen
+_ALWAYS = ("body", "joint", "section", "section_axes", "e1", "e2", "e3")
 # Attributes of the point and the cell arrays
 type _Header = tuple[tuple[str, ...], tuple[str, ...]]
 # Stands for the time in a text; no document has this character
@@ -102,6 +104,8 @@ class VtuSeries:
         *,
         components: Mapping[str, Sequence[str]] | None = None,
         resume: float | None = None,
+        fields: Collection[str] | None = None,
+        single: bool = False,
     ) -> None:
         """Declare the series; nothing is written yet. Collective if an earlier one is continued.
 
@@ -111,6 +115,9 @@ class VtuSeries:
             comm: Communicator; `write` and `close` are collective.
             components: Names of the components of some arrays, by array name.
             resume: Keep the instants of an earlier run up to this time (s); None removes them all.
+            fields: Names of the arrays to write; None for all. Those that tell bodies, joints and
+                sections are always written.
+            single: Positions are written in single precision.
 
         Raises:
             ValueError: If the name cannot be used.
@@ -120,6 +127,8 @@ class VtuSeries:
             raise ValueError(f"VtuSeries '{name}': the name must be usable as a file name")
         self.folder, self.name, self.comm = Path(folder), name, comm
         self._folder, self._index_file = self.folder / name, self.folder / f"{name}.pvd"
+        self._fields = None if fields is None else {*fields, *_ALWAYS}
+        self._place = np.float32 if single else np.float64
         self._components = {k: tuple(v) for k, v in (components or {}).items()}
         self._instants: dict[int, tuple[float, str]] = {}  # step -> (time, file), rank 0 only
         self._last: tuple[float, str] | None = None  # of them
@@ -256,7 +265,7 @@ class VtuSeries:
         who = f"VtuSeries '{self.name}'"
         if cell_type not in _CELLS:
             raise ValueError(f"{who}: unknown cell type '{cell_type}', known: {', '.join(_CELLS)}")
-        x = np.ascontiguousarray(points, dtype=np.float64)
+        x = np.ascontiguousarray(points, dtype=self._place)
         if x.ndim != 2 or x.shape[1] != 3:
             raise ValueError(f"{who}: points have shape {x.shape}, expected (n, 3)")
         c = self._connectivity(cells, cell_type, len(x))
@@ -264,9 +273,12 @@ class VtuSeries:
             _Array("Points", x, 3, ()),
             c,
             cell_type,
-            tuple(self._array(k, v, len(x)) for k, v in point_data.items()),
-            tuple(self._array(k, v, len(c)) for k, v in cell_data.items()),
+            tuple(self._array(k, v, len(x)) for k, v in point_data.items() if self._wants(k)),
+            tuple(self._array(k, v, len(c)) for k, v in cell_data.items() if self._wants(k)),
         )
+
+    def _wants(self, name: str) -> bool:
+        return self._fields is None or name in self._fields
 
     def _connectivity(self, cells: ArrayLike, cell_type: str, count: int) -> NDArray[np.int32]:
         """Checked cells, by so many points."""
@@ -319,7 +331,8 @@ class VtuSeries:
         if self.comm.size > 1:
             file = f"{stem}.pvtu"
             sources = [f"{stem}_{r}.vtu" for r, h in enumerate(headers) if h is not None]
-            self._replace(file, [_pvtu(sources, *arrays).encode()])
+            kind = _TYPE_NAMES[np.dtype(self._place)]
+            self._replace(file, [_pvtu(sources, kind, *arrays).encode()])
         instant = (float(time), f"{self.name}/{file}")
         later = step not in self._instants and (self._last is None or self._last < instant)
         self._instants[step] = instant
@@ -445,7 +458,9 @@ class _Text:
         return chunks
 
 
-def _pvtu(sources: Sequence[str], point_data: Sequence[str], cell_data: Sequence[str]) -> str:
+def _pvtu(
+    sources: Sequence[str], kind: str, point_data: Sequence[str], cell_data: Sequence[str]
+) -> str:
     lines = [
         '<PUnstructuredGrid GhostLevel="0">',
         "<PPointData>",
@@ -454,7 +469,7 @@ def _pvtu(sources: Sequence[str], point_data: Sequence[str], cell_data: Sequence
         "<PCellData>",
         *(f"<PDataArray {a}/>" for a in cell_data),
         "</PCellData>",
-        '<PPoints><PDataArray type="Float64" Name="Points" NumberOfComponents="3"/></PPoints>',
+        f'<PPoints><PDataArray type="{kind}" Name="Points" NumberOfComponents="3"/></PPoints>',
         *(f"<Piece Source={quoteattr(s)}/>" for s in sources),
         "</PUnstructuredGrid>",
     ]

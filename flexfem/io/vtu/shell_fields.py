@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -60,15 +61,21 @@ class ShellFields:
 class ShellWriter:
     """Series ``shells``: deformed triangles with strains and stress resultants."""
 
-    def __init__(self, folder: Path, comm: MPI.Comm, *, resume: float | None = None) -> None:
+    def __init__(
+        self, folder: Path, comm: MPI.Comm, *, resume: float | None = None,
+        fields: Collection[str] | None = None,
+    ) -> None:  # fmt: skip
         """Declare the series; nothing is written yet.
 
         Args:
             folder: Result folder.
             comm: Communicator; `write` and `close` are collective.
             resume: Keep the instants of an earlier run up to this time (s).
+            fields: To write; None for all.
         """
-        self._series = VtuSeries(folder, "shells", comm, components=COMPONENTS, resume=resume)
+        self._series = VtuSeries(
+            folder, "shells", comm, components=COMPONENTS, resume=resume, fields=fields
+        )
 
     def write(self, time: float, step: int, shells: ShellFields) -> None:
         """Write one instant; collective.

@@ -20,7 +20,7 @@ from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
 from flexfem.io.tables.history import AngleColumns, FolderLostError, HistoryWriter
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.options import Settings
+from flexfem.options import Settings, field_names
 from flexfem.simulation.run.guard import agreed, refuse
 from flexfem.simulation.run.monitor import Monitor
 from flexfem.system.measure.probes import ProbeRecorder
@@ -131,7 +131,8 @@ class Recorder:
         start = None if resume is None else float(row[0])
         if settings.output is not None:
             # an InputError must not change files: the table is cut last
-            self._fields = FieldOutput(settings.output, system, serial, start)
+            names = field_names(getattr(settings, "fields", "all"))
+            self._fields = FieldOutput(settings.output, system, serial, start, names)
             self._table = HistoryWriter(
                 settings.output / "history.csv", self._columns, system.comm, resume=start
             )

@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The option ``fields``: which arrays the series for ParaView hold."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.io.vtu.reader import Grid, read_index, read_pieces
+from flexfem.options import FIELDS
+from tests.unit.swing import mechanism
+
+pytestmark = pytest.mark.three_ranks
+
+#: Whatever is chosen: numbers and axes, from which pages draw.
+ALWAYS = {"body", "joint", "section", "e1", "e2", "e3"}
+
+
+def run(folder: Path, fields: str) -> dict[str, list[Grid]]:
+    """Grids of the last instant of a short run, of all ranks, by series."""
+    options = ff.RunOptions(
+        dt=0.02, t_end=0.04, every=1, quiet=True, output=folder, fields=fields, split_above=1
+    )  # fmt: skip
+    assert ff.simulate(mechanism(), options).status == "ok"
+    MPI.COMM_WORLD.Barrier()
+    indices = sorted(folder.glob("*.pvd"))
+    found = {path.stem: read_pieces(read_index(path, path.stem)[-1].file) for path in indices}
+    MPI.COMM_WORLD.Barrier()
+    return found
+
+
+def arrays(grids: list[Grid]) -> set[str]:
+    return {name for grid in grids for name in (*grid.point_data, *grid.cell_data)}
+
+
+def test_only_chosen_fields_are_written(shared_tmp_path: Path) -> None:
+    """Those of another run in the folder are gone, and what is left has the same values."""
+    whole = run(shared_tmp_path, "all")
+    assert {"beams", "beam_surfaces", "rigid_bodies", "joints", "reactions"} == whole.keys()
+    every = set().union(*map(arrays, whole.values()))
+    assert every - ALWAYS <= set(FIELDS)  # names that the option knows
+    assert all(grid.points.dtype == np.float64 for grid in whole["beams"])
+    few = run(shared_tmp_path, "resultant,velocity")
+    assert few.keys() == whole.keys() - {"beam_surfaces"}
+    assert not (shared_tmp_path / "beam_surfaces.pvd").exists()
+    assert not list((shared_tmp_path / "beam_surfaces").glob("*.vtu"))
+    for series, grids in few.items():
+        assert arrays(grids) - ALWAYS <= {"resultant", "velocity"}
+        for one, other in zip(grids, whole[series], strict=True):
+            np.testing.assert_array_equal(one.points, other.points)
+    for one, other in zip(few["beams"], whole["beams"], strict=True):
+        np.testing.assert_array_equal(one.cell_data["resultant"], other.cell_data["resultant"])
+
+
+def test_a_stress_brings_the_surfaces(shared_tmp_path: Path) -> None:
+    found = run(shared_tmp_path, "von_mises")
+    assert arrays(found["beam_surfaces"]) == {"body", "von_mises"}
+    assert not {"strain", "velocity"} & arrays(found["beams"])
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("fields", ["speed", "velocity,", "all,velocity", ""])
+def test_unknown_fields_are_refused(fields: str) -> None:
+    with pytest.raises(ValueError, match="fields must be all, none, or names of fields"):
+        ff.RunOptions(dt=0.1, t_end=1.0, fields=fields)
+
+
+@pytest.mark.serial
+def test_lists_of_names_are_taken() -> None:
+    options = ff.RunOptions(dt=0.1, t_end=1.0, fields=["velocity", "strain"])  # type: ignore[arg-type]
+    assert options.fields == "velocity,strain"
