@@ -9,6 +9,7 @@ import shutil
 import zlib
 from collections.abc import Callable
 from pathlib import Path
+from urllib.parse import unquote
 
 from mpi4py import MPI
 
@@ -348,3 +349,21 @@ def test_pictures_from_python(copy: Path) -> None:
         ff.plot(copy, columns=["speed"])
     with pytest.raises(ValueError, match="did you mean --colour"):
         ff.render(copy, colours="N")
+
+
+def test_gallery_links_pages(copy: Path, tmp_path: Path) -> None:
+    """Relative links that lead to the pages, pictures inside, names as text."""
+    other = tmp_path / "a <b> & c"
+    shutil.copytree(copy, other)
+    (other / "motion.png").write_bytes(b"\x89PNG\r\n\x1a\n")
+    (copy / "motion.png").write_bytes(b"no picture")
+    index = tmp_path / "index.html"
+    assert cli.command(["view", str(copy), str(other), "--gallery", str(index)]) == 0
+    text = index.read_text()
+    links = re.findall(r'<a href="([^"]*)">', text)
+    assert [tmp_path / unquote(link) for link in links] == [
+        copy / "view.html", other / "view.html"
+    ]  # fmt: skip
+    assert text.count("<img ") == 1
+    assert "a &lt;b&gt; &amp; c" in text
+    assert "<b>" not in text

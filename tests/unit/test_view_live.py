@@ -75,7 +75,7 @@ def test_a_new_run_in_the_folder_does_no_harm(
 
 
 WRONG = {
-    "--live --gltf": "argument --live: takes one RESULTS_DIR, and no --gltf",
+    "--live --gltf": "argument --live: takes one RESULTS_DIR, no --gltf and no --gallery",
     "--live --port 70000": "argument --port: must be from 0 to 65535, got 70000",
 }
 

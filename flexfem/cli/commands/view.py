@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 from flexfem import launch
 from flexfem.cli.postprocessing import print_files
-from flexfem.cli.usage import Parser, UsageError, folder, join_negative_values
+from flexfem.cli.usage import Parser, UsageError, file, folder, join_negative_values
 
 if TYPE_CHECKING:
     from flexfem.io.view.reading import Choice
@@ -42,6 +42,10 @@ def execute(argv: Sequence[str], prog: str) -> int:
         "rigid bodies, joints, obstacles",
     )  # fmt: skip
     parser.add_argument(
+        "--gallery", type=file, metavar="FILE",
+        help="also a page with links to the pages, and with pictures that flexfem render has made",
+    )  # fmt: skip
+    parser.add_argument(
         "--live", action="store_true",
         help="show a run that goes on, by a server on this computer, until Ctrl-C",
     )  # fmt: skip
@@ -59,8 +63,8 @@ def _serve(options: argparse.Namespace) -> int:
     """Show one folder while its run goes on."""
     from flexfem.io.view.live import serve
 
-    if len(options.folders) > 1 or options.gltf:
-        raise UsageError("argument --live: takes one RESULTS_DIR, and no --gltf")
+    if len(options.folders) > 1 or options.gltf or options.gallery:
+        raise UsageError("argument --live: takes one RESULTS_DIR, no --gltf and no --gallery")
     if not 0 <= options.port < 2**16:
         raise UsageError(f"argument --port: must be from 0 to 65535, got {options.port}")
     if launch.rank() > 0:
@@ -76,8 +80,11 @@ def _serve(options: argparse.Namespace) -> int:
 def _make(options: argparse.Namespace) -> list[Path]:
     """Make the pages, and print what they leave out."""
     from flexfem.io.view.document import write_view
+    from flexfem.io.view.gallery import write_gallery
     from flexfem.io.view.gltf import write_gltf
 
+    if options.gallery and options.gltf:
+        raise UsageError("argument --gallery: links pages, not glTF files")
     made, choice = [], _choice(options)
     for one in dict.fromkeys(options.folders):
         write = write_gltf if options.gltf else write_view
@@ -85,6 +92,8 @@ def _make(options: argparse.Namespace) -> list[Path]:
         made.append(path)
         for note in notes:
             launch.say(f"{one}: {note}")
+    if options.gallery:
+        made.append(write_gallery(options.gallery, made))
     return made
 
 
