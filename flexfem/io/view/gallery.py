@@ -78,8 +78,9 @@ def _words(page: Path) -> tuple[str, Iterator[str]]:
     name = page.parent.resolve().name
     sizes = [f"{summary[key]} {key}" for key in ("unknowns", "steps") if key in summary]
     status = str(summary.get("status", ""))
-    lines = (name, ", ".join(sizes), "" if status == "ok" else status, _size(page))
-    return str(summary.get("case", name)), filter(None, lines)
+    title = str(summary.get("case", name))
+    words = ("" if name == title else name, ", ".join(sizes), "" if status == "ok" else status)
+    return title, filter(None, (*words, _size(page)))
 
 
 def _size(page: Path) -> str:

@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from bisect import bisect_right
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
@@ -38,8 +39,7 @@ class Series:
 
     def at(self, time: float) -> Path:
         """File of an instant, of the one before where the series has none at this time."""
-        times = [instant.time for instant in self.instants]
-        number = int(np.searchsorted(times, time * (1 + 1e-12) + 1e-300, side="right"))
+        number = bisect_right(self.instants, time, key=lambda instant: instant.time)
         return self.instants[max(number - 1, 0)].file
 
     def grids(self, time: float, wanted: Sequence[str] | None = None) -> list[Grid]:
