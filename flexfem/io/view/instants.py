@@ -15,12 +15,14 @@ from flexfem.io.vtu.reader import Grid, Instant, read_index, read_pieces
 
 __all__ = ["SERIES", "Series", "evenly", "find_series"]
 
-#: All that can be shown, what lies in front last.
+#: Series of the package, what lies in front last.
 SERIES = (
     "contact_surfaces", "rigid_bodies", "shells", "floating_bodies", "floating_lines",
     "energy_solids", "energy_triangles", "energy_lines", "beam_surfaces", "beams", "joints",
     "reactions",
 )  # fmt: skip
+#: Series of other names, as scripts write them, that are shown at most.
+_OTHERS = 50
 #: Instants of a run beyond which an index must be something else.
 _MOST = 10_000_000
 
@@ -55,7 +57,8 @@ def find_series(folder: Path) -> tuple[list[Series], np.ndarray]:
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
-    there = {name: folder / f"{name}.pvd" for name in SERIES}
+    others = sorted({path.stem for path in folder.glob("*.pvd")} - {*SERIES})[:_OTHERS]
+    there = {name: folder / f"{name}.pvd" for name in (*others, *SERIES)}
     indices = {name: read_index(path, name) for name, path in there.items() if path.exists()}
     series = [Series(name, instants) for name, instants in indices.items() if instants]
     if not series:

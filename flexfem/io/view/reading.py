@@ -105,6 +105,11 @@ class _Reading:
         self._swept = {"section", "e1"} <= self._arrays("beams") and bool(self._scene.sections)
         if self._swept:
             self._series.pop("beam_surfaces", None)
+        self._notes = []
+        for name in [name for name in self._series if name != "reactions"]:
+            if self._first[name].cells.shape[1] == 1:
+                del self._series[name]
+                self._notes.append(f"points without cells are not drawn: {name}")
         for name, grid in self._first.items():
             if not _drawable(grid):
                 raise InputError(
@@ -118,7 +123,7 @@ class _Reading:
 
     def choose(self, times: np.ndarray) -> tuple[np.ndarray, list[str]]:
         """Times of the instants, and notes about what is left out; sets the fields."""
-        notes: list[str] = []
+        notes = self._notes
         most = _MOST_ROOM if self._choice.frames else _ROOM
         count = self._choice.frames or min(len(times), _FRAMES)
         self._fields = self._with_resultants(self._wanted())

@@ -18,7 +18,8 @@ export class Stage {
    */
   constructor(canvas, box, cloud) {
     this.canvas = canvas;
-    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true, preserveDrawingBuffer: true });
+    this.renderer = new THREE.WebGLRenderer({ canvas, antialias: true });
+    this.renderer.debug.checkShaderErrors = false; // which would wait for each shader
     this.renderer.outputColorSpace = THREE.LinearSRGBColorSpace; // shaders write what screens show
     this.scene = new THREE.Scene();
     this.parallel = new THREE.OrthographicCamera();
