@@ -26,7 +26,7 @@ __all__ = ["READERS"]
 
 _SQUARE = np.array([[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]])
 _SCENE = SceneFile(
-    {"beams": ["rod"]}, [("Revolute", "hinge")], [[SectionWall(_SQUARE, np.ones((4, 2, 6)))]]
+    {"beams": ["rod"]}, [("Revolute", "hinge")], [((SectionWall(_SQUARE, np.ones((4, 2, 6))),),)]
 )
 
 
@@ -45,8 +45,7 @@ def _beams(turn: float) -> BeamFields:
 
 def _write(folder: Path) -> None:
     """Two instants of a beam and a joint."""
-    outlines = [list(walls) for walls in _SCENE.sections]
-    beams = BeamWriter(folder, MPI.COMM_SELF, outlines)
+    beams = BeamWriter(folder, MPI.COMM_SELF, _SCENE.sections)
     joints = JointWriter(folder, MPI.COMM_SELF, ["Revolute"], 0.1)
     for step in range(2):
         beams.write(0.5 * step, step, _beams(0.3 * step))

@@ -73,10 +73,14 @@ def test_surfaces_are_those_of_the_files(
     assert np.ptp(vertices, axis=0).max() > 0.1  # it moves
 
 
-def test_sections_rotated_against_nodes(tmp_path: Path, rng: np.random.Generator) -> None:
-    """Elements that meet at an angle have section axes of their own at a node."""
+@pytest.mark.parametrize("taper", [1.0, 0.5])
+def test_sections_rotated_against_nodes(
+    taper: float, tmp_path: Path, rng: np.random.Generator
+) -> None:
+    """Elements that meet at an angle have section axes of their own at a node, and may taper."""
     outline = np.array([[-0.1, -0.2], [0.1, -0.2], [0.1, 0.3], [-0.1, 0.2]])
-    writer = BeamWriter(tmp_path, MPI.COMM_SELF, [outline])
+    ends = tuple((SectionWall(scale * outline),) for scale in (1.0, taper))
+    writer = BeamWriter(tmp_path, MPI.COMM_SELF, [ends])
     turn = so3.exp(rng.normal(size=(2, 2, 3)))
     for step in range(3):
         v, number = rng.normal(size=(3, 3)), np.zeros(2, dtype=np.int64)
@@ -86,7 +90,7 @@ def test_sections_rotated_against_nodes(tmp_path: Path, rng: np.random.Generator
             0.1 * step, step, BeamFields(v, v, frames, v, v, cells, number, s, s, number, turn)
         )
     writer.close()
-    SceneFile({"beams": ["rod"]}, [], [[SectionWall(outline)]]).write(tmp_path)
+    SceneFile({"beams": ["rod"]}, [], [ends]).write(tmp_path)
     found = Unpacked(gather(tmp_path, Choice())).vertices("beams")
     for vertices, grid in zip(found, files(tmp_path, "beam_surfaces"), strict=True):
         assert farthest(grid.points, vertices) < TOLERANCE
@@ -298,7 +302,7 @@ def test_scene_file_tells_names_and_sections(results: Path) -> None:
     assert scene.body("rigid_bodies", 0) == EVIL
     assert scene.body("rigid_bodies", 7) == "rigid_bodies 7"
     assert scene.joint(1) == ("Rigid", "weld")
-    (walls,) = scene.sections
+    ((walls,),) = scene.sections
     assert [np.linalg.norm(wall.points, axis=1).max() for wall in walls] == pytest.approx(
         [0.015, 0.01]
     )

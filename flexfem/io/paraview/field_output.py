@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """ParaView output of a whole system: the bodies of all families, obstacles and joints."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Collection
 from importlib import import_module
 from inspect import signature
 from pathlib import Path

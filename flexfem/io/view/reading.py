@@ -149,7 +149,8 @@ class _Reading:
         return chosen, notes
 
     def _wanted(self) -> list[str]:
-        stressed = any(wall.stress is not None for one in self._scene.sections for wall in one)
+        walls = [wall for ends in self._scene.sections for end in ends for wall in end]
+        stressed = any(wall.stress is not None for wall in walls)
         shown = [self._first[name] for name in self._series if name not in _PLAIN]
         written = {name for grid in shown for name, *_ in columns(grid)}
         computed = STRESSES if self._swept and stressed and {*RESULTANTS} <= written else ()
