@@ -190,3 +190,9 @@ def test_page_of_a_run_that_goes_on(
         assert np.any(before != pixels(browser))
         assert not browser.errors
         served.shutdown()
+
+
+def test_the_stress_of_beams_is_shown_at_first(page: Path, browser: Browser) -> None:
+    """Lines in the middle of beams, which have no stresses, do not stand against it."""
+    browser.open(page)
+    assert browser.ask("flexfem.colours.field") == "von_mises"

@@ -56,11 +56,11 @@ export class Colours {
     }
     find("field").replaceChildren(new Option("one colour", ""));
     for (const name of this.units.keys()) find("field").append(new Option(words(name), name));
-    // rather one that everything has that can be coloured
-    const bearing = this.layers.filter((layer) => layer.values && layer.data.kind !== "lines");
-    const common = USUAL.find((name) => bearing.every((layer) => layer.values.has(name)));
-    this.usual = USUAL.find((name) => this.units.has(name)) ?? null;
-    if (common && common !== "displacement") this.usual = common;
+    // rather one that all surfaces have; lines have no stresses
+    const surfaces = this.layers.filter((layer) => layer.values && !layer.ends);
+    const known = USUAL.filter((name) => this.units.has(name));
+    const common = known.find((name) => surfaces.every((layer) => layer.values.has(name)));
+    this.usual = (common === "displacement" ? known[0] : common ?? known[0]) ?? null;
   }
 
   /** Range of the field over the whole motion. */
