@@ -39,14 +39,16 @@ TOWER = np.array([
     (0.8038003, 3953.10, 5.356115e11), (0.9042748, 3848.71, 4.945348e11),
     (1.0, 4074.84, 5.119079e11),
 ])  # fmt: skip
-#: Planform: fraction of the blade's length, chord (m).
+#: Planform: fraction of the blade's length, chord (m), and thickness over chord for pictures.
 PLANFORM = np.array([
-    (0.0, 5.20), (0.1, 5.30), (0.2, 5.65), (0.27, 5.77), (0.35, 5.35), (0.45, 4.75), (0.55, 4.20),
-    (0.65, 3.75), (0.75, 3.30), (0.85, 2.85), (0.93, 2.40), (1.0, 0.80),
+    (0.0, 5.20, 1.0), (0.1, 5.30, 0.80), (0.2, 5.65, 0.51), (0.27, 5.77, 0.42), (0.35, 5.35, 0.36),
+    (0.45, 4.75, 0.32), (0.55, 4.20, 0.28), (0.65, 3.75, 0.25), (0.75, 3.30, 0.23),
+    (0.85, 2.85, 0.21), (0.93, 2.40, 0.21), (1.0, 0.80, 0.21),
 ])  # fmt: skip
 BASE, HEIGHT, HUB_RADIUS, OVERHANG, SHAFT_ABOVE_TOP = 15.0, 129.386, 3.97, 12.0975718, 4.3494594
 HUB, NACELLE, YAW_BEARING = (69131.0, 969952.0), (644857.0, 1.599e7), 28249.0
-NACELLE_PLACE, GENERATOR_INERTIA = np.array([-5.125, 0.0, 4.315]), 1836784.0
+# the file has the mass of the armature in that of the nacelle
+NACELLE_PLACE, ARMATURE = np.array([-5.125, 0.0, 4.315]), (1.4e5, 1836784.0)
 SHAFT_STIFFNESS, SHAFT_DAMPING = 6.97376449e10, 4.9418406e7
 BLADES = ("blade_1", "blade_2", "blade_3")
 STEEL, POISSON, AIR = 2.1e11, 0.3, 1.225
@@ -76,6 +78,16 @@ def tower_sections() -> ff.SectionTable:
     return ff.SectionTable(
         fraction, stiffness, inertia, relative=True, outlines=radius[:, None, None] * rim
     )
+
+
+def drawn(table: ff.SectionTable) -> ff.SectionTable:
+    """The table with ellipses of the planform as outlines."""
+    place, chord, thickness = PLANFORM.T
+    length = np.interp(table.stations, place, chord)
+    height = length * np.interp(table.stations, place, thickness)
+    angle = np.linspace(0.0, 2.0 * np.pi, 24, endpoint=False)
+    y, z = np.outer(0.5 * height, np.cos(angle)), np.outer(0.5 * length, np.sin(angle))
+    return replace(table, outlines=np.stack([y, z], axis=-1))
 
 
 @dataclass(frozen=True)
@@ -211,13 +223,15 @@ def add_tower_and_drive(
         ff.Beam("tower", tower_sections(), damping=damping),
         ff.Rigid("foundation", ff.Ground((0.0, 0.0, BASE)), ff.Marker("tower", "start")),
         ff.RigidBody(
-            "nacelle", NACELLE[0], np.full(3, NACELLE[1]), position=at.top + NACELLE_PLACE
+            "nacelle",
+            NACELLE[0] - ARMATURE[0],
+            np.full(3, NACELLE[1]),
+            position=at.top + NACELLE_PLACE,
         ),
         ff.Rigid("yaw", ff.Marker("tower", "end"), ff.Marker("nacelle", offset=-NACELLE_PLACE)),
         ff.PointMass("yaw_bearing", YAW_BEARING, ff.Marker("tower", "end")),
         ff.RigidBody("hub", HUB[0], np.full(3, HUB[1]), **turning),
-        # its mass is part of the nacelle's
-        ff.RigidBody("armature", 1e3, np.full(3, GENERATOR_INERTIA), **turning),
+        ff.RigidBody("armature", ARMATURE[0], np.full(3, ARMATURE[1]), **turning),
         ff.Revolute("bearing", bearings, hub, axis=axis),
         ff.Revolute("stator", bearings, armature, axis=axis),
         ff.TorsionalSpringDamper(
@@ -233,14 +247,16 @@ def add_blades(
     """Blades on the hub; markers of their blade elements, with chords and widths (m)."""
     stations, sizes = [], []
     fractions = np.linspace(0.0, 1.0, elements + 1)
-    chords = chord * np.interp(fractions, *PLANFORM.T)
+    chords = chord * np.interp(fractions, *PLANFORM.T[:2])
     ends = np.where(np.isin(fractions, (0.0, 1.0)), 0.5, 1.0)
     moving = {"velocity": -np.cross(at.spin, at.centre), "angular_velocity": at.spin}
     for name, blade, axes in zip(BLADES, at.blades, at.axes, strict=True):
         root = model.mesh.points[model.mesh.point_groups[f"{name}_start"]]
         place = ff.Marker("hub", offset=at.rotor.T @ (root - at.centre))
         model.add(
-            blade.beam(name, damping=damping * blade.damping, **moving),
+            blade.beam(
+                name, section=drawn(blade.sections), damping=damping * blade.damping, **moving
+            ),
             ff.Rigid(f"root_{name}", place, ff.Marker(name, "start")),
         )
         assert callable(blade.sections.twist)  # that of a windIO file is a spline
