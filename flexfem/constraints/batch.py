@@ -27,6 +27,7 @@ from flexfem.constraints.rows.kernels import (
     marker_wrenches,
     sums_of_terms,
     update_angles,
+    update_wraps,
 )
 from flexfem.constraints.rows.laws import elastic_part, static_forces
 from flexfem.constraints.rows.placed_joint import PlacedJoint
@@ -108,10 +109,12 @@ class Constraints(NumberedRows):
             row_of_term=self.row_of_term, pair_of_term=self.pair_of_term, kinds=self.kinds,
             directions=self.directions, factors=self.factors, angles=self.angles,
             force_jacobian=self.force_jacobian, step_jacobian=self.step_jacobian,
-            term_start=self.term_start, targets=self.targets, active=self.active,
-            elastic=self.elastic, functions=self.functions, function_data=self.function_data,
+            term_start=self.term_start, targets=self.targets,
+            target_rates=self.target_rates, active=self.active, elastic=self.elastic,
+            functions=self.functions, function_data=self.function_data,
             multipliers=self.multipliers, values=self.values, compliance=self.compliance,
             slopes=self.slopes, line_sums=self.lines.sums, relaxation=0.0, coupled=self.coupled,
+            wrapped_rows=self.wrapped_rows, wrap_terms=self.wrap_terms, wraps=self.wraps,
             coupling=self.coupling,
         )  # fmt: skip
         of_rate = ~np.isin(self.elastic[:, 0], (*DAMPED_BY_COEFFICIENT, LawKind.ELEMENT))
@@ -180,6 +183,13 @@ class Constraints(NumberedRows):
         marker_wrenches(self.own.memory, forces, out)
         self.lines.add_wrenches(forces, out)
         return out
+
+    def angles_of(self, joint: int) -> FloatArray:
+        """Continuous angles (rad) of all terms of a joint at the accepted state, row after row."""
+        if self.joints[joint].on_lines:
+            return self.lines.angles_of(joint)
+        rows = self.term_start[self.start[joint : joint + 2]]
+        return self.angles[rows[0] : rows[1]]
 
     def lock(self, name: str) -> None:
         """Lock the switchable rows of a joint at their present values (collective).
@@ -259,14 +269,20 @@ class Constraints(NumberedRows):
         Forces of whole elements, which may act along all motions, do not count.
         """
         nonlinear = ~self.linear & self._forces_alone().any(axis=1)
-        return self.active & ((self.elastic[:, 1] > 0.0) | nonlinear)
+        hanging = self.elastic[:, 0] == LawKind.POTENTIAL
+        pulls: BoolArray = (self.elastic[:, 1] > 0.0) | nonlinear | hanging
+        return self.active & pulls
 
     @property
     def working(self) -> BoolArray:
-        """(r,) rows whose forces do work on the model: drives, and functions of forces."""
+        """(r,) rows whose forces do work on the model: drives, and functions of forces.
+
+        Friction of a cable on a winch dissipates what it takes.
+        """
         driven = np.array([j.joint.driven for j in self.joints], dtype=np.bool_)
+        drives = driven[self.joint_of_row] & (self.elastic[:, 0] != LawKind.CAPSTAN)
         free = np.isin(self.elastic[:, 0], (LawKind.FUNCTION, LawKind.ELEMENT))
-        works: BoolArray = driven[self.joint_of_row] | free
+        works: BoolArray = drives | free
         return works
 
     @property
@@ -497,12 +513,20 @@ class Constraints(NumberedRows):
         """Store the present angles, so that later ones are continuous."""
         self.consistent, self.reported = False, None
         update_angles(self.own.memory, self.interface.frames)
+        if len(self.wrapped_rows):
+            update_wraps(self.own.memory)
         self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
         self._hold(self.force_jacobian)
         self.lines.accept()
         if len(self.elements):
             evaluate_rows(self.own.memory, self.interface.interface_nodes.memory, _UNSCALED)
             self.elements.accept(self)
+
+    def follow_wraps(self) -> None:
+        """Angles of cables around guides with friction at a restored state."""
+        if len(self.wrapped_rows):
+            marker_poses(self.own.memory, self.interface.frames, self.poses)
+            update_wraps(self.own.memory)
 
     def _place_markers(self) -> None:
         """Poses of all markers at the interface's state."""

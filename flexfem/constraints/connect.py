@@ -105,6 +105,8 @@ def joint_ends(serial: NumberedModel, joint: Joint) -> JointEnds:
         frames.append(frame)
         poses.append(pose)
     rows = rows_at_start(joint, poses)
+    if any(row.wrap is not None for row in rows) and any((*surfaces, *filter(None, points))):
+        raise ValueError(f"{joint.owner}: friction needs guides at nodes, not between them")
     check_functions(rows, poses)
     for number, place in surfaces.items():
         nodes[number], points[number], frames[number] = _on_surface(

@@ -27,7 +27,7 @@ class RowTable:
         marker_start: (n_joints + 1,) first marker of each joint.
         marker_node, marker_offset: (m,) and (m, 12) interface number of a marker's node, frame
             relative to it.
-        targets: (r,) prescribed values of the rows' sums.
+        targets, target_rates: (r,) prescribed values of the rows' sums, and rates for dampers.
         active, switchable: (r,) rows that are not released, and those that may be.
         elastic: (r, 5) law (a ``LawKind``, 0 for rigid), stiffness, damping, two parameters.
         functions: (r,) addresses of the user-defined functions of laws, 0 for none.
@@ -40,6 +40,7 @@ class RowTable:
         term_marker, term_nodes: (t, 2) both markers and the interface numbers of their nodes.
         pair_of_term: (t,) pair of markers of a term, ``pair_nodes`` (p, 2), ``pair_owned`` (p,).
         coupled: (k, 2) rows with friction, and rows whose resultant is the normal force.
+        wrapped_rows, wrap_terms, wraps: (w,), (w, 2) and (w, 2) of guides of cables with friction.
         layout: where the rows of each joint are.
         lines: evaluation of the joints with markers on lines; each term here has two nodes of their
             gradients.
@@ -60,7 +61,8 @@ class RowTable:
         line_rows = np.array([j.on_lines for j in self.joints], dtype=np.bool_)[self.joint_of_row]
         self._connect(rows, line_rows[self.row_of_term])
         count, terms = len(rows), len(self.row_of_term)
-        self.targets, self.elastic = np.zeros(count), np.zeros((count, 5))
+        self.targets, self.target_rates = np.zeros((2, count))
+        self.elastic = np.zeros((count, 5))
         self.functions: IntArray = np.zeros(count, dtype=np.int64)
         self.function_data = np.zeros((count, 9))
         self.switchable: BoolArray = np.array([row.switchable for row in rows], dtype=np.bool_)
@@ -77,6 +79,7 @@ class RowTable:
         for i, part in enumerate(listed):
             self.write(i, part)
         self._normals(rows)
+        self._wraps(rows)
 
     def _markers(self) -> None:
         self.marker_start = starts([len(j.interface_nodes) for j in self.joints])
@@ -128,12 +131,25 @@ class RowTable:
         """(r,) rows with a law of friction."""
         return np.isin(self.elastic[:, 0], FRICTION_LAWS)
 
+    def _wraps(self, rows: Sequence[Row]) -> None:
+        """Guides of cables with friction, and the terms that give the angles around them."""
+        found = [(r, row.wrap) for r, row in enumerate(rows) if row.wrap is not None]
+        first = self.start[self.joint_of_row]
+        terms = [
+            [self.term_start[first[r] + row] + term for row, term in wrap.terms]
+            for r, wrap in found
+        ]
+        self.wrapped_rows: IntArray = np.array([r for r, _ in found], dtype=np.int64)
+        self.wrap_terms: IntArray = np.array(terms, dtype=np.int64).reshape(-1, 2)
+        starts_at = [(w.coefficient, -1.0 if w.start is None else w.start) for _, w in found]
+        self.wraps = np.array(starts_at, dtype=np.float64).reshape(-1, 2)
+
     def write(self, joint: int, rows: Sequence[Row]) -> None:
         """Set targets, laws and terms of a joint's rows."""
         at = int(self.start[joint])
         t = int(self.term_start[at])
         for i, row in enumerate(rows, start=at):
-            self.targets[i] = row.target
+            self.targets[i], self.target_rates[i] = row.target, row.target_rate
             if row.law is not None:
                 law = row.law
                 self.elastic[i] = law.kind, law.stiffness, law.damping, law.first, law.second
@@ -151,14 +167,28 @@ class RowTable:
                 t += 1
 
     def _normals(self, rows: Sequence[Row]) -> None:
-        """Rows whose resultant is the normal force: the rigid translational ones of the partner."""
+        """Rows that friction depends on.
+
+        Their resultant is the normal force: the rigid translational ones of the partner. Their sum
+        is the tension of a cable: the whole cable's, and those of the guides after this one.
+        """
         number = {id(placed.joint): i for i, placed in enumerate(self.joints)}
         moving = np.array(
             [row.terms[0].kind in (RowKind.INERTIAL, RowKind.ALONG) for row in rows], dtype=np.bool_
         )
         pressing = moving & (self.elastic[:, 0] == LawKind.RIGID)
         pairs = [np.zeros((0, 2), dtype=np.int64)]
-        for r in np.flatnonzero(self.elastic[:, 0] == LawKind.NORMAL_FRICTION):
+        around = self.elastic[:, 0] == LawKind.CAPSTAN
+        for r in np.flatnonzero(around | (self.elastic[:, 0] == LawKind.NORMAL_FRICTION)):
+            if around[r]:
+                first, last = r, r + 1
+                while around[first]:
+                    first -= 1
+                while last < len(around) and around[last]:
+                    last += 1
+                found = np.array([first, *range(r + 1, last)])
+                pairs.append(np.stack([np.full(len(found), r), found], axis=1))
+                continue
             i = number[id(self.joints[self.joint_of_row[r]].joint.partner)]
             found = self.start[i] + np.flatnonzero(pressing[self.start[i] : self.start[i + 1]])
             pairs.append(np.stack([np.full(len(found), r), found], axis=1))

@@ -55,16 +55,20 @@ class LawKind(IntEnum):
     CURVE = 7
     #: the same function of the depth d > 0 and its rate on either side, which presses only
     PRESS = 8
+    #: F = T (exp(mu theta tanh(v / v_0)) - 1), T the sum of other rows, theta see ``Row.wrap``
+    CAPSTAN = 9
+    #: F = F_0, whose energy is F_0 x; of a row whose value x is an energy, with F_0 = 1
+    POTENTIAL = 10
 
 
 #: Laws that are linear in value and rate.
-LINEAR_LAWS = (LawKind.RIGID, LawKind.SPRING)
+LINEAR_LAWS = (LawKind.RIGID, LawKind.SPRING, LawKind.POTENTIAL)
 #: Laws without a force at rest, which statics leave out; theirs depends on the iterate.
-FRICTION_LAWS = (LawKind.FRICTION, LawKind.NORMAL_FRICTION)
+FRICTION_LAWS = (LawKind.FRICTION, LawKind.NORMAL_FRICTION, LawKind.CAPSTAN)
 #: Laws by functions that store energy.
 STORING_FUNCTIONS = (LawKind.CURVE, LawKind.PRESS)
 #: Laws whose force changes with the rate only if there is a damping coefficient.
-DAMPED_BY_COEFFICIENT = (LawKind.RIGID, LawKind.SPRING, LawKind.LIMIT)
+DAMPED_BY_COEFFICIENT = (LawKind.RIGID, LawKind.SPRING, LawKind.LIMIT, LawKind.POTENTIAL)
 
 
 @dataclass(frozen=True)
@@ -155,7 +159,7 @@ class Law:
         first, second: ``SPRING``: F_0 (N or N m) and nothing; ``LIMIT``, ``CURVE`` and ``PRESS``:
             lower and upper limit;
             ``FRICTION``: F_c (N or N m) and v_0 (m/s or rad/s); ``NORMAL_FRICTION``: mu (1, or m
-            for a moment) and v_0.
+            for a moment) and v_0; ``CAPSTAN``: mu theta at the start (rad) and v_0.
         function: user's function of the force, or of a factor of F_c or mu; None for the laws above
             alone.
     """
@@ -214,6 +218,17 @@ def friction(
     """
     kind = LawKind.NORMAL_FRICTION if normal else LawKind.FRICTION
     return Law(kind, 0.0, viscous, force, velocity, function)
+
+
+def capstan(coefficient: float, velocity: float, angle: float) -> Law:
+    """Friction of a cable around a guide, of Euler and Eytelwein, regularised.
+
+    Args:
+        coefficient: mu.
+        velocity: v_0, m/s, below which it creeps.
+        angle: around the guide at the start, rad; later it is that of ``Row.wrap``.
+    """
+    return Law(LawKind.CAPSTAN, first=coefficient * angle, second=velocity)
 
 
 def custom(owner: str, force: Callable[..., float], parameters: Sequence[float] = ()) -> Law:

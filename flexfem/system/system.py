@@ -456,3 +456,4 @@ class System:
         for contacts in self.contacts:
             contacts.restore(state)
         self.interface.update()
+        self.constraints.follow_wraps()

@@ -191,6 +191,12 @@ class LineJoints:
         """(t,) continuous angles of the joints' terms at the accepted state."""
         return self.own.angles
 
+    def angles_of(self, joint: int) -> FloatArray:
+        """Those of one joint, by its number in the table."""
+        c, own = self.joints.index(joint), self.own
+        terms = own.first_term[own.first_row[c : c + 2]]
+        return own.angles[terms[0] : terms[1]]
+
     @property
     def sums(self) -> FloatArray:
         """(r,) sums of terms of all rows, zero for those of other joints."""

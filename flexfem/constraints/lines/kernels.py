@@ -45,7 +45,8 @@ __all__ = [
     "update_line_angles",
 ]
 
-ARC, ALONG, ANGLE = int(RowKind.ARC), int(RowKind.ALONG), int(RowKind.ANGLE)
+ARC, ALONG = int(RowKind.ARC), int(RowKind.ALONG)
+ANGLE, TOUCH = int(RowKind.ANGLE), int(RowKind.TOUCH)
 
 #: Newton steps for the place of a slider, and the step size at convergence.
 _STEPS, _SMALL = 50, 1e-13
@@ -314,10 +315,10 @@ def update_line_angles(memory: Memory, poses: FloatArray) -> None:
     for c in range(own.width.size):
         marker = own.marker[own.first_marker[c] :]
         for t in range(own.first_term[own.first_row[c]], own.first_term[own.first_row[c + 1]]):
-            if own.kinds[t] == ANGLE:
+            if own.kinds[t] == ANGLE or own.kinds[t] == TOUCH:
                 a, b = poses[marker[own.ends[t, 0]]], poses[marker[own.ends[t, 1]]]
                 d, before = own.directions[t], own.angles[t]
-                own.angles[t] = term(ANGLE, a, b, d, before, own.term, own.scratch)
+                own.angles[t] = term(own.kinds[t], a, b, d, before, own.term, own.scratch)
 
 
 @kernel

@@ -22,6 +22,7 @@ _DIRECTIONS = {
     RowKind.ALONG: "u",
     RowKind.AXES: "uv",
     RowKind.ANGLE: "uvp",
+    RowKind.TOUCH: "up",
 }
 
 
@@ -42,6 +43,7 @@ def rows_at_start(joint: Joint, poses: Sequence[Pose]) -> Sequence[Row]:
     for i, row in enumerate(_several(f"{joint.owner}: rows", rows, Row)):
         owner = f"{joint.owner}: row {i}"
         _checks.number(owner, "target", row.target)
+        _checks.number(owner, "target_rate", row.target_rate)
         terms = _several(f"{owner}: terms", row.terms, Term)
         if not terms:
             raise ValueError(f"{owner}: it has no terms")
@@ -70,6 +72,7 @@ def _numbers(rows: Sequence[Row]) -> list[Any]:
     return [
         (
             row.target,
+            row.target_rate,
             [(term.factor, term.data.tolist()) for term in row.terms],
             # functions are left out: a lambda is another one at each call
             row.law and replace(row.law, function=None),
@@ -106,6 +109,10 @@ def _check_term(owner: str, term: Term, markers: int) -> None:
 def _check_law(owner: str, law: Law) -> None:
     if not isinstance(law, Law):
         raise ValueError(f"{owner}: law must be one of flexfem.laws, got {_checks.show(law)}")
+    if law.kind is LawKind.POTENTIAL:
+        raise ValueError(f"{owner}: a row that is an energy is that of a Catenary alone")
+    if law.kind is LawKind.CAPSTAN:
+        raise ValueError(f"{owner}: friction around guides is that of a Cable alone")
     stop = law.kind is LawKind.LIMIT
     _checks.number(owner, "stiffness", law.stiffness, nonnegative=not stop, positive=stop)
     _checks.number(owner, "damping", law.damping, nonnegative=True)

@@ -26,6 +26,7 @@ class RowArrays(Record):
         step_jacobian: (t, 2, 6) derivatives of ``values`` along them.
         term_start: (r + 1,) first term of each row.
         targets: (r,) prescribed values of the sums.
+        target_rates: (r,) their rates for dampers, see ``Row``.
         active: (r,) rows that are not released.
         elastic: (r, 5) law, stiffness, damping and two parameters, see ``Law``.
         functions: (r,) addresses of the user-defined functions of laws, 0 for none.
@@ -37,6 +38,9 @@ class RowArrays(Record):
         line_sums: (r,) sums of the rows on lines, whose gradients are known.
         relaxation: compliance of rigid rows, 1/kg.
         coupled: (k, 2) rows with friction, and rows whose resultant is the normal force.
+        wrapped_rows: (w,) rows with friction of cables around guides.
+        wrap_terms: (w, 2) terms that give the angle around the guide, see ``Wrap``.
+        wraps: (w, 2) coefficient of friction, and angle at the start, -1 for an eyelet.
         coupling: (k,) derivatives of the residuals of the former by the multipliers of the latter.
     """
 
@@ -55,6 +59,7 @@ class RowArrays(Record):
     step_jacobian: Float3D
     term_start: Int1D
     targets: Float1D
+    target_rates: Float1D
     active: Bool1D
     elastic: Float2D
     functions: Int1D
@@ -66,6 +71,9 @@ class RowArrays(Record):
     line_sums: Float1D
     relaxation: float
     coupled: Int2D
+    wrapped_rows: Int1D
+    wrap_terms: Int2D
+    wraps: Float2D
     coupling: Float1D
 
 

@@ -10,9 +10,9 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.rows.data import InterfaceNodes, RowArrays
-from flexfem.constraints.rows.laws import ELEMENT, RIGID, force_law
+from flexfem.constraints.rows.laws import CAPSTAN, ELEMENT, RIGID, force_law
 from flexfem.constraints.terms.dispatch import term
-from flexfem.constraints.terms.vectors import rotate_into
+from flexfem.constraints.terms.vectors import cross_into, dot, rotate_into
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 from flexfem.kernels.records import Memory, unpack
@@ -29,9 +29,10 @@ __all__ = [
     "sums_of_terms",
     "to_node",
     "update_angles",
+    "update_wraps",
 ]
 
-ANGLE = int(RowKind.ANGLE)
+ANGLE, TOUCH = int(RowKind.ANGLE), int(RowKind.TOUCH)
 #: Kind of a term with two nodes of the gradient of a row on lines, see
 #: ``constraints.lines.kernels``.
 ON_LINES = -1
@@ -80,8 +81,26 @@ def update_angles(memory: Memory, frames: FloatArray) -> None:
     own, g, scratch = unpack(RowArrays, memory), np.empty(12), np.empty((5, 3))
     _place(own, frames, own.poses)
     for t in range(own.kinds.size):
-        if own.kinds[t] == ANGLE:
+        if own.kinds[t] == ANGLE or own.kinds[t] == TOUCH:
             own.angles[t] = _term(own, t, own.angles[t], g, scratch)
+
+
+@kernel
+def update_wraps(memory: Memory) -> None:
+    """Exponents of the friction of cables around guides, at accepted poses and angles."""
+    own, g, h, scratch = unpack(RowArrays, memory), np.empty(12), np.empty(12), np.empty((5, 3))
+    across = np.empty(3)
+    for k in range(own.wrapped_rows.size):
+        before, after = own.wrap_terms[k]
+        coefficient, angle = own.wraps[k, 0], own.wraps[k, 1]
+        if angle >= 0.0:
+            angle += own.angles[before] + own.angles[after]
+        else:  # an eyelet: between the directions of the straight parts
+            _term(own, before, 0.0, g, scratch)
+            _term(own, after, 0.0, h, scratch)
+            cross_into(g[6:9], h[:3], across, 0)
+            angle = np.arctan2(np.sqrt(dot(across, across)), -dot(g[6:9], h[:3]))
+        own.elastic[own.wrapped_rows[k], 3] = coefficient * max(angle, 0.0)
 
 
 @kernel
@@ -141,13 +160,14 @@ def _apply_law(
     magnitude of a rigid row's, both for stiff laws and for vanishing forces. The row's couplings
     begin at ``at``; ``out`` (4,) is work space.
     """
-    squares, end, coupled, coupling = 0.0, at, own.coupled, own.coupling
+    squares, total, end, coupled, coupling = 0.0, 0.0, at, own.coupled, own.coupling
     while end < coupling.size and coupled[end, 0] == r:
         squares += own.multipliers[coupled[end, 1]] ** 2
+        total += own.multipliers[coupled[end, 1]]
         end += 1
-    size = np.sqrt(squares)
+    size = total if own.elastic[r, 0] == CAPSTAN else np.sqrt(squares)
     force_law(
-        own.elastic[r], own.functions[r], own.function_data[r], value, rate,
+        own.elastic[r], own.functions[r], own.function_data[r], value, rate - own.target_rates[r],
         own.multipliers[r] / dynamics[1], size / dynamics[1], out,
     )  # fmt: skip
     scale = 1.0 / (1.0 / dynamics[1] + abs(out[1]) + abs(out[2]) * dynamics[0])
@@ -156,6 +176,8 @@ def _apply_law(
     own.slopes[r, 0], own.slopes[r, 1] = scale * out[1], scale * out[2]
     for k in range(at, end):
         part = own.multipliers[coupled[k, 1]] / size if size > 0.0 else 0.0
+        if own.elastic[r, 0] == CAPSTAN:
+            part = 1.0
         coupling[k] = -own.compliance[r] * out[3] * part
 
 

@@ -9,6 +9,7 @@ from flexfem.core.laws import LawKind
 from flexfem.kernels.compiled import kernel, subroutine
 
 __all__ = [
+    "CAPSTAN",
     "CURVE",
     "ELEMENT",
     "FUNCTION",
@@ -21,12 +22,24 @@ __all__ = [
     "static_forces",
 ]
 
-RIGID, SPRING, LIMIT, FUNCTION, FRICTION, NORMAL_FRICTION, ELEMENT, CURVE, PRESS = (
-    int(kind) for kind in LawKind
-)
+(
+    RIGID,
+    SPRING,
+    LIMIT,
+    FUNCTION,
+    FRICTION,
+    NORMAL_FRICTION,
+    ELEMENT,
+    CURVE,
+    PRESS,
+    CAPSTAN,
+    POTENTIAL,
+) = (int(kind) for kind in LawKind)
 #: Rule for the energy of a function: panels, and points and weights in each.
 _PANELS = 8
 _POINTS, _WEIGHTS = np.polynomial.legendre.leggauss(6)
+#: Part of the largest exponent at which the tangent of a cable's friction is still taken.
+_MOST = 1.5
 
 
 @subroutine
@@ -111,6 +124,32 @@ def _friction(
 
 
 @subroutine
+def _capstan(
+    exponent: float, velocity: float, rate: float, force: float, tension: float, out: FloatArray
+) -> None:
+    """Friction around a guide: ``ln(1 + F/T) = exponent tanh(rate / velocity)``.
+
+    The tangent is taken where force and rate together project on the curve, as in ``_friction``.
+    """
+    if tension <= 0.0 or exponent <= 0.0:
+        out[:] = 0.0
+        return
+    y = rate / velocity
+    weight = 1.0 / (1.0 + abs(y))
+    least = np.exp(-_MOST * exponent)
+    part = np.log(max(1.0 + force / tension, least)) / exponent
+    at = _point_on_tanh(weight, weight * y + min(part, _MOST))
+    t = np.tanh(at)
+    slope = 1.0 - t * t
+    part = min(max(t + slope * (y - at), -_MOST), _MOST)
+    ratio = np.exp(exponent * part)
+    out[0] = tension * (ratio - 1.0)
+    out[1] = 0.0
+    out[2] = tension * ratio * exponent * slope / velocity
+    out[3] = ratio - 1.0
+
+
+@subroutine
 def force_law(
     law: FloatArray, function: int, data: FloatArray, value: float, rate: float, force: float,
     normal: float, out: FloatArray,
@@ -124,7 +163,7 @@ def force_law(
         value: value of the row, less its target.
         rate: its time derivative.
         force: present iterate of the force.
-        normal: normal force, for ``NORMAL_FRICTION``.
+        normal: normal force for ``NORMAL_FRICTION``, tension for ``CAPSTAN``.
         out: (4,).
     """
     if law[0] == SPRING:
@@ -152,6 +191,10 @@ def force_law(
         _friction(size * press, law[4], law[2], rate, force, out)
         out[2] += slope * out[3]
         out[3] = size * out[3] if law[0] == NORMAL_FRICTION else 0.0
+    elif law[0] == POTENTIAL:
+        out[0], out[1], out[2], out[3] = law[3], 0.0, 0.0, 0.0
+    elif law[0] == CAPSTAN:
+        _capstan(law[3], law[4], rate, force, normal, out)
     else:
         out[:] = np.nan
 
@@ -168,7 +211,7 @@ def static_forces(
     out[:] = 0.0
     for r in range(values.size):
         kind = laws[r, 0]
-        if kind not in (RIGID, FRICTION, NORMAL_FRICTION, ELEMENT):
+        if kind not in (RIGID, FRICTION, NORMAL_FRICTION, ELEMENT, CAPSTAN):
             force_law(laws[r], functions[r], data[r], values[r], 0.0, 0.0, 0.0, force)
             out[r, 0], out[r, 1] = force[0], force[1]
 
@@ -212,7 +255,10 @@ def elastic_part(
             stretch = values[r]
         elif kind == LIMIT:
             stretch = values[r] - min(max(values[r], laws[r, 3]), laws[r, 4])
-        elif kind > PRESS:
+        elif kind == POTENTIAL:
+            pulls[r], energies[r] = laws[r, 3], laws[r, 3] * values[r]
+            continue
+        elif kind > POTENTIAL:
             stretch = np.nan
         pulls[r] = laws[r, 1] * stretch
         energies[r] = 0.5 * pulls[r] * stretch

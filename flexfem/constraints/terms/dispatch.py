@@ -17,8 +17,10 @@ import numpy as np
 import flexfem.constraints.terms.along as along
 import flexfem.constraints.terms.angle as angle
 import flexfem.constraints.terms.axes as axes
+import flexfem.constraints.terms.catenary as catenary
 import flexfem.constraints.terms.distance as distance
 import flexfem.constraints.terms.inertial as inertial
+import flexfem.constraints.terms.span as span
 from flexfem._types import FloatArray
 from flexfem.constraints.terms.function import evaluate_function, function_hessian
 from flexfem.constraints.terms.vectors import product, put
@@ -30,7 +32,8 @@ from flexfem.lie._coefficients import Triple
 
 __all__ = ["step_change", "step_gradient", "step_vectors", "term", "term_hessian"]
 
-_INERTIAL, _ALONG, _AXES, _DISTANCE, _ANGLE, _, _TWIST, _FUNCTION = (int(k) for k in RowKind)
+_INERTIAL, _ALONG, _AXES, _DISTANCE, _ANGLE = (int(kind) for kind in tuple(RowKind)[:5])
+_TWIST, _SPAN, _TOUCH, _CATENARY, _FUNCTION = (int(kind) for kind in tuple(RowKind)[6:])
 
 
 @kernel
@@ -49,6 +52,13 @@ def term(
     if kind == _TWIST:
         g[int(d[0, 0])] = 1.0
         return 0.0
+    if kind in (_SPAN, _TOUCH, _CATENARY):
+        if kind == _CATENARY:
+            catenary.evaluate(Ha, Hb, d, s[0], g)
+        else:
+            span.evaluate(kind, Ha, Hb, d, memory, s[0], g)
+        value: float = s[0, 0]
+        return value
     if kind == _AXES:
         return axes.value(Ha, Hb, d, g, s)
     if kind == _ANGLE:
@@ -68,6 +78,12 @@ def term_hessian(kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: Fl
     """
     if kind >= _FUNCTION:
         function_hessian(kind, Ha, Hb, d, h)
+        return
+    if kind in (_SPAN, _TOUCH):
+        span.hessian(kind, Ha, Hb, d, h)
+        return
+    if kind == _CATENARY:
+        catenary.hessian(Ha, Hb, d, h)
         return
     h[:] = 0.0
     if kind == _TWIST:

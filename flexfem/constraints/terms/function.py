@@ -1,47 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Compiled user-defined functions of a relative pose, as terms: gradients and Hessians.
 
-A function of ``p = R_a^T (x_b - x_a)`` and ``R = R_a^T R_b`` is given by its value and derivatives
-``g_b`` (6) and ``h_bb`` (6, 6) along local twists of b (``constraints.terms.compiled_functions``).
-Twists of a act like those ``T_a delta_a`` of b, ``T_a = -Ad(H_ab^-1)``, whence ``g_a = T_a^T g_b``;
-T_a itself changes by ``-ad(T delta) T_a`` along both twists, with ``T = (T_a, 1)``.
+Their values and derivatives along local twists of b are those of
+``constraints.terms.compiled_functions``.
 """
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.constraints.terms.compiled_functions import call
-from flexfem.constraints.terms.vectors import rotate_back_into
+from flexfem.constraints.terms.relative import gradient_of_both, hessian_of_both, relative_pose
 from flexfem.kernels.compiled import on_demand, subroutine
 
 __all__ = ["evaluate_function", "function_hessian"]
-
-
-@subroutine
-def _relative(Ha: FloatArray, Hb: FloatArray, order: int, x: FloatArray) -> None:
-    """Relative position and rotation (12) and the order of derivatives wanted in ``x`` (13)."""
-    arm = np.empty(3)
-    for i in range(3):
-        arm[i] = Hb[i] - Ha[i]
-    rotate_back_into(Ha, arm, x, 0)
-    for i in range(3):
-        for j in range(3):
-            x[3 + 3 * i + j] = Ha[3 + i] * Hb[3 + j] + Ha[6 + i] * Hb[6 + j] + Ha[9 + i] * Hb[9 + j]
-    x[12] = order
-
-
-@subroutine
-def _twists_of_a(x: FloatArray, T: FloatArray) -> None:
-    """Matrix ``T`` (12, 6): equivalent twists of b for unit twists of a and of b, row by row."""
-    T[:] = 0.0
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        for m in range(3):
-            column = x[3 + 3 * k + m]
-            T[k, m] = T[3 + k, 3 + m] = -column
-            # -R^T (e_k x p)
-            T[3 + k, m] = x[3 + 3 * i + m] * x[j] - x[3 + 3 * j + m] * x[i]
-        T[6 + k, k] = T[9 + k, 3 + k] = 1.0
 
 
 @subroutine
@@ -49,27 +20,12 @@ def evaluate_function(
     address: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray
 ) -> float:
     """Value of a function; its gradient in ``g`` (12), see ``constraints.rows.kernels.term``."""
-    x, out, T = np.empty(13), np.empty(43), np.empty((12, 6))
-    _relative(Ha, Hb, 1, x)
+    x, out = np.empty(13), np.empty(43)
+    relative_pose(Ha, Hb, 1, x)
     call(address, x, d, out)
-    _twists_of_a(x, T)
-    for i in range(12):
-        g[i] = 0.0
-        for k in range(6):
-            g[i] += T[i, k] * out[1 + k]
+    gradient_of_both(x, out[1:7], g)
     value: float = out[0]
     return value
-
-
-@subroutine
-def _bracket(a: FloatArray, b: FloatArray, g: FloatArray) -> float:
-    """``g . [a, b]`` of two twists (V, Omega)."""
-    total = 0.0
-    for k in range(3):
-        i, j = (k + 1) % 3, (k + 2) % 3
-        total += g[k] * (a[3 + i] * b[j] - a[3 + j] * b[i] + a[i] * b[3 + j] - a[j] * b[3 + i])
-        total += g[3 + k] * (a[3 + i] * b[3 + j] - a[3 + j] * b[3 + i])
-    return total
 
 
 @on_demand
@@ -80,19 +36,7 @@ def function_hessian(
 
     See ``constraints.rows.hessians.term_hessian``.
     """
-    x, out, T, left = np.empty(13), np.empty(43), np.empty((12, 6)), np.empty((12, 6))
-    _relative(Ha, Hb, 2, x)
+    x, out = np.empty(13), np.empty(43)
+    relative_pose(Ha, Hb, 2, x)
     call(address, x, d, out)
-    _twists_of_a(x, T)
-    left[:] = 0.0
-    for i in range(12):
-        for k in range(6):
-            for m in range(6):
-                left[i, m] += T[i, k] * out[7 + 6 * k + m]
-    for i in range(12):
-        for j in range(12):
-            h[i, j] = 0.0
-            for m in range(6):
-                h[i, j] += left[i, m] * T[j, m]
-            if i < 6:
-                h[i, j] -= _bracket(T[j], T[i], out[1:7])
+    hessian_of_both(x, out[1:7], out[7:], h)

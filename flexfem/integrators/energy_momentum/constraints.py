@@ -45,7 +45,8 @@ class StepRows:
             values=np.zeros(terms), gradient=rows.step_jacobian,
         )  # fmt: skip
         self._targets0, self._last = rows.targets.copy(), np.zeros(rows.size)
-        self._applied0 = rows.elastic[:, 3].copy()
+        # stiffness, damping and applied force at the start of the step
+        self._laws0 = rows.elastic[:, 1:4].T.copy()
         self._values0, self._values = np.zeros(rows.size), np.zeros(rows.size)
         self._h = self._weight = self._memory = 1.0
 
@@ -68,14 +69,16 @@ class StepRows:
         self.evaluate()
         self._last[:] = self._values - self._values0
         self._targets0[:] = self._rows.targets
-        self._applied0[:] = self._rows.elastic[:, 3]
+        self._laws0[:] = self._rows.elastic[:, 1:4].T
 
     def state(self) -> dict[str, FloatArray]:
         """State carried from one step to the next, (r,) each."""
         return {
             "last_changes": self._last,
             "last_targets": self._targets0,
-            "last_applied": self._applied0,
+            "last_stiffness": self._laws0[0],
+            "last_damping": self._laws0[1],
+            "last_applied": self._laws0[2],
         }
 
     def _sums(self, terms: FloatArray) -> FloatArray:
@@ -101,11 +104,13 @@ class StepRows:
     def _forces(self) -> None:
         """Evaluate the equations ``scale (F - L / weight) = 0`` of rows with laws or zero force."""
         rows, chi, h = self._rows, self._chi, self._h
-        k, c = rows.elastic[:, 1], rows.elastic[:, 2]
+        k, c, applied = 0.5 * (self._laws0 + rows.elastic[:, 1:4].T)
         change = self._values - self._values0
+        moved = np.where(rows.target_rates != 0.0, rows.targets - self._targets0, 0.0)
+        rate = (change - moved) / h
         mean = 0.5 * (self._values + self._values0 - rows.targets - self._targets0)
-        force = k * (mean + 0.5 * chi * (change - self._memory * self._last)) + c * change / h
-        force += 0.5 * (self._applied0 + rows.elastic[:, 3])
+        force = k * (mean + 0.5 * chi * (change - self._memory * self._last)) + c * rate
+        force += applied
         slope = 0.5 * (1.0 + chi) * k + c / h
         scale = 1.0 / (1.0 / self._weight + slope)
         scale, slope, force = (
@@ -132,6 +137,9 @@ def _check_laws(rows: Constraints) -> None:
     found = [(i, "friction, stops, slack springs and functions of forces") for i in laws]
     functions = np.unique(rows.joint_of_row[rows.row_of_term[rows.kinds >= RowKind.FUNCTION]])
     found += [(i, "functions as constraints") for i in functions.tolist()]
+    spans = np.isin(rows.kinds, (RowKind.SPAN, RowKind.TOUCH, RowKind.CATENARY))
+    sheaves = np.unique(rows.joint_of_row[rows.row_of_term[spans]])
+    found += [(i, "sheaves and hanging cables") for i in sheaves.tolist()]
     found += [(i, "sliding along beams") for i in rows.lines.joints]
     named = [(rows.joints[i].index, rows.joints[i].joint.owner, what) for i, what in found]
     everywhere = min((one for part in rows.comm.allgather(named) for one in part), default=None)

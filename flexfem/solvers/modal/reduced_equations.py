@@ -117,10 +117,11 @@ def _drives(linearization: Linearization, rigid: bool) -> tuple[tuple[str, ...],
     for placed, first, last in zip(rows.joints, rows.start[:-1], rows.start[1:], strict=True):
         holds = rows.elastic[first, 0] == LawKind.RIGID
         if placed.owned and placed.joint.driven and holds == rigid:
-            count = int(last - first)
-            for k in range(count):
-                name = placed.joint.name if count == 1 else f"{placed.joint.name}_{k + 1}"
-                mine.append((placed.index, k, name, int(rows.numbers[first + k])))
+            # friction is none
+            own_rows = np.flatnonzero(~rows.frictional[first:last])
+            for k, row in enumerate(own_rows.tolist()):
+                name = placed.joint.name if len(own_rows) == 1 else f"{placed.joint.name}_{k + 1}"
+                mine.append((placed.index, k, name, int(rows.numbers[first + row])))
     every = sorted(row for part in comm.allgather(mine) for row in part)
     own = rows.numbers[rows.owned_rows]
     targets = np.array([[float(number == i) for i in own] for *_, number in every])

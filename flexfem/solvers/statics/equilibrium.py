@@ -204,6 +204,9 @@ class Equilibrium:
             END_POINT.evaluate(system, self.shifts)
             loads.append(max(largest_entry(p.block.residual[:, :3].ravel()) for p in system.parts))
         self.loading.set(0.0)
+        # forces of laws resist motions across them, such as those of a taut cable
+        pulls = rows.active & ~rows.rigid & ~damper & ~rows.of_elements
+        rows.multipliers[pulls] = rows.static_forces()[pulls, 0]
         END_POINT.evaluate(system, self.shifts)
         self.assemble()
         # the stiffness of fixed unknowns has no meaning
@@ -221,6 +224,7 @@ class Equilibrium:
         stiffness = next((float(k) for k in largest if k > 0.0), 1.0)
         stiffness_of_row[damper] = _DAMPER * stiffness
         self.shifts = Shifts(velocity=0.0, acceleration=0.0, scale=1.0 / stiffness)
+        rows.multipliers /= stiffness
         self.weights = [_isotropic(d / stiffness, self.size) for d in diagonals]
 
     @property

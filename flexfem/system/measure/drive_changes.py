@@ -106,6 +106,10 @@ class DriveChanges:
         self._all_held = bool(self._held.all())
         self._storing = rows.storing
         self._stores, self._pulls = bool(self._storing.any()), np.zeros(rows.size)
+        stiff = self._storing & (rows.owned > 0.0) & (rows.elastic[:, 1] > 0.0)
+        self._springs = np.flatnonzero(stiff)
+        if self._stores:
+            self._at_one, self._stiffness = self._energies_at_one()
         self._angles = angles
         values = self._values()[self.rows]
         self._last = np.array([self._forces()[self.rows], values])
@@ -123,20 +127,31 @@ class DriveChanges:
         return np.where(self._storing, rows.targets, rows.sums()) if self._stores else rows.sums()
 
     def _forces(self) -> FloatArray:
-        """(r,) forces that work on bodies, or elastic ones that work on moved springs."""
+        """(r,) forces that work on bodies, or elastic ones that work on moved springs.
+
+        Dampers that see the motion of their rest are moved as well.
+        """
         rows = self._table
         if not self._stores:
             return rows.forces
         _, pulls = rows.stored()
         before, self._pulls = self._pulls, pulls
         # beside forces that are means over the step
-        return np.where(
-            self._storing, 0.5 * (before + pulls) if rows.mean_forces else pulls, rows.forces
-        )
+        elastic = self._storing & (rows.target_rates == 0.0)
+        return np.where(elastic, 0.5 * (before + pulls) if rows.mean_forces else pulls, rows.forces)
+
+    def _energies_at_one(self) -> tuple[FloatArray, FloatArray]:
+        """Energy over stiffness of the moved springs, and their stiffness."""
+        stiffness = self._table.elastic[self._springs, 1]
+        return self._table.stored()[0][self._springs] / stiffness, stiffness
 
     def follow(self) -> None:
         """Add the work since the last call to that so far."""
         rows = self._table
+        if self._stores:
+            at_one, stiffness = self._energies_at_one()
+            self.work[0] += 0.5 * float((stiffness - self._stiffness) @ (self._at_one + at_one))
+            self._at_one, self._stiffness = at_one, stiffness
         _work(self.rows, self._forces(), self._values(), rows.mean_forces, self._last, self.work)
         if len(self.wrenches):
             (t0, F0, v0), self._powers = self._powers, self._wrench_powers()

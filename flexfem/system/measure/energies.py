@@ -48,6 +48,8 @@ class _State:
         sprung, pulls: (r,) energy stored in rows, and the elastic part of their forces.
         all_rates: (r,) of all rows; of none if there are no dampers.
         values: (r,) sums less targets, where drives move springs; else none.
+        stiffness: (r,) of all rows, N/m or N m/rad.
+        own_rates: (r,) rates of the targets that dampers see.
     """
 
     loads: FloatArray
@@ -61,6 +63,8 @@ class _State:
     pulls: FloatArray
     all_rates: FloatArray
     values: FloatArray
+    stiffness: FloatArray
+    own_rates: FloatArray
 
 
 def refresh_rows(system: System) -> None:
@@ -184,7 +188,8 @@ class EnergyMeter:
             self.loads(), *self._viscosity(), *self._eigenstates(), rows.forces.copy(),
             rows.of_rows(change * self._working), *rows.stored(),
             rows.of_rows(change) if self._damped else _NONE,
-            rows.sums() - rows.targets if self._moves else _NONE,
+            rows.sums() - rows.targets if self._moves else _NONE, rows.elastic[:, 1].copy(),
+            rows.target_rates.copy(),
         )  # fmt: skip
 
     def _viscosity(self) -> tuple[FloatArray, FloatArray]:
@@ -249,9 +254,8 @@ class EnergyMeter:
         """Energy dissipated by dampers and by the damping of beams."""
         total = 0.0
         if self._damped:
-            force = self._mean_force(before, after) - 0.5 * (before.pulls + after.pulls)
-            rate = 0.5 * (before.all_rates + after.all_rates)
-            total = h * float((force * self._dampers) @ rate)
+            rate = 0.5 * (before.all_rates + after.all_rates - before.own_rates - after.own_rates)
+            total = h * float((self._damping(before, after) * self._dampers) @ rate)
         if self._viscous:
             stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
             total += float(np.einsum("m,mi,mi->", 0.25 * h * self._lengths, stress, rate))
@@ -274,16 +278,28 @@ class EnergyMeter:
             return after.forces
         return 0.5 * (before.forces + after.forces)
 
+    def _damping(self, before: _State, after: _State) -> FloatArray:
+        """(r,) mean forces of dampers over a step."""
+        return self._mean_force(before, after) - 0.5 * (before.pulls + after.pulls)
+
     def _drive(self, before: _State, after: _State, h: float) -> float:
         """Work over a step of drives and of other bodies, by the forces and rates of rows.
 
-        A drive that moves the rest of a spring changes its value by what the bodies do not.
+        A drive that moves the rest of a spring changes its value by what the bodies do not; where
+        it changes the stiffness, too, it changes the energy stored at the same value.
         """
         rate = 0.5 * (before.rates + after.rates)
         work = -h * float(self._mean_force(before, after) @ rate)
         if self._moves:
             moved = after.values - before.values - 0.5 * h * (before.all_rates + after.all_rates)
             work += 0.5 * float(((before.pulls + after.pulls) * self._moved) @ moved)
+            stiff = self._moved & (before.stiffness > 0.0)
+            k0, k1 = before.stiffness[stiff], after.stiffness[stiff]
+            at_one = before.sprung[stiff] / k0 + after.sprung[stiff] / k1
+            work += 0.5 * float((k1 - k0) @ at_one)
+        if before.own_rates.any() or after.own_rates.any():
+            own = 0.5 * h * (before.own_rates + after.own_rates)
+            work -= float((self._damping(before, after) * self._springs) @ own)
         return work
 
 
