@@ -110,14 +110,19 @@ def text(*, default: Any = MISSING) -> Any:
 
 
 def number(
-    *, default: Any = MISSING, as_given: bool = False, none: bool | None = None, **bounds: bool
+    *,
+    default: Any = MISSING,
+    as_given: bool = False,
+    none: bool | None = None,
+    kw_only: Any = MISSING,
+    **bounds: bool,
 ) -> Any:
     """Declare a finite number; ``positive``, ``nonnegative`` or ``nonzero`` on demand."""
 
     def check(owner: str, what: str, value: Any) -> float:
         return _checks.number(owner, what, value, **bounds)
 
-    return checked(check, default=default, as_given=as_given, none=none)
+    return checked(check, default=default, as_given=as_given, none=none, kw_only=kw_only)
 
 
 def vector(*, default: Any = MISSING, nonzero: bool = False, as_given: bool = False) -> Any:

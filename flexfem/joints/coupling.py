@@ -11,6 +11,7 @@ from flexfem import _checks
 from flexfem._fields import checked, declared, number, vector
 from flexfem._types import FloatArray
 from flexfem.core.joint import Joint, turn_angle, unit
+from flexfem.core.laws import Law, spring
 from flexfem.core.marker import Attachment
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind, Term
@@ -37,6 +38,9 @@ class Coupling(Joint):
     keep both axes, such as ``Revolute`` or ``Prismatic`` between a and b and between c and d.
     Angles hold over any number of turns.
 
+    With a stiffness it is a force instead: a spring and damper on the motion of d beyond ratio
+    times that of b, with play where there is a backlash, as that of a ``SpringDamper``.
+
     Attributes:
         c: third marker.
         d: fourth marker.
@@ -45,10 +49,14 @@ class Coupling(Joint):
         ratio: motion of d from c over motion of b from a; 1, m/rad or rad/m where one of them is a
             translation; not zero.
         motions: of b from a and of d from c: "rotation" about or "translation" along the axis.
+        stiffness: N m/rad or N/m, by the motion of d; None for a constraint.
+        damping: N m s/rad or N s/m.
+        backlash: play of the motion of d, rad or m; the start is in its middle.
 
     Raises:
-        TypeError: a marker is none, or the ratio is not a number.
-        ValueError: an axis or the ratio is zero, or not two known motions.
+        TypeError: a marker is none, or an argument is not a number.
+        ValueError: an axis or the ratio is zero, or not two known motions; a stiffness that is not
+            positive, damping or backlash that is negative, or without stiffness.
     """
 
     c: Attachment
@@ -57,6 +65,22 @@ class Coupling(Joint):
     second_axis: Sequence[float] | None = vector(default=None, nonzero=True, as_given=True)
     ratio: float = number(default=1.0, nonzero=True, as_given=True)
     motions: tuple[str, str] = checked(_two_motions, default=("rotation", "rotation"))
+    stiffness: float | None = number(default=None, positive=True, kw_only=True)
+    damping: float = number(default=0.0, nonnegative=True, kw_only=True)
+    backlash: float = number(default=0.0, nonnegative=True, kw_only=True)
+
+    def __post_init__(self) -> None:
+        """Check that there is a stiffness where it is needed."""
+        super().__post_init__()
+        for what, value in (("damping", self.damping), ("backlash", self.backlash)):
+            if value and self.stiffness is None:
+                raise ValueError(f"{self.owner}: {what} needs a stiffness, got {value:g} alone")
+
+    @property
+    def _law(self) -> Law | None:
+        if self.stiffness is None:
+            return None
+        return spring(self.stiffness, self.damping, backlash=self.backlash)
 
     @property
     def places(self) -> tuple[tuple[str, Attachment], ...]:
@@ -88,7 +112,8 @@ class Coupling(Joint):
             _motion(kind, axis, poses, pair)
             for kind, axis, pair in zip(self.motions, axes, pairs, strict=True)
         )
-        return (Row((replace(driving, factor=-self.ratio), driven), y - self.ratio * x),)
+        terms = replace(driving, factor=-self.ratio), driven
+        return (Row(terms, y - self.ratio * x, self._law),)
 
 
 def _motion(

@@ -6,11 +6,12 @@ from dataclasses import field
 from typing import Any
 
 from flexfem import _checks
-from flexfem._fields import Given, checked, declared, number
+from flexfem._fields import Given, checked, declared, number, owner_of
 from flexfem.control.law import Law, SampledLaw
 from flexfem.core.load import Load
 from flexfem.joints.actuator import Actuator
 from flexfem.model.probes.base import AnyProbe, name_columns, strings
+from flexfem.model.probes.cable import CableProbe
 from flexfem.model.probes.measured import ReactionProbe
 from flexfem.model.structure.structure import Structure
 
@@ -112,9 +113,9 @@ class Controller:
                     f"{_checks.show(', '.join(known), 200)}"
                 )
             for probe, _ in fits:
-                if isinstance(probe, ReactionProbe) and not self.sampled:
+                if isinstance(probe, (ReactionProbe, CableProbe)) and not self.sampled:
                     raise ValueError(
-                        f'{owner}: input "{wanted}" of ReactionProbe "{probe.name}" is known at '
+                        f'{owner}: input "{wanted}" of {owner_of(probe)} is known at '
                         "the ends of steps only; give the controller a sample_time"
                     )
             found += fits

@@ -8,12 +8,14 @@ columns of its probe; the columns are the sums over all ranks.
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.joints.cable import Cable
 from flexfem.layout.family import Sensor
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.lie.vectors import cross
 from flexfem.model.contact import ContactProbe
 from flexfem.model.probes.base import AnyProbe
+from flexfem.model.probes.cable import CableProbe
 from flexfem.model.probes.measured import EnergyProbe, MomentumProbe, ReactionProbe
 from flexfem.system.measure.energies import EnergyMeter, refresh_rows
 from flexfem.system.measure.momenta import MomentumMeter
@@ -52,6 +54,29 @@ class _ReactionSensor:
         return np.concatenate([force @ R, moment @ R])
 
 
+class _CableSensor:
+    """Tensions and stretch of a part of a cable, on the rank that owns it."""
+
+    def __init__(self, system: System, probe: CableProbe, cable: Cable) -> None:
+        self._system = system
+        rows = system.constraints
+        mine = [k for k, j in enumerate(rows.joints) if j.joint.name == probe.cable and j.owned]
+        numbers = cable.part_rows[probe.part :]
+        self._rows = rows.start[mine] + numbers[0]
+        last = rows.start[1:][mine] if len(numbers) == 1 else rows.start[mine] + numbers[1]
+        self._guides = [np.arange(r + 1, end) for r, end in zip(self._rows, last, strict=True)]
+
+    def update(self) -> FloatArray:
+        forces, rows = self._system.reported_forces(), self._system.constraints
+        if not len(self._rows):
+            return np.zeros(3)
+        refresh_rows(self._system)
+        end = forces[self._rows]
+        first = end + forces[self._guides[0]].sum()
+        stretch = rows.sums()[self._rows] - rows.targets[self._rows]
+        return np.concatenate([first, end, stretch])
+
+
 class _ContactSensor:
     """Penetration and forces of a contact."""
 
@@ -71,6 +96,8 @@ def create_sensor(probe: AnyProbe, system: System, serial: NumberedModel) -> Sen
             return EnergyMeter(system, serial.model, probe.bodies)
         case MomentumProbe():
             return MomentumMeter(system, serial.model, probe.bodies)
+        case CableProbe():
+            return _CableSensor(system, probe, serial.model[probe.cable])
         case ReactionProbe():
             return _ReactionSensor(system, probe)
     sensors = (part.family.sensor(probe, part) for part in system.parts)
