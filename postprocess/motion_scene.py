@@ -211,7 +211,7 @@ def draw(plotter: Any, instant: Instant, scene: Scene, key: str, opacity: float)
             draw_obstacles(plotter, mesh, own)
         if name == OBSTACLES:
             continue
-        if name == "floating_lines":
+        if name in ("floating_lines", "cables"):
             own |= {"line_width": 6, "render_lines_as_tubes": True}
         if name == "beams":
             # Inside solid beams the lines show only where these are too slender to be seen.

@@ -30,6 +30,7 @@ EXPECTED = {
     "beam_surfaces": ({"displacement": 3, "velocity": 3}, BEAM_CELLS),
     "rigid_bodies": ({"displacement": 3, "velocity": 3}, {"body": 1}),
     "contact_surfaces": ({"displacement": 3, "velocity": 3}, {"body": 1}),
+    "cables": ({"displacement": 3}, {"joint": 1, "tension": 1}),
     "joints": ({"displacement": 3}, {"joint": 1, "force": 3, "force_magnitude": 1}),
     "reactions": (dict.fromkeys(("force", "moment", "displacement"), 3) | {"joint": 1}, {}),
 }

@@ -10,11 +10,13 @@ import numpy as np
 
 from flexfem.families.common.beam_family import BeamFamily
 from flexfem.io.atomic import raise_together
+from flexfem.io.paraview.cables import CableWriter
 from flexfem.io.paraview.contact_surfaces import ContactSurfaceWriter
 from flexfem.io.paraview.family_series import Series
 from flexfem.io.paraview.paraview_state import write_paraview_state
 from flexfem.io.scene_file import SceneFile, Walls
 from flexfem.io.vtu.body_fields import JointFields, JointWriter
+from flexfem.joints.cable import Cable
 from flexfem.joints.elastic_lock import ElasticLock
 from flexfem.layout.family import registry
 from flexfem.layout.numbered_model import NumberedModel
@@ -62,6 +64,10 @@ class FieldOutput:
         obstacles = any(contact.surfaces for contact in serial.model.contacts)
         (self._filled if obstacles else self._empty).append(
             ContactSurfaceWriter(folder, system, serial, resume, fields)
+        )
+        cables = any(isinstance(joint, Cable) for joint in serial.joints)
+        (self._filled if cables else self._empty).append(
+            CableWriter(folder, system, resume, fields, shown=cables)
         )
         self._sampler = _JointSampler(system, serial)
         self._scene = _scene(system, serial)
@@ -134,8 +140,8 @@ class _JointSampler:
     def __init__(self, system: System, serial: NumberedModel) -> None:
         """Find the joints, and compute what does not change with time."""
         self._system = system
-        # locks of elastic coordinates are inside a body
-        pictured = [not isinstance(joint, ElasticLock) for joint in serial.joints]
+        # locks of elastic coordinates are inside a body, and cables are lines
+        pictured = [not isinstance(joint, (ElasticLock, Cable)) for joint in serial.joints]
         self.shown = any(pictured)
         rows = system.constraints
         chosen = [k for k, j in enumerate(rows.joints) if j.owned and pictured[j.index]]

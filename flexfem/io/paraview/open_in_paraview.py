@@ -25,11 +25,12 @@ COLOURS = {
     "shells": (("CELLS", "bending_moment"),),
     "floating_bodies": (("CELLS", "von_mises"),),
     "floating_lines": (("CELLS", "von_mises"),),
+    "cables": (("CELLS", "tension"),),
 }
 PLAIN = {"rigid_bodies": (0.56, 0.64, 0.72), "joints": (0.88, 0.48, 0.22)}
 PLAIN["contact_surfaces"] = (0.74, 0.78, 0.82)
 ARROWS = {"force": (0.49, 0.25, 0.66), "moment": (0.16, 0.55, 0.42)}
-UNITS = {"bending_moment": "N m", "von_mises": "Pa"}
+UNITS = {"bending_moment": "N m", "von_mises": "Pa", "tension": "N"}
 #: From blue to red without dark ends, which would hide shading.
 MAP = (0.21, 0.40, 0.66, 0.16, 0.62, 0.62, 0.50, 0.75, 0.35, 0.94, 0.73, 0.23, 0.82, 0.25, 0.18)
 Box = tuple[list[float], list[float]]
@@ -198,7 +199,7 @@ def main() -> None:
             _, bounds = extremes(reader, times, "CELLS", "")
         if name == "contact_surfaces":  # triangles face the side that touches
             display.BackfaceRepresentation = "Cull Backface"
-        if name in ("beams", "floating_lines"):
+        if name in ("beams", "floating_lines", "cables"):
             display.LineWidth = 4.0
         if name == "beams" and "beam_surfaces" in found:
             display.LineWidth = 2.0

@@ -17,6 +17,7 @@ from flexfem.inspection.finding import owner_of
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.simulation.watch.inside_out import InsideOut
 from flexfem.simulation.watch.validity import ValidityWatch
+from flexfem.simulation.watch.wraps import WrapWatch
 from flexfem.system.bounding_box import diagonal, model_box
 from flexfem.system.measure.drive_changes import DriveChanges
 from flexfem.system.measure.energies import EnergyMeter, work_of_loads
@@ -65,7 +66,7 @@ class EnergyWatch:
         self._meter = EnergyMeter(system, model)
         box = model_box(serial)
         self._drives = DriveChanges(rows, diagonal(box))
-        self._validity = ValidityWatch(serial, system, box)
+        self._validity, self._wraps = ValidityWatch(serial, system, box), WrapWatch(system)
         mine = len(self._drives.rows) + len(self._drives.wrenches)
         self._driven = bool(system.comm.allreduce(mine))
         self._complete = not system.comm.allreduce(not self._drives.complete, op=MPI.LOR)
@@ -124,6 +125,7 @@ class EnergyWatch:
         """
         self.follow()
         self._count += 1
+        self._wraps.look()
         if self._driven:
             self._drives.notice(self._system.time, self._h)
         if events != self._events:
@@ -200,6 +202,7 @@ class EnergyWatch:
             *self._not_finite(),
             *self._inside_out(),
             *self._validity.texts(),
+            *self._wraps.texts(),
             *self._turns(),
             *self._jumps(),
             *self._balance(),

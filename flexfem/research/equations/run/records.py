@@ -28,7 +28,7 @@ __all__ = ["EquationRecords"]
 #: Series that a run of a multibody model may have left in the folder.
 _OF_MODELS = (
     "beams", "beam_surfaces", "shells", "floating_bodies", "floating_lines", "rigid_bodies",
-    "joints", "reactions", "contact_surfaces",
+    "joints", "reactions", "contact_surfaces", "cables",
 )  # fmt: skip
 
 
