@@ -134,6 +134,11 @@ EXAMPLES |= {
         ff.Gear, 1, {"axis": AXIS, "second_axis": (1.0, 2.0, -0.5), "ratio": -1.7}, APART,
         markers=4,
     ),
+    "Gear-teeth": Example(
+        ff.Gear, 1,
+        {"axis": AXIS, "ratio": -1.7, "stiffness": 70.0, "damping": 2.0, "backlash": 0.05}, APART,
+        elastic=True, markers=4,
+    ),
     "Coupling-rack": Example(
         ff.Coupling, 1,
         {"axis": AXIS, "second_axis": (1.0, 2.0, -0.5), "ratio": 0.3,
@@ -239,6 +244,76 @@ EXAMPLES |= {
     ),
     "PrescribedDistance": Example(
         ff.PrescribedDistance, 1, {"elongation": ff.Table([0.0, 2.0], [0.0, 1.0])}, APART,
+    ),
+}  # fmt: skip
+
+
+def _guided(*between: object, **given: object) -> Callable[[], ff.Cable]:
+    """A cable over guides between two bodies."""
+    ends = [ff.Marker("a"), *between, ff.Marker("z")]
+    return lambda: ff.Cable("joint", ends, **given)
+
+
+def _sheave(name: str, side: float, radius: float = 0.2, **given: Any) -> ff.Sheave:
+    """A sheave whose axis is across the line of the markers, but not quite."""
+    axis = side * (np.cross(APART, [0.0, 0.0, 1.0]) + 0.2 * APART)
+    return ff.Sheave(ff.Marker(name), radius, axis, **given)
+
+
+EXAMPLES |= {
+    "Cable": Example(
+        ff.Cable, 1, {}, APART, elastic=True, make=_guided(stiffness=70.0, damping=4.0)
+    ),
+    "Cable-eyelet": Example(
+        ff.Cable, 1, {}, APART, elastic=True, markers=3,
+        make=_guided(ff.Eyelet(ff.Marker("b")), axial_stiffness=90.0, damping=3.0, preload=20.0),
+    ),
+    "Cable-rigid": Example(
+        ff.Cable, 1, {}, APART, markers=3,
+        make=_guided(_sheave("b", 1.0), tension_only=False),
+    ),
+    "Cable-sheaves": Example(
+        ff.Cable, 1, {}, APART, elastic=True, markers=4,
+        make=_guided(_sheave("b", 1.0), _sheave("c", -1.0, 0.3), axial_stiffness=90.0, damping=3.0),
+    ),
+    "Cable-grip": Example(
+        ff.Cable, 2, {}, APART, elastic=True, markers=4,
+        make=_guided(
+            _sheave("b", 1.0, grip=True), _sheave("c", 1.0, turns=1), axial_stiffness=90.0,
+            rest_length=lambda t: 2.5 - 0.1 * t, damping=2.0,
+        ),
+    ),
+    "Cable-friction": Example(
+        ff.Cable, 3, {}, APART, elastic=True, markers=4,
+        make=_guided(
+            ff.Eyelet(ff.Marker("b"), 0.3, 0.8), _sheave("c", 1.0, friction=0.2, velocity=0.5),
+            axial_stiffness=90.0, damping=3.0, preload=20.0,
+        ),
+    ),
+    "Catenary": Example(
+        ff.Catenary, 1, {"length": 1.6, "weight": 3.0, "axial_stiffness": 90.0, "up": AXIS}, APART,
+        elastic=True,
+    ),
+    "Catenary-taut": Example(
+        ff.Catenary, 1, {"length": 1.1, "weight": 0.5, "axial_stiffness": 9.0}, APART,
+        elastic=True,
+    ),
+    "Cam": Example(
+        ff.Cam, 1, {"axis": UNIT, "zero": ACROSS, "profile": lambda t: 0.8 + 0.1 * np.cos(t)},
+        0.9 * ACROSS / np.linalg.norm(ACROSS),
+    ),
+    "Cam-flat": Example(
+        ff.Cam, 1,
+        {"axis": UNIT, "zero": ACROSS, "profile": lambda t: 0.8, "follower": "flat",
+         "normal": ACROSS, "stiffness": 70.0, "damping": 3.0},
+        0.75 * ACROSS / np.linalg.norm(ACROSS), elastic=True,
+    ),
+    "Cable-belt": Example(
+        ff.Cable, 2, {}, APART, elastic=True,
+        make=lambda: ff.Cable(
+            "joint", [_sheave("a", 1.0, grip=True), _sheave("b", 1.0, 0.35, grip=True)],
+            stiffness=90.0, damping=3.0, preload=10.0, closed=True,
+        ),
     ),
 }  # fmt: skip
 

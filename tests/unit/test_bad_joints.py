@@ -47,6 +47,12 @@ ALONE = {
     "Gear axis": (
         lambda: ff.Gear("j", A, B, A, C, second_axis=(0, 0, 0)), "second_axis must not be zero"
     ),
+    "Gear backlash": (
+        lambda: ff.Gear("j", A, B, A, C, backlash=0.1), "backlash needs a stiffness, got 0.1 alone"
+    ),
+    "Gear stiffness": (
+        lambda: ff.Gear("j", A, B, A, C, stiffness=0.0), "stiffness must be positive, got 0.0"
+    ),
     "Gear marker": (lambda: ff.Gear("j", A, B, "two", C), "c must be a Marker or Ground"),
     "Coupling motion": (
         lambda: ff.Coupling("j", A, B, A, C, motions=("rotation", "screw")),

@@ -85,6 +85,11 @@ def row(law: Any = None, **term: Any) -> Callable[[float], Any]:
         (row(law=ff.laws.spring(1.0, np.nan)), "row 0: damping must be finite, got nan"),
         (row(law=ff.laws.spring(0.0, backlash=0.1)), "row 0: stiffness must be positive, got 0.0"),
         (row(law=ff.laws.applied(np.nan)), "row 0: a number of its law is nan"),
+        (
+            row(law=ff.laws.Law(ff.laws.LawKind.POTENTIAL)),
+            "row 0: a row that is an energy is that of a Catenary alone",
+        ),
+        (row(law=ff.laws.capstan(0.1, 1.0, 1.0)), "row 0: friction around guides is that of a Cab"),
         (lambda t: 1 / 0, r"lambda \(test_own_rows.py, line \d+\): ZeroDivisionError: division"),
     ],
 )
