@@ -52,6 +52,11 @@ PICTURES = {
     ),
     "tutorial_7_motion": ("tutorial_7_bead", ("render", *_SIZE)),
     "tutorial_7_history": ("tutorial_7_bead", ("plot_history", "--columns", "way,speed")),
+    "tutorial_8_motion": ("tutorial_8_crane", ("render", "--colour", "bending_moment", *_SIZE)),
+    "tutorial_8_history": (
+        "tutorial_8_crane",
+        ("plot_history", "--columns", "pull_tension,pull_end_tension"),
+    ),
     "walk_motion": ("scissor", ("render", *_SIZE)),
     "walk_history": (
         "scissor",
