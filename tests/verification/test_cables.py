@@ -358,3 +358,24 @@ def test_the_energy_momentum_scheme_takes_cables_without_sheaves() -> None:
     options = ff.RunOptions(dt=1e-3, t_end=0.01, quiet=True, integrator="energy_momentum")
     with pytest.raises(ValueError, match=r'^Cable "rope": .* does not support sheaves'):
         ff.simulate(tackle(2.0, 5.0, tension_only=False), options)
+
+
+@pytest.mark.serial
+def test_a_winch_hauls_a_cable_that_does_not_stretch() -> None:
+    """A load in two falls rises by half of what is hauled in; the tension from its acceleration."""
+    model, r, mass = ff.Model("lift"), 0.1, 4.0
+    path = [ff.Ground((r, 0.0, 0.0)), sheave(ff.Marker("load"), r, 1.0), ff.Ground((-r, 0.0, 0.0))]
+    model.add(
+        ff.Gravity((0.0, 0.0, -G)),
+        ff.RigidBody("load", mass, SMALL, position=(0.0, 0.0, -2.0)),
+        ff.Cable("cable", path, tension_only=False, paid_out=lambda t: -0.6 * t * t),
+        ff.PositionProbe("at", ff.Marker("load")),
+        ff.CableProbe("pull", "cable"),
+        ff.EnergyProbe(),
+    )
+    found = ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=0.5, quiet=True)).history
+    np.testing.assert_allclose(found["at_z"], -2.0 + 0.3 * found["t"] ** 2, atol=1e-10)
+    np.testing.assert_allclose(found["pull_tension"][1:], 0.5 * mass * (G + 0.6), rtol=1e-6)
+    work = mass * G * 0.3 * 0.25 + 0.5 * mass * (0.6 * 0.5) ** 2
+    # the mean of forces and rates of each step; a drive whose work is not counted is off by all
+    assert found["energy_work"][-1] == pytest.approx(work, rel=1e-4)
