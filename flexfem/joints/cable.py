@@ -93,6 +93,8 @@ class Cable(Joint):
         super().__post_init__()
         self._check_stretch()
         self._check_rest()
+        # of this cable, not of all
+        _checks.assign(self, driven=callable(self.rest_length) or self.paid_out is not None)
         if self.closed and any(map(rubs, self.path)) and not any(map(grips, self.path)):
             raise ValueError(f"{self.owner}: friction in a closed cable needs a Sheave with grip")
         if not self.pairs:
@@ -134,11 +136,6 @@ class Cable(Joint):
             _checks.number(self.owner, "rest_length(0)", self.rest_length(0.0), positive=True)
         else:
             _checks.number(self.owner, "rest_length", self.rest_length, positive=True)
-
-    @property
-    def driven(self) -> bool:  # type: ignore[override]
-        """True if its rest length is a function of time."""
-        return callable(self.rest_length) or self.paid_out is not None
 
     @property
     def places(self) -> tuple[tuple[str, Attachment], ...]:
@@ -240,7 +237,7 @@ class Cable(Joint):
 
     def targets(self, poses: Sequence[Pose], t: float) -> Sequence[float] | None:
         """See :meth:`Joint.targets`; a law of one that stretches changes with its length."""
-        if self._stretches:
+        if self._stretches or not self.driven:
             return None
         shape = self.shape(poses)
         rests, _ = self._rests(shape, t)
