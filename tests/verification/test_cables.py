@@ -379,3 +379,15 @@ def test_a_winch_hauls_a_cable_that_does_not_stretch() -> None:
     work = mass * G * 0.3 * 0.25 + 0.5 * mass * (0.6 * 0.5) ** 2
     # the mean of forces and rates of each step; a drive whose work is not counted is off by all
     assert found["energy_work"][-1] == pytest.approx(work, rel=1e-4)
+
+
+@pytest.mark.serial
+def test_modes_of_a_tackle() -> None:
+    """Hand and load vibrate against one another on the rope, ``w^2 = k (1/m + 16/M)``."""
+    m, load, stiffness, preload = 2.0, 8.0, 5e4, 2.0 * G
+    model = tackle(m, load, axial_stiffness=stiffness, preload=preload)
+    found = ff.find_modes(model, ff.ModeOptions(modes=2, quiet=True)).history["frequency"]
+    rest = (0.5 + 4.0 * 1.0 + 4.0 * np.pi * 0.05) / (1.0 + preload / stiffness)
+    exact = np.sqrt(stiffness / rest * (1.0 / m + 16.0 / load)) / (2.0 * np.pi)
+    # vertical falls have no stiffness of their own along the guides; hand and load are in balance
+    np.testing.assert_allclose(found, [0.0, exact], atol=1e-6)
