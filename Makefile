@@ -10,7 +10,7 @@ COMPILED := $(VENV)/.compiled
 BENCH_STAMP := $(VENV)/.set-up-bench
 EXTRAS := dolfinx,post,test,fmi,docs
 # A user's own scripts may lie beside these.
-SOURCES := flexfem cases meshes postprocess tests
+SOURCES := flexfem cases examples meshes postprocess tests
 CASE ?= slider_crank
 # More ranks than cores would spend their time waiting: MPICH polls. To nproc, threads are cores.
 RANKS := $(shell test "$$(env -u OMP_NUM_THREADS nproc 2>/dev/null || echo 1)" -ge 2 && echo 2 || echo 1)
