@@ -199,6 +199,7 @@ _MODULES = {
     "Lock": "joints.lock",
     "Actuator": "joints.actuator",
     "Gravity": "loads.gravity",
+    "Load": "core.load",
     "PointForce": "loads.point_force",
     "PointMoment": "loads.point_moment",
     "LineLoad": "loads.line_load",

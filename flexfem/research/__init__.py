@@ -47,6 +47,7 @@ _MODULES = {
     "InertiaIntegrals": "formalisms.element_matrices",
     "element_matrices": "formalisms.element_matrices",
     "BeamMatter": "formalisms.description.matter",
+    "Matter": "formalisms.description.matter",
     "PlaneStress": "formalisms.description.matter",
     "Solid": "formalisms.description.matter",
     "End": "formalisms.description.joints",
