@@ -3,7 +3,7 @@
 
 import flexfem as ff
 
-__all__ = ["EVIL", "EVIL_COLUMN", "mechanism"]
+__all__ = ["EVIL", "EVIL_COLUMN", "hoist", "mechanism"]
 
 #: Names that are code where they are taken for markup.
 EVIL = "</script><script>window.caught=1</script>"
@@ -22,5 +22,20 @@ def mechanism() -> ff.Model:
         ff.Rigid("weld", ff.Marker("rod", "end"), ff.Marker(EVIL)),
         ff.Gravity((0.0, 0.0, -9.81)),
         ff.PositionProbe(EVIL_COLUMN, ff.Marker(EVIL)),
+    )
+    return model
+
+
+def hoist() -> ff.Model:
+    """Two masses on a cable over a sheave with friction, and one on a cable without stretch."""
+    model = ff.Model("hoist")
+    model.add(ff.Gravity((0.0, 0.0, -9.81)))
+    for name, mass, x in (("heavy", 3.0, -0.2), ("light", 1.5, 0.2), ("bob", 1.0, 1.2)):
+        model.add(ff.RigidBody(name, mass, (0.01, 0.01, 0.01), position=(x, 0.0, -1.0)))
+    sheave = ff.Sheave(ff.Ground(), 0.2, (0.0, 1.0, 0.0), friction=0.1)
+    model.add(
+        ff.Cable(EVIL, [ff.Marker("heavy"), sheave, ff.Marker("light")], tension_only=False),
+        ff.Cable("stay", [ff.Ground((0.8, 0.0, 0.0)), ff.Marker("bob")], tension_only=False),
+        ff.CableProbe("pull", EVIL),
     )
     return model

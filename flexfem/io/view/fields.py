@@ -12,10 +12,12 @@ from numpy.typing import NDArray
 from flexfem.io.view.packing import Pack, rounded
 from flexfem.io.vtu.reader import Grid
 
-__all__ = ["USUAL", "columns", "range_of", "store_field", "unit"]
+__all__ = ["SMALL", "USUAL", "columns", "range_of", "store_field", "unit"]
 
 #: Fields in the order in which they are wanted, where there is no room for all.
 USUAL = ("bending_moment", "von_mises", "energy", "deformation", "velocity")
+#: Fields of few lines, for which there is always room.
+SMALL = ("tension",)
 #: Arrays that are no results, or that a page has in another way.
 _NOT_SHOWN = {
     "body", "joint", "section", "section_axes", "e1", "e2", "e3", "displacement", "axial_stress",
@@ -25,7 +27,7 @@ _UNITS = {
     "velocity": "m/s", "displacement": "m", "deformation": "m", "angular_velocity": "rad/s",
     "thickness": "m", "von_mises": "Pa", "axial_stress": "Pa", "shear_stress": "Pa",
     "membrane_energy": "J/m²", "bending_energy": "J/m²", "shear_energy": "J/m²",
-    "force_magnitude": "N", "moment_magnitude": "N m",
+    "force_magnitude": "N", "moment_magnitude": "N m", "tension": "N",
 }  # fmt: skip
 _UNITS |= dict.fromkeys(("xx", "yy", "zz", "yz", "xz", "xy"), "Pa")
 _UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")

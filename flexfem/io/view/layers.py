@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Any
 
 import numpy as np
@@ -27,6 +27,7 @@ from flexfem.io.view.packing import Pack
 from flexfem.io.vtu.reader import Grid
 
 __all__ = [
+    "CableLayer",
     "ChangedShapeError",
     "Framed",
     "Layer",
@@ -279,16 +280,37 @@ class MeshLayer(Layer):
         for (_, where, _, _), kept in zip(self._fields, self._values, strict=True):
             chosen = cells if where == "cell" else self._points
             kept[:] = [values[chosen] for values in kept]
-        body = self._shape.cell_data.get("body", np.zeros(len(self._shape.cells), np.int32))
-        bodies, names = self._names(body[cells])
         return [{
             "series": self.series, "kind": "lines" if self._cells.shape[1] == 2 else "points",
             "cells": pack.store(self._cells.astype(np.uint32)),
-            "cell": pack.store(position.astype(np.uint32)), "bodies": pack.store(bodies),
-            "source": pack.store(self._source.astype(np.uint32)), "names": names,
+            "cell": pack.store(position.astype(np.uint32)), **self._owners(pack, cells),
+            "source": pack.store(self._source.astype(np.uint32)),
             "motion": store_points(pack, self._places, self._about),
             "fields": self._stored_fields(pack),
         }]  # fmt: skip
+
+    def _owners(self, pack: Pack, cells: IntArray) -> Description:
+        """Names of the joints or bodies that cells belong to."""
+        data = self._shape.cell_data
+        number = data.get("joint", data.get("body", np.zeros(len(self._shape.cells), np.int32)))
+        bodies, names = self._names(number[cells])
+        kinds: list[str] = []
+        if "joint" in data:
+            named = [self.scene.joint(int(k)) for k in np.unique(number[cells])]
+            kinds, names = [kind for kind, _ in named], [name for _, name in named]
+        return {"bodies": pack.store(bodies), "names": names, "kinds": kinds}
+
+
+class CableLayer(MeshLayer):
+    """Cables in the order of their numbers: a restart on other ranks writes them in another."""
+
+    def __init__(self, series: str, scene: SceneFile, wanted: Sequence[str], first: Grid) -> None:
+        """Order the first instant."""
+        super().__init__(series, scene, wanted, _by_joint(first))
+
+    def add(self, grid: Grid) -> None:
+        """See :class:`Layer`."""
+        super().add(_by_joint(grid))
 
 
 class ReactionLayer(Layer):
@@ -317,6 +339,19 @@ class ReactionLayer(Layer):
             "kinds": [kind for kind, _ in named], "motion": store_points(pack, self._places),
             "vectors": shown, "fields": [],
         }]  # fmt: skip
+
+
+def _by_joint(grid: Grid) -> Grid:
+    """A grid with its cells and points in the order of the joints that they belong to."""
+    joint = grid.cell_data["joint"]
+    of_point = np.zeros(len(grid.points), dtype=joint.dtype)
+    of_point[grid.cells] = joint[:, None]
+    points, cells = np.argsort(of_point, kind="stable"), np.argsort(joint, kind="stable")
+    return replace(
+        grid, points=grid.points[points], cells=np.argsort(points)[grid.cells[cells]],
+        point_data={name: values[points] for name, values in grid.point_data.items()},
+        cell_data={name: values[cells] for name, values in grid.cell_data.items()},
+    )  # fmt: skip
 
 
 def _drawn(grid: Grid) -> tuple[IntArray, IntArray]:

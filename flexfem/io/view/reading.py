@@ -12,9 +12,10 @@ import numpy as np
 from flexfem._checks import InputError, show
 from flexfem.io.scene_file import SceneFile
 from flexfem.io.view.beams import ARRAYS, RESULTANTS, STRESSES, BeamLayer
-from flexfem.io.view.fields import USUAL, columns
+from flexfem.io.view.fields import SMALL, USUAL, columns
 from flexfem.io.view.instants import Series, evenly, find_series
 from flexfem.io.view.layers import (
+    CableLayer,
     ChangedShapeError,
     Layer,
     MeshLayer,
@@ -131,7 +132,8 @@ class _Reading:
             usual = [name for name in USUAL if name in self._fields]
             while len(usual) > 1 and self._size(self._with_resultants(usual)) * _FEW > most:
                 usual.pop()
-            kept = self._with_resultants(usual)
+            small = [name for name in SMALL if name in self._fields]
+            kept = self._with_resultants([*usual, *small])
             left = [name for name in self._fields if name not in kept]
             self._fields = kept
             notes.append(
@@ -220,6 +222,8 @@ class _Reading:
             return BeamLayer(name, self._scene, self._fields, first)
         if name == "reactions":
             return ReactionLayer(name, self._scene, first)
+        if name == "cables" and "joint" in first.cell_data:
+            return CableLayer(name, self._scene, self._fields, first)
         if name in _PLAIN and name not in self._loose:
             try:
                 return RigidLayer(name, self._scene, first)

@@ -17,6 +17,7 @@ const STYLES = {
   energy_lines: { label: "bars", colour: "--beam", width: 4 },
   beam_surfaces: { label: "beams", colour: "--beam" },
   beams: { label: "beams", colour: "--beam", width: 1.5 },
+  cables: { label: "cables", colour: "--cable", width: 3 },
   joints: { label: "joints", colour: "--joint" },
   joint_rods: { label: "rods of joints", colour: "--joint", width: 2 },
   forces: { label: "forces at joints", colour: "--force", hidden: true },
@@ -350,7 +351,7 @@ class PointLayer extends Layer {
   }
 }
 
-/** Lines between points: beams without sections, beams too slender to be seen, rods of joints. */
+/** Lines between points: beams without sections, beams too slender to be seen, cables, rods of joints. */
 class LineLayer extends Layer {
   constructor(data, origin) {
     super(data, data.series, LINES, origin);

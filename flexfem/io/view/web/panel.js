@@ -5,7 +5,7 @@ import { styleOf } from "view/layers.js";
 
 const find = (id) => document.getElementById(id);
 /** Fields that colours show at first. */
-const USUAL = ["von_mises", "bending_moment", "energy", "displacement"];
+const USUAL = ["von_mises", "bending_moment", "energy", "tension", "displacement"];
 
 /** The field, its range and colours, and the legend that explains them. */
 export class Colours {
@@ -178,6 +178,7 @@ export function paintLayers(layers) {
 const WORDS = {
   von_mises: "von Mises stress", N: "axial force N", Q2: "shear force Q2", Q3: "shear force Q3",
   T: "torque T", M2: "bending moment M2", M3: "bending moment M3", energy: "energy density",
+  tension: "cable tension",
 };
 
 /** The name of a field in words. */

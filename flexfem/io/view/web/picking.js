@@ -26,6 +26,7 @@ export class Picker {
     this.layers.forEach((layer, number) => {
       if (layer.edges) layer.mesh.remove(layer.edges);
       layer.uniforms.layer.value = number + 1;
+      layer.uniforms.window?.value.set(1, 1); // lines are as wide as on the canvas
       layer.mesh.material = layer.pickMaterial;
     });
     const ground = renderer.getClearColor(new THREE.Color());
@@ -39,6 +40,7 @@ export class Picker {
     camera.clearViewOffset();
     this.layers.forEach((layer) => {
       layer.mesh.material = layer.material;
+      layer.uniforms.window?.value.set(width, height);
       if (layer.edges) layer.mesh.add(layer.edges);
     });
     others.forEach((mesh) => (mesh.visible = true));
