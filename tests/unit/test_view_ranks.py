@@ -12,7 +12,7 @@ import flexfem as ff
 from flexfem import cli
 from flexfem.io.view.content import gather
 from flexfem.io.view.reading import Choice
-from tests.unit.swing import mechanism
+from tests.unit.swing import hoist, mechanism
 from tests.unit.unpacked import Unpacked, farthest
 
 pytestmark = pytest.mark.three_ranks
@@ -48,3 +48,20 @@ def test_page_is_the_same_on_any_ranks(shared_tmp_path: Path) -> None:
         np.testing.assert_allclose(
             [one["low"], one["high"]], [other["low"], other["high"]], rtol=1e-6
         )
+
+
+def test_cables_are_the_same_on_any_ranks(shared_tmp_path: Path) -> None:
+    comm = MPI.COMM_WORLD
+    options = {"dt": 0.02, "t_end": 0.1, "every": 1, "quiet": True}
+    split = ff.RunOptions(**options, output=shared_tmp_path / "several", split_above=1)
+    assert ff.simulate(hoist(), split).status == "ok"
+    alone = ff.RunOptions(**options, output=shared_tmp_path / f"alone_{comm.rank}")
+    assert ff.simulate(hoist(), alone, comm=MPI.COMM_SELF).status == "ok"
+    if comm.rank > 0:
+        return
+    pages = [Unpacked(gather(shared_tmp_path / name, Choice())) for name in ("several", "alone_0")]
+    layers = [page.layers["cables"] for page in pages]
+    assert layers[0]["names"] == layers[1]["names"]
+    one, other = (page.places(layer["motion"]) for page, layer in zip(pages, layers, strict=True))
+    # the second cable in place of the first is off by 0.6 m
+    np.testing.assert_allclose(one, other, atol=TOLERANCE)

@@ -18,8 +18,8 @@ __all__ = ["SERIES", "Series", "evenly", "find_series"]
 #: Series of the package, what lies in front last.
 SERIES = (
     "contact_surfaces", "rigid_bodies", "shells", "floating_bodies", "floating_lines",
-    "energy_solids", "energy_triangles", "energy_lines", "beam_surfaces", "beams", "cables", "joints",
-    "reactions",
+    "energy_solids", "energy_triangles", "energy_lines", "beam_surfaces", "beams", "cables",
+    "joints", "reactions",
 )  # fmt: skip
 #: Series of other names, as scripts write them, that are shown at most.
 _OTHERS = 50

@@ -5,7 +5,7 @@ import { Motion, rotate, rotateBack } from "view/motion.js";
 import { ARROWS, EDGES, FRAMES, LINES, PICKED, POINTS, SHADED } from "view/shaders.js";
 import { NONE, Values } from "view/values.js";
 
-/** Colours and words of the series; others are drawn like meshes. */
+/** Colours and words of the series; others are drawn like meshes. Values that jump are not smoothed. */
 const STYLES = {
   contact_surfaces: { label: "obstacles", colour: "--obstacle", hidesBacks: true },
   rigid_bodies: { label: "rigid bodies", colour: "--body" },
@@ -17,7 +17,7 @@ const STYLES = {
   energy_lines: { label: "bars", colour: "--beam", width: 4 },
   beam_surfaces: { label: "beams", colour: "--beam" },
   beams: { label: "beams", colour: "--beam", width: 1.5 },
-  cables: { label: "cables", colour: "--cable", width: 3 },
+  cables: { label: "cables", colour: "--cable", width: 3, jumps: true },
   joints: { label: "joints", colour: "--joint" },
   joint_rods: { label: "rods of joints", colour: "--joint", width: 2 },
   forces: { label: "forces at joints", colour: "--force", hidden: true },
@@ -398,7 +398,7 @@ class LineLayer extends Layer {
   uploadValues(slot, i, field, smooth) {
     if (slot !== this.slots[0]) return;
     const { startValue, endValue } = this.mesh.geometry.attributes;
-    this.values.fill(this.atEnds, field, i, smooth);
+    this.values.fill(this.atEnds, field, i, smooth && !this.style.jumps);
     for (let c = 0; c < this.atEnds.length; c++) (c % 2 ? endValue : startValue).array[c >> 1] = this.atEnds[c];
     startValue.needsUpdate = endValue.needsUpdate = true;
   }
