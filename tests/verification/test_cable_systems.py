@@ -142,7 +142,6 @@ WINCHES = _SIGNS * [2.0, 1.5, 1.2]
 CORNERS = _SIGNS * [1.0, 1.0, -1.0] * SIDE
 
 
-@pytest.mark.three_ranks
 def test_a_robot_on_cables_stands_where_its_forces_balance() -> None:
     """Against six equations of balance of a platform on eight springs, solved by SciPy."""
     start, change = np.array([0.1, 0.2, 0.0]), np.array([0.3, -0.25, 0.2])
@@ -205,7 +204,6 @@ def _turns(t: float, one: ff.MarkerState, two: ff.MarkerState) -> tuple[float, .
     return tuple(np.arctan2(state.turn[1, 0], state.turn[0, 0]) for state in (one, two))
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize("sense", [1.0, -1.0], ids=["open", "crossed"])
 @pytest.mark.parametrize("moment", [20.0, 60.0], ids=["taut", "slack"])
 def test_a_belt_that_carries_a_moment(sense: float, moment: float) -> None:
@@ -243,7 +241,6 @@ def test_a_belt_keeps_the_ratio_over_turns(sense: float) -> None:
     np.testing.assert_allclose(found["back_tension"], 100.0, atol=1e-7)
 
 
-@pytest.mark.three_ranks
 def test_a_restart_knows_the_turns_of_a_belt(shared_tmp_path: Any) -> None:
     """After five turns; a restart that counts from zero again would tear the belt."""
     run = {"dt": 2e-3, "quiet": True, "output": shared_tmp_path, "checkpoint_every": 400}
@@ -306,7 +303,6 @@ def end_force(a: np.ndarray, b: np.ndarray, length: float, w: float, EA: float) 
     return np.array([*(-H * flat / span), -V])
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize(
     ("length", "stiffness"), [(6.5, 1e6), (6.5, 3e3), (4.9, 3e3)], ids=["slack", "soft", "taut"]
 )
@@ -360,7 +356,6 @@ def test_a_body_swings_on_hanging_cables() -> None:
 TEETH = {"stiffness": 400.0, "damping": 0.8, "backlash": 0.02}
 
 
-@pytest.mark.three_ranks
 def test_gears_rattle_in_their_play() -> None:
     """A shaken gear pair with elastic teeth and backlash, against SciPy."""
     one, two, ratio = 0.05, 0.2, -0.5

@@ -108,7 +108,6 @@ def tackle(hand: float, load: float, **cable: Any) -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
 def test_block_and_tackle_multiplies_the_force_by_its_falls() -> None:
     """The load rises by a quarter of what the hand sinks: ``a = (4 m - M) g / (16 m + M)``."""
     m, load = 2.0, 5.0
@@ -121,7 +120,6 @@ def test_block_and_tackle_multiplies_the_force_by_its_falls() -> None:
     np.testing.assert_allclose(found["rope_pull_tension"][1:], load * (G + a) / 4.0, rtol=1e-8)
 
 
-@pytest.mark.three_ranks
 def test_block_and_tackle_at_rest_stretches() -> None:
     """A hand of a quarter of the load keeps balance; the rope is longer by its stretch.
 
@@ -162,7 +160,6 @@ def hauled(t: float) -> float:
     return 2.0 - 0.3 * t - 0.05 * np.sin(3.0 * t)
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize("damping", [0.0, 40.0])
 def test_a_load_swings_on_a_cable_that_is_hauled_in(damping: float) -> None:
     """Against the equations of a mass on an elastic pendulum of changing rest length.
@@ -266,7 +263,6 @@ def rail() -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
 def test_a_cable_through_an_eyelet_rubs_by_the_angle_it_has_there() -> None:
     """Against SciPy; the angle at the hole changes as the slider comes nearer."""
     found = run(rail(), 1e-3, 0.4)
@@ -300,7 +296,6 @@ def test_a_restart_knows_the_angles_at_eyelets(shared_tmp_path: Path) -> None:
     assert again["at_x"][-1] == pytest.approx(whole["at_x"][-1], abs=1e-12)
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize("speed", [-0.4, 0.4], ids=["up", "down"])
 def test_a_winch_pulls_against_the_friction_of_a_sheave(speed: float) -> None:
     """A load that is hauled up at a constant speed, or let down, over a quarter of a turn."""

@@ -93,14 +93,17 @@ def assert_alike(found: Any, wanted: Any, tolerance: float) -> None:
 
 
 @pytest.mark.three_ranks
-@pytest.mark.parametrize("integrator", ["generalized_alpha", "stabilized_index2"])
+@pytest.mark.parametrize(
+    "integrator",
+    ["generalized_alpha", pytest.param("stabilized_index2", marks=pytest.mark.serial)],
+)
 def test_springs_as_forces_move_as_springs(integrator: str) -> None:
     """On all ranks as on one, and with derivatives of the user's as with differences.
 
     Both solve the same equations to the tolerance. A force that were taken from the last step, or
     a damper left out, would move the load by 1e-3 of its way.
     """
-    options = ff.RunOptions(dt=5e-3, t_end=0.3, tolerance=1e-10, integrator=integrator, quiet=True)
+    options = ff.RunOptions(dt=5e-3, t_end=0.15, tolerance=1e-10, integrator=integrator, quiet=True)
     wanted = columns(ff.simulate(frame(springs=True), options))
     found = columns(ff.simulate(frame(springs=False), options))
     assert_alike(found, wanted, 1e-8)
@@ -112,6 +115,7 @@ def test_springs_as_forces_move_as_springs(integrator: str) -> None:
     assert np.abs(found["energy_balance"]).max() < 0.02 * largest
 
 
+@pytest.mark.serial
 def test_derivatives_of_users_are_those_of_differences() -> None:
     """At a state where all turn and move; a wrong sign of a part is off by its whole size."""
     rng = np.random.default_rng(4)
@@ -182,7 +186,10 @@ def exact_place(t: np.ndarray) -> np.ndarray:
     return np.array([1.0 + (expm(A * time) @ (0.0, 0.0, 0.0, 1.0))[0] for time in t])
 
 
-@pytest.mark.parametrize("integrator", ["generalized_alpha", "independent_coordinates"])
+@pytest.mark.parametrize(
+    "integrator",
+    ["generalized_alpha", pytest.param("independent_coordinates", marks=pytest.mark.serial)],
+)
 def test_a_hydraulic_cylinder_is_stiff(integrator: str) -> None:
     """With steps that resolve its vibration of 173 rad/s, and with ones that do not.
 
@@ -247,6 +254,7 @@ def test_restart(shared_tmp_path: Path) -> None:
         np.testing.assert_allclose(rest[name][-20:], whole[name][-20:], rtol=1e-11)
 
 
+@pytest.mark.serial
 def test_explicit_forces_act_a_step_late() -> None:
     """A soft spring by accepted states: its error is of first order in the step."""
     ends = [ff.Ground(), ff.Marker("mass")]

@@ -59,7 +59,7 @@ def test_gains_act_as_a_spring_and_a_damper() -> None:
 
     The same equations; a rate of the step before moves the tip by 1e-3 m.
     """
-    options = ff.RunOptions(dt=2e-3, t_end=0.3, tolerance=1e-10, quiet=True)
+    options = ff.RunOptions(dt=2e-3, t_end=0.1, tolerance=1e-10, quiet=True)
     wanted = columns(ff.simulate(arm("spring"), options))
     found = columns(ff.simulate(arm("feedback"), options))
     for name in ("angle", "tip_x", "tip_z", "torque_my"):
@@ -73,7 +73,7 @@ def test_gains_act_as_a_spring_and_a_damper() -> None:
         np.testing.assert_allclose(found[name], alone[name], atol=1e-9 * scale, err_msg=name)
 
 
-@pytest.mark.three_ranks
+@pytest.mark.serial
 def test_the_work_of_feedback_is_in_the_balance() -> None:
     """Of second order in the step; left out, the balance is off by all of the work."""
     begin = ff.SmoothStep(0.0, 0.3)
