@@ -12,9 +12,10 @@ the tip) in the time ``--wake``. The chord is a few numbers near those of the re
 that powers are near its own, not equal to them. The generator's torque is ``gain Omega^2``, at most
 ``--torque``.
 
-History: ``rate`` of the rotor (rad/s), ``power`` of the generator (W), ``azimuth`` (rad), ``out_1``
-to ``out_3`` and ``in_1`` to ``in_3``, displacements of the tips out of and in the plane of rotation
-relative to the unloaded blade (m), ``top_x, top_y, top_z``, those of the tower's top (m).
+History: ``rate`` of the rotor (rad/s), ``power`` of the generator (W), ``azimuth`` (rad);
+``out_1, out_2, out_3`` and ``in_1, in_2, in_3``, displacements of the tips out of the plane of
+rotation and in it, relative to the unloaded blade (m); ``top_x, top_y, top_z``, those of the
+tower's top (m).
 
 Expected at 9 m/s: 0.645 rad/s and 8.9 MW after a minute, tips bent by 11 m.
 Run: ``mpirun -n 2 python cases/turbine.py --wind 9``.

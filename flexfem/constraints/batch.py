@@ -382,7 +382,7 @@ class Constraints(NumberedRows):
             self._add_line_dampers(self.slopes[:, 1], dynamics[0])
         self._hold(self.force_jacobian)
         self._hold(self.step_jacobian)
-        if len(self.elements):
+        if self.elements.groups:
             self.elements.evaluate(self, dynamics)
             self._hold(self.step_jacobian)
 
@@ -418,7 +418,7 @@ class Constraints(NumberedRows):
     def static_forces(self) -> FloatArray:
         """(r, 2) forces at rest and their slopes; zero for rigid rows and for friction."""
         out = self._forces_alone()
-        if len(self.elements):
+        if self.elements.groups:
             self.elements.static_forces(self, out)
         return out
 
@@ -518,7 +518,7 @@ class Constraints(NumberedRows):
         self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
         self._hold(self.force_jacobian)
         self.lines.accept()
-        if len(self.elements):
+        if self.elements.groups:
             evaluate_rows(self.own.memory, self.interface.interface_nodes.memory, _UNSCALED)
             self.elements.accept(self)
 

@@ -64,7 +64,7 @@ def test_other_numbers_of_ranks(tmp_path: Path, run: Callable[..., object]) -> N
         ended = run(ranks, script, models, tmp_path / folder, first, last, timeout=600)
         assert (ended.returncode, ended.stderr) == (0, "")
     folders = sorted((tmp_path / "full").iterdir())
-    assert len(folders) == 9
+    assert len(folders) == 10
     for reference in folders:
         assert_same(tmp_path / "part" / reference.name, reference)
 
