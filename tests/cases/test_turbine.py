@@ -88,7 +88,7 @@ def test_the_energy_of_wind_and_generator_is_in_the_balance() -> None:
 def test_ranks() -> None:
     case = load_case("turbine")
     values, _ = case.prepare(SMALL)
-    options = ff.RunOptions(dt=0.05, t_end=0.3, tolerance=1e-9, quiet=True)
+    options = ff.RunOptions(dt=0.05, t_end=0.3, quiet=True)
     found = columns(ff.simulate(case.model(**values), options))
     alone = ff.simulate(case.model(**values), options, comm=MPI.COMM_SELF).history
     for name in ("rate", "power", "out_1", "in_2", "top_x"):
