@@ -356,6 +356,7 @@ def test_a_body_swings_on_hanging_cables() -> None:
 TEETH = {"stiffness": 400.0, "damping": 0.8, "backlash": 0.02}
 
 
+@pytest.mark.serial
 def test_gears_rattle_in_their_play() -> None:
     """A shaken gear pair with elastic teeth and backlash, against SciPy."""
     one, two, ratio = 0.05, 0.2, -0.5

@@ -45,8 +45,14 @@ def driven(follower: str, profile: Any = eccentric, **given: Any) -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("follower", ["point", "roller", "flat"])
+@pytest.mark.parametrize(
+    "follower",
+    [
+        pytest.param("point", marks=pytest.mark.three_ranks),
+        pytest.param("roller", marks=pytest.mark.serial),
+        pytest.param("flat", marks=pytest.mark.serial),
+    ],
+)
 def test_followers_of_an_eccentric_circle(follower: str) -> None:
     """Over more than a turn, past the place where angles begin again."""
     found = columns(ff.simulate(driven(follower), ff.RunOptions(dt=2e-3, t_end=1.0, quiet=True)))
@@ -67,7 +73,7 @@ def test_a_profile_of_points() -> None:
     np.testing.assert_allclose(found["at_x"], lift("roller", SPEED * found["t"]), atol=1e-8)
 
 
-@pytest.mark.three_ranks
+@pytest.mark.serial
 def test_a_follower_that_is_pressed_by_a_spring_lifts_off() -> None:
     """Where the cam's acceleration is larger than what the spring gives to the follower."""
     lifts = []

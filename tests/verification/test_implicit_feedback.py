@@ -96,6 +96,7 @@ def test_explicit_feedback_does_not_hold_it() -> None:
     assert lost
 
 
+@pytest.mark.serial
 def test_pictures_show_what_acts_where(shared_tmp_path: Path) -> None:
     """The motor between its own markers, and a force at one marker there, not at measured ones."""
     model = arm("feedback")

@@ -127,6 +127,7 @@ def spring_columns(**spring: Any) -> Any:
     return columns(ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=0.5, quiet=True)))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("cable", [False, True])
 def test_functions_are_the_springs_that_they_say(cable: bool) -> None:
     """A linear function is the linear spring, energies and dissipation included."""
@@ -162,6 +163,7 @@ def test_a_weight_on_a_curve(curve: ff.Curve, depth: float) -> None:
     assert found["energy_strain"][-1] == pytest.approx(energy, rel=2e-4)
 
 
+@pytest.mark.serial
 def test_a_ball_falls_onto_a_hertzian_stop() -> None:
     """Its depth by energy, ``m g (h + d) = 2/5 k d^2.5``, and its height after the rebound."""
     stiffness, fall = 4e5, 0.05
