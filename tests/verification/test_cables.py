@@ -212,7 +212,6 @@ def rubbing(
     return model
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize("masses", [(3.0, 1.5), (1.5, 3.0)], ids=["down", "up"])
 def test_a_cable_slides_over_a_sheave_with_friction(masses: tuple[float, float]) -> None:
     """Euler and Eytelwein: the falling side pulls ``exp(mu pi)`` times as much as the other."""

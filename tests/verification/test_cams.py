@@ -48,7 +48,7 @@ def driven(follower: str, profile: Any = eccentric, **given: Any) -> ff.Model:
 @pytest.mark.parametrize(
     "follower",
     [
-        pytest.param("point", marks=pytest.mark.three_ranks),
+        "point",
         pytest.param("roller", marks=pytest.mark.serial),
         pytest.param("flat", marks=pytest.mark.serial),
     ],

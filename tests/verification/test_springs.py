@@ -29,7 +29,6 @@ def hanging(start: float, **spring: Any) -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
 def test_a_mass_falls_into_a_slack_cable_and_is_thrown_back() -> None:
     """It falls freely, is stretched by what its weight and fall give, and comes back to its height.
 
