@@ -6,7 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from enum import IntEnum
-from typing import Any, Protocol
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
 
@@ -20,6 +20,7 @@ __all__ = [
     "STORING_FUNCTIONS",
     "ElementLaw",
     "ElementMotion",
+    "Ends",
     "Law",
     "LawKind",
     "applied",
@@ -84,6 +85,25 @@ class ElementMotion:
     time: float
     poses: FloatArray
     twists: FloatArray
+
+
+class Ends(NamedTuple):
+    """Motion of the m markers of a `Force`, in inertial axes.
+
+    Attributes:
+        positions: (m, 3) of their origins, m.
+        rotations: (m, 3, 3) their axes, as columns.
+        velocities: (m, 3) of their origins, m/s.
+        angular_velocities: (m, 3) of their axes, rad/s.
+        numbers: (m,) their numbers in ``Force.markers``: all of them on one process, those of a
+            rank's elements on several.
+    """
+
+    positions: FloatArray
+    rotations: FloatArray
+    velocities: FloatArray
+    angular_velocities: FloatArray
+    numbers: IntArray
 
 
 class ElementLaw(Protocol):

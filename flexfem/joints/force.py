@@ -16,12 +16,12 @@ from flexfem import _checks
 from flexfem._fields import checked, choice, declared, flag, function
 from flexfem._types import FloatArray
 from flexfem.core.joint import Joint
-from flexfem.core.laws import ElementLaw, element
+from flexfem.core.laws import ElementLaw, Ends, element
 from flexfem.core.marker import Attachment, Ground, Marker
 from flexfem.core.node_row import NodeRow
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind, Term
-from flexfem.joints.marker_law import Ends, MarkerLaw
+from flexfem.joints.marker_law import MarkerLaw
 
 __all__ = ["Ends", "Force"]
 
@@ -47,11 +47,13 @@ def _count(owner: str, what: str, value: Any) -> int:
     return int(number)
 
 
-def _function_of(owner: str, what: str, value: Any) -> Callable[..., Any]:
-    """Check a function of the arguments of the law."""
+def _derivatives(owner: str, what: str, value: Any) -> Callable[..., Any] | str:
+    """Check a function of the arguments of the law, or "ufl"."""
+    if value == "ufl":
+        return "ufl"
     if not callable(value):
         raise TypeError(
-            f"{owner}: {what} must be a function of t, ends, z, got {_checks.show(value)}"
+            f'{owner}: {what} must be a function of t, ends, z, or "ufl", got {_checks.show(value)}'
         )
     _arguments(owner, what, value)
     found: Callable[..., Any] = value
@@ -107,7 +109,11 @@ class Force(Joint):
             (elements, 6 k + states, 12 k + states) for elements of k markers: of forces and moments
             of each marker, then of the rates of the states, by position, rotation vector, velocity
             and angular velocity of each marker, all in inertial axes, then by the states. None to
-            have them found by differences.
+            have them found by differences; "ufl" for a law that is written in UFL, which is
+            differentiated exactly and compiled by FFCx. It is called once then, for the markers of
+            one element, with UFL vectors and tensors in place of the rows of arrays
+            (``ends.positions[k]``), by which ``ufl.diff`` differentiates energies, and returns a
+            list of m vectors each for forces and moments.
 
     Raises:
         TypeError: the law is no function, or a marker is none.
@@ -125,7 +131,7 @@ class Force(Joint):
     each: int | None = checked(_count, default=None)
     every: str = choice(("iteration", "step"), default="iteration")
     compiled: bool = flag(default=False)
-    jacobian: Callable[..., Any] | None = checked(_function_of, default=None)
+    jacobian: Callable[..., Any] | str | None = checked(_derivatives, default=None)
 
     def __post_init__(self) -> None:
         """Check the arguments against one another."""
@@ -141,6 +147,11 @@ class Force(Joint):
             raise ValueError(
                 f"{self.owner}: each must be a number from 1 to {_MOST} that divides the "
                 f"{count} markers, got {self.each}"
+            )
+        if self.jacobian == "ufl" and self.compiled:
+            raise ValueError(
+                f'{self.owner}: compiled must be False where jacobian is "ufl", got True: FFCx '
+                "compiles the law"
             )
         self._check_numbers("initial", self.states)
         self._check_numbers("parameters", None)

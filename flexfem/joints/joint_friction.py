@@ -28,7 +28,7 @@ class JointFriction(JointAction):
         force: F_c, N or N m, or a function of abs(v) that returns it; None with a coefficient.
         coefficient: mu, or a function of abs(v) that returns it (a Stribeck curve, for example);
             None with a force. Functions are plain Python with arithmetic on numbers and the
-            functions of ``math`` or NumPy, compiled with their derivatives, or a `Curve`.
+            functions of ``math``, NumPy or UFL, compiled with their derivatives, or a `Curve`.
         radius: r of the rubbing surface, m; for a rotation with a coefficient.
         velocity: v_0, m/s or rad/s.
         viscous: c, N s/m or N m s/rad.

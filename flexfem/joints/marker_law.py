@@ -6,36 +6,20 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from flexfem import _checks
 from flexfem._faults import FAILURES, ReturnError, located
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.laws import ElementMotion
+from flexfem.core.laws import ElementMotion, Ends
 from flexfem.core.pose import Pose
 
-__all__ = ["Ends", "MarkerLaw"]
+if TYPE_CHECKING:
+    from flexfem.joints.ufl_marker_law import UFLMarkerLaw
 
-
-class Ends(NamedTuple):
-    """Motion of the m markers of a `Force`, in inertial axes.
-
-    Attributes:
-        positions: (m, 3) of their origins, m.
-        rotations: (m, 3, 3) their axes, as columns.
-        velocities: (m, 3) of their origins, m/s.
-        angular_velocities: (m, 3) of their axes, rad/s.
-        numbers: (m,) their numbers in ``Force.markers``: all of them on one process, those of a
-            rank's elements on several.
-    """
-
-    positions: FloatArray
-    rotations: FloatArray
-    velocities: FloatArray
-    angular_velocities: FloatArray
-    numbers: IntArray
+__all__ = ["MarkerLaw"]
 
 
 @dataclass(frozen=True, eq=False)
@@ -52,7 +36,7 @@ class MarkerLaw:
         single: True if there is one element, whose states the law gets without a first dimension.
         parameters: numbers for the law; None if it takes none.
         compiled: True to have it compiled.
-        jacobian: function of its derivatives, None for differences.
+        jacobian: function of its derivatives, None for differences, "ufl" for a law in UFL.
     """
 
     owner: str
@@ -64,7 +48,7 @@ class MarkerLaw:
     single: bool
     parameters: FloatArray | None
     compiled: bool
-    jacobian: Callable[..., Any] | None
+    jacobian: Callable[..., Any] | str | None
     _numbers: dict[bytes, IntArray] = field(default_factory=dict)
 
     def initial(self, elements: IntArray) -> FloatArray:
@@ -87,12 +71,31 @@ class MarkerLaw:
 
     @cached_property
     def _law(self) -> Callable[..., Any]:
-        """The function, compiled by numba where this is wanted."""
+        """The function of arrays, compiled where this is wanted."""
+        if self._symbolic is not None:
+            return self._symbolic.law
         if not self.compiled:
             return self.function
         from flexfem.kernels.users.compiled_law import compiled_law
 
         return compiled_law(self.function)
+
+    @cached_property
+    def _symbolic(self) -> UFLMarkerLaw | None:
+        """The law if it is written in UFL."""
+        if self.jacobian != "ufl":
+            return None
+        from flexfem.joints.ufl_marker_law import UFLMarkerLaw
+
+        count = None if self.parameters is None else self.parameters.shape[-1]
+        return UFLMarkerLaw(self.function, self.size, self.states, count)
+
+    @cached_property
+    def _jacobian(self) -> Callable[..., Any] | None:
+        """The function of derivatives; None for differences."""
+        if self._symbolic is not None:
+            return self._symbolic.jacobian
+        return self.jacobian if callable(self.jacobian) else None
 
     def _called(
         self, function: Callable[..., Any], elements: IntArray, motion: ElementMotion, ends: Ends,
@@ -148,7 +151,8 @@ class MarkerLaw:
         z, function, what = self.initial(elements), self.function, "law"
         try:
             values = [*self.forces(elements, motion, z)]
-            function, what = self.jacobian or function, "jacobian"
+            if callable(self.jacobian):
+                function, what = self.jacobian, "jacobian"
             values += (
                 [found] if (found := self.derivatives(elements, motion, z)) is not None else []
             )
@@ -165,11 +169,11 @@ class MarkerLaw:
         self, elements: IntArray, motion: ElementMotion, z: FloatArray
     ) -> FloatArray | None:
         """See :meth:`ElementLaw.derivatives`: those of the user's function in the markers' axes."""
-        if self.jacobian is None:
+        if self._jacobian is None:
             return None
         size, n, count = self.size, self.states, len(elements)
         ends = self._ends(elements, motion)
-        found = self._called(self.jacobian, elements, motion, ends, z)
+        found = self._called(self._jacobian, elements, motion, ends, z)
         given = _shaped("jacobian", found, (count, 6 * size + n, 12 * size + n))
         by = given[:, :, : 12 * size].reshape(count, 6 * size + n, size, 4, 3)
         R = ends.rotations.reshape(count, size, 3, 3)

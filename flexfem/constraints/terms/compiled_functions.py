@@ -19,18 +19,22 @@ from typing import Any
 from weakref import WeakKeyDictionary
 
 import numpy as np
+import ufl
 from llvmlite import ir
 from numba import carray, cfunc, njit, types
 from numba.extending import intrinsic
 from numba.np.unsafe.ndarray import to_fixed_tuple
 
 from flexfem import _checks
+from flexfem._faults import located
 from flexfem._types import FloatArray
 from flexfem.core.row import Term
 from flexfem.core.user_function import FunctionKind, UserFunction
 from flexfem.kernels.compiled import kernel
+from flexfem.kernels.ffcx import tabulate
 from flexfem.kernels.users.compiled_law import not_compiled
 from flexfem.kernels.users.hyperdual import component, hyperdual
+from flexfem.kernels.users.ufl_function import UFLFunction, uses_ufl
 from flexfem.lie import se3
 
 __all__ = ["address", "call", "check", "kind_number"]
@@ -171,6 +175,8 @@ def _moved(kind: FunctionKind, place: FloatArray, k: int, step: float) -> FloatA
 
 
 def _compiled(user: UserFunction) -> Any:
+    if user.kind is not FunctionKind.POSE and uses_ufl(user.function):
+        return _from_ufl(user)
     # where it fails, the caller finds NaN
     function = njit(error_model="numpy")(user.function)
     make = {
@@ -184,6 +190,37 @@ def _compiled(user: UserFunction) -> Any:
     except Exception as error:  # numba raises many kinds
         why = not_compiled(user.function, error)
         raise ValueError(f"{user.owner}: {user.what}: {why}") from error
+
+
+def _from_ufl(user: UserFunction) -> Any:
+    """The same of a function in UFL.
+
+    Raises:
+        ValueError: it does not return UFL expressions of UFL arguments.
+    """
+    kinematic = _SIZES[user.kind] - 1
+    compiled = UFLFunction(kinematic + 1 + len(user.parameters))
+    try:
+        numbers = [compiled.x[i] for i in range(len(compiled.x))]
+        parameters = tuple(numbers[kinematic + 1 :])
+        given = [*numbers[: kinematic + (user.kind is FunctionKind.FORCE)], parameters]
+        value = ufl.as_ufl(user.function(*given[: user.count]))
+        compiled.compile([value, *compiled.slopes([value])[:kinematic]])
+    except Exception as error:  # UFL raises many kinds
+        why = located(user.function, error)
+        raise ValueError(f"{user.owner}: {user.what}: {why}") from error
+    _ALIVE.append(compiled)
+    address, count, n = compiled.addresses[0], len(compiled.x), _SIZES[user.kind]
+
+    def tabulated(x, data, out):  # type: ignore[no-untyped-def]
+        values, given = np.zeros(n + 1), np.empty(count)
+        given[:kinematic] = carray(x, (kinematic,))
+        given[kinematic:] = carray(data, (count - kinematic,))
+        tabulate(address, values, given, given, given)  # type: ignore[call-arg]
+        for i in range(n):
+            out[i] = values[1 + i]
+
+    return cfunc(_SIGNATURE, error_model="numpy")(tabulated)
 
 
 def _speed(function: Any, user: UserFunction) -> Callable[..., None]:
