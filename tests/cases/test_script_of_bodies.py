@@ -88,14 +88,13 @@ def test_a_script_of_the_user_runs_on_all_ranks_and_from_checkpoints(
         assert ended.returncode == 0, ended.stderr
         return dict(read_history(tmp_path / name / "history.csv"))
 
-    whole = history(1, "one")
+    whole = history(1, "one", "--checkpoint-every", 60)
     assert whole["touch_closed"].max() > 3.0
     assert abs(whole["energy_balance"]).max() <= 0.01
-    history(2, "half", "--t-end", 0.12, "--checkpoint-every", 60)
-    (checkpoint,) = (tmp_path / "half").rglob("*.h5")
+    checkpoint = min((tmp_path / "one").rglob("*.h5"))
     runs = {
         "three": history(3, "three"),
-        "again": history(1, "again", "--restart", checkpoint),
+        "again": history(2, "again", "--restart", checkpoint),
     }
     for name, table in runs.items():
         count = len(table["t"])

@@ -102,11 +102,10 @@ def test_simple_pendulum():
         1.0: (0.98629175113, -0.16501085313),
         2.0: (-0.79356619535, -0.60848393044),
         5.0: (-0.94230543504, -0.33475433841),
-        10.0: (-0.27508746258, -0.96141920510),
     }
     errors = []
-    for h in (2e-3, 1e-3):
-        history = simulate(model, RunOptions(dt=h, t_end=10.0, tolerance=1e-10)).history
+    for h in (4e-3, 2e-3):
+        history = simulate(model, RunOptions(dt=h, t_end=5.0, tolerance=1e-10)).history
         rows = [round(t / h) for t in expected]
         found = _columns(history, "x y", "mass_at_")[rows]
         errors.append(np.abs(found - list(expected.values())).max())
@@ -212,7 +211,7 @@ def test_flying_spaghetti_converges_with_the_mesh():
 @pytest.mark.parametrize("elements", [12, pytest.param(24, marks=pytest.mark.slow)])
 def test_slider_crank(elements):
     """Wu et al. 2020, against a converged solution of pinned Simo–Reissner rods."""
-    dt = {12: 5e-5, 24: 2e-5}[elements]
+    dt = {12: 5e-5, 24: 4e-5}[elements]
     model, reference = _case("slider_crank").CASE.model(elements=elements), _table("slider_crank")
     history = simulate(model, RunOptions(dt=dt, t_end=0.2)).history
     t, angle = history["t"], history["crank_angle"]

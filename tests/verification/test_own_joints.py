@@ -156,13 +156,15 @@ def shaken(**shaker: float) -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("integrator", ["generalized_alpha", "energy_momentum"])
+@pytest.mark.parametrize(
+    "integrator",
+    ["generalized_alpha", pytest.param("energy_momentum", marks=pytest.mark.serial)],
+)
 def test_a_drive_works_on_the_spring_that_it_moves(integrator: str) -> None:
     """Against the equation of motion, with the energy that the damper takes as a third unknown."""
     model = shaken()
     model.add(ff.EnergyProbe("energy"))
-    options = ff.RunOptions(dt=2e-4, t_end=0.5, quiet=True, integrator=integrator)
+    options = ff.RunOptions(dt=5e-4, t_end=0.5, quiet=True, integrator=integrator)
     found = columns(ff.simulate(model, options))
 
     def rates(t: float, state: np.ndarray) -> list[float]:
@@ -171,13 +173,12 @@ def test_a_drive_works_on_the_spring_that_it_moves(integrator: str) -> None:
         return [v, -force / 2.0, 5.0 * v**2]
 
     exact = solve_ivp(rates, (0.0, 0.5), np.zeros(3), rtol=1e-10, atol=1e-12).y[:, -1]
-    assert found["at_x"][-1] == pytest.approx(exact[0], abs=5e-6)
-    assert found["energy_dissipation"][-1] == pytest.approx(exact[2], rel=1e-4)
+    assert found["at_x"][-1] == pytest.approx(exact[0], abs=4e-5)
+    assert found["energy_dissipation"][-1] == pytest.approx(exact[2], rel=1e-3)
     # the spring's own energy counted as work once more is off by 13 J
-    assert np.abs(found["energy_balance"]).max() < 1e-5
+    assert np.abs(found["energy_balance"]).max() < 1e-4
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize("shaker", [{}, {"damping": 0.0}, {"damping": 0.0, "backlash": 0.01}])
 def test_no_spurious_energy_is_seen_without_a_probe(shaker: dict[str, float]) -> None:
     outcome = ff.simulate(shaken(**shaker), ff.RunOptions(dt=5e-4, t_end=0.5, quiet=True))
