@@ -230,6 +230,7 @@ _MODULES = {
     "sweep": "studies.sweep",
     "Option": "options",
     "GridOption": "options",
+    "VectorOption": "options",
     "grid_nodes": "options",
     "RunOptions": "analyses.dynamics",
     "ModeOptions": "analyses.modes",

@@ -13,7 +13,7 @@ from flexfem.cli.case_run import load_case
 from flexfem.cli.postprocessing import print_files, script
 from flexfem.cli.shown_command import shown_command
 from flexfem.cli.usage import Parser, UsageError, folder, join_negative_values, reader
-from flexfem.options import PROGRESS, Option
+from flexfem.options import PROGRESS, Option, with_components
 
 if TYPE_CHECKING:
     from flexfem.studies.sweep import Sweep
@@ -107,7 +107,7 @@ def _sweep(name: str, case: Case, own: Any, given: dict[str, Any], output: Path)
             raise ValueError(f"a sweep does not take --{file}: its runs start from the beginning")
     smoke = given.pop("smoke")
     given.pop("quiet")
-    options = {option.name: option for option in case.all_options()}
+    options = with_components(case.all_options())
     varied: dict[str, list[Any]] = {}
     for text in own.vary:
         option, values = parse_variation(text, options)
