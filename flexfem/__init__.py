@@ -228,6 +228,7 @@ _MODULES = {
     "Case": "case",
     "load_case": "case",
     "sweep": "studies.sweep",
+    "Workers": "studies.workers",
     "Option": "options",
     "GridOption": "options",
     "VectorOption": "options",
