@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -79,10 +79,7 @@ class Plan:
         shown = str(name) if path.stem == str(name) else str(path)
         own = [] if self.case is case else ["--analysis", self.case.analysis.name]
         self._start = [shown, *own, *(["--smoke"] if smoke else [])]
-        both = [key for key in varied if key in options]
-        both += [key for key in varied if vector_of(key) != key and vector_of(key) in varied]
-        if both:
-            raise ValueError(f"{both[0]} is varied, and has a value of its own")
+        _check_single(varied, options)
         self._checked(options, smoke)
         self.identity = {
             "case": shown, "analysis": self.case.analysis.name, "smoke": smoke,
@@ -119,6 +116,19 @@ class Plan:
         arguments = [_argument(key, value) for key, value in chosen.items()]
         record = {**self.identity, "options": _as_json(chosen), **self._versions}
         return PlannedRun(plain, values, record, [*self._start, *arguments])
+
+
+def _check_single(varied: Iterable[str], options: Iterable[str]) -> None:
+    """Refuse names with two sources of a value, also where one is of a component of the other.
+
+    Raises:
+        ValueError: There is one.
+    """
+    names = list(varied)
+    for name in names:
+        rest = [other for other in names if other != name]
+        if name in options or vector_of(name) in rest or name in map(vector_of, options):
+            raise ValueError(f"{name} is varied, and has a value of its own")
 
 
 def _argument(name: str, value: Any) -> str:
