@@ -229,6 +229,8 @@ _MODULES = {
     "load_case": "case",
     "sweep": "studies.sweep",
     "Workers": "studies.workers",
+    "sensitivities": "studies.sensitivities",
+    "Sensitivity": "studies.sensitivities",
     "Option": "options",
     "GridOption": "options",
     "VectorOption": "options",

@@ -60,8 +60,8 @@ def sweep(
         vary: values of each option that is varied, each with each.
         options: values of other options.
         together: vary the options together, first value with first value and so on.
-        reduce: columns of the history to reduce, such as "max:tip_x": final, max, min, mean or rms
-            (means over time); results ``tip_x_max``.
+        reduce: columns of the history to reduce, such as "max:tip_x": final, max, min, mean, rms
+            or integral (over time); results ``tip_x_max``.
         columns: other ones that the histories must have, such as those to be plotted.
         output: folder of the study with one folder for each run and the table ``sweep.csv``; None
             for a temporary one.
