@@ -54,8 +54,10 @@ def main() -> None:
 def _channels() -> tuple[TextIO, int]:
     """Where tasks come from, and where answers go; runs do not read from there."""
     tasks, answers = os.fdopen(os.dup(0), encoding="utf-8"), os.dup(1)
-    with Path(os.devnull).open("rb") as nothing:
-        os.dup2(nothing.fileno(), 0)
+    nothing, end = os.pipe()
+    os.close(end)
+    os.dup2(nothing, 0)
+    os.close(nothing)
     return tasks, answers
 
 
