@@ -67,7 +67,7 @@ def conclude(
     summary: dict[str, Any], history: Mapping[str, FloatArray], results: Results | None,
     options: Settings, comm: MPI.Intracomm,
 ) -> Outcome:  # fmt: skip
-    """Add options and headline results to a summary, which goes to the folder (collective).
+    """Add options and headline results to a summary; write it if there is a folder (collective).
 
     The history is empty on other ranks than the first. An error after the end of the run becomes
     its status, if that was "ok" before.
