@@ -2,10 +2,10 @@
 """Tutorial 8: a crane with a rope in two falls; cables, sheaves, a winch and friction.
 
 A boom (steel tube, ``--length``, raised by ``--angle``) is clamped at its foot. The hoist rope runs
-from a winch behind the foot over a sheave at the head of the boom, down around the sheave of the
-hook block, which has the mass of ``--load``, and back up to the head. The winch hauls in ``--haul``
-of rope within ``--time``, from rest to rest, so that the load rises by half of it and swings, and
-the boom springs. Sheaves rub by ``--friction``.
+from a winch (``--winch``) over a sheave at the head of the boom, down around the sheave of the hook
+block, which has the mass of ``--load``, and back up to the head. The winch hauls in ``--haul`` of
+rope within ``--time``, from rest to rest, so that the load rises by half of it and swings, and the
+boom springs. Sheaves rub by ``--friction``.
 
 History: ``load_x``, ``load_y``, ``load_z`` (m) of the hook block; ``head_x``, ``head_y``,
 ``head_z`` (m) of the boom; ``pull_tension`` at the winch, ``pull_end_tension`` at the dead end (N)
@@ -28,7 +28,8 @@ ACROSS = (0.0, 1.0, 0.0)
 
 def build(
     *, elements: int, length: float, angle: float, diameter: float, wall: float, load: float,
-    rope: float, radius: float, friction: float, haul: float, time: float,
+    rope: float, radius: float, friction: float, winch: tuple[float, ...], haul: float,
+    time: float, gravity: tuple[float, ...],
 ) -> ff.Model:  # fmt: skip
     """Model of the crane."""
     rise = math.radians(angle)
@@ -38,7 +39,7 @@ def build(
 
     model = ff.Model("tutorial_8_crane")
     model.add(
-        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Gravity(gravity),
         ff.Beam("boom", ff.Section.tube(diameter - 2.0 * wall, diameter, steel),
                 curve=ff.NurbsCurve.line((0.0, 0.0, 0.0), head, degree=3, elements=elements),
                 orientation=ACROSS, damping=2e-3),
@@ -50,13 +51,12 @@ def build(
     # the rope: winch, sheave of the head, sheave of the hook block, dead end
     over = ff.Sheave(ff.Marker("boom", "end"), radius, ACROSS, friction=friction)
     under = ff.Sheave(ff.Marker("hook"), radius, ACROSS, friction=friction)
-    winch = ff.Ground((-1.0, 0.0, 0.5))
     beside = (-radius * math.cos(rise), 0.0, radius * math.sin(rise))  # -X in the section's axes
     dead_end = ff.Marker("boom", "end", offset=beside)
-    path = [winch, over, under, dead_end]
-    long = math.dist(winch.position, head) + 2.0 * (head[2] - hook[2])
+    path = [ff.Ground(winch), over, under, dead_end]
+    long = math.dist(winch, head) + 2.0 * (head[2] - hook[2])
     model.add(
-        ff.Cable("rope", path, axial_stiffness=rope, preload=0.5 * 9.81 * load,
+        ff.Cable("rope", path, axial_stiffness=rope, preload=0.5 * math.hypot(*gravity) * load,
                  damping=0.02 * rope / long,
                  paid_out=ff.SmoothStep(0.5, 0.5 + time, 0.0, -haul)),
     )  # fmt: skip
@@ -86,8 +86,10 @@ CASE = ff.Case(
         ff.Option("rope", float, 2e7, "axial stiffness of the rope", unit="N", above=0.0),
         ff.Option("radius", float, 0.2, "of both sheaves", unit="m", above=0.0),
         ff.Option("friction", float, 0.05, "of the rope on the sheaves", minimum=0.0),
+        ff.VectorOption("winch", (-1.0, 0.0, 0.5), "where the winch is", unit="m"),
         ff.Option("haul", float, 6.0, "rope that the winch hauls in", unit="m"),
         ff.Option("time", float, 4.0, "it takes for that", unit="s", above=0.0),
+        ff.VectorOption("gravity", (0.0, 0.0, -9.81), "its acceleration", unit="m/s^2"),
     ),
     dt=5e-3,
     t_end=6.0,

@@ -6,7 +6,7 @@ Every function takes the `owner` (for example ``Beam "rod_1"``) and the `what` (
 come back as read-only copies, so that a frozen object stays as it was checked.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import Any
 
 import numpy as np
@@ -265,6 +265,26 @@ def function(owner: str, what: str, value: object, shape: tuple[int, ...]) -> No
         array(owner, f"{what}(0)", start, shape)
     else:
         number(owner, f"{what}(0)", start)
+
+
+def arguments(owner: str, what: str, function: Callable[..., Any], *names: str) -> None:
+    """Check that a function can be called with so many arguments.
+
+    Raises:
+        TypeError: it takes others; functions whose arguments are unknown are let through.
+    """
+    from inspect import signature  # costs time where no function is checked
+
+    try:
+        taken = signature(function)
+    except (TypeError, ValueError):  # written in C
+        return
+    try:
+        taken.bind(*names)
+    except TypeError:
+        raise TypeError(
+            f"{owner}: {what} must be a function of ({', '.join(names)}), got one of {taken}"
+        ) from None
 
 
 def numbers(value: object) -> FloatArray:

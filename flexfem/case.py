@@ -21,7 +21,7 @@ from flexfem.analyses.dynamics import DYNAMICS
 from flexfem.analyses.modes import MODES
 from flexfem.analyses.relaxation import RELAXATION
 from flexfem.analyses.statics import STATICS
-from flexfem.options import Option, Settings, meant
+from flexfem.options import Option, Settings, meant, with_changed_components, with_components
 from flexfem.resources import imported_elsewhere, load_module, shipped_files
 
 if TYPE_CHECKING:
@@ -164,7 +164,7 @@ class Case:
         chosen = {**values, **(self.smoke if smoke else {}), **given}
         for key, choices in self.presets.items():
             values |= choices.get(chosen[key], {})
-        return {**values, **(self.smoke if smoke else {}), **given}
+        return with_changed_components({**values, **(self.smoke if smoke else {}), **given})
 
     def prepare(
         self, given: Mapping[str, Any], *, smoke: bool = False, **more: Any
@@ -172,8 +172,8 @@ class Case:
         """Keyword arguments of ``build``, and the options of the analysis.
 
         Args:
-            given: values of own options and of those of the analysis by name; others have their
-                defaults.
+            given: values of own options and of those of the analysis by name, also of components
+                of vectors (``gravity[2]``); others have their defaults.
             smoke: with the values for a quick look.
             more: other fields of the settings, such as ``output``.
 
@@ -181,7 +181,7 @@ class Case:
             TypeError: A value has the wrong type.
             ValueError: There is no such option, or a value is not admissible.
         """
-        options = {option.name: option for option in self.all_options()}
+        options = with_components(self.all_options())
         checked = {}
         for name, value in given.items():
             if name not in options:
@@ -195,7 +195,7 @@ class Case:
         settings = self.analysis.settings
         numbers = {option.name: values[option.name] for option in settings.OPTIONS}
         parameters = {option.name: values[option.name] for option in self.options}
-        return parameters, settings(**numbers, **more)
+        return parameters, settings(**numbers, case_options=parameters, **more)
 
     def model(self, **given: Any) -> "Model":
         """Build the model and validate it; ranks do not agree on errors yet.

@@ -23,7 +23,8 @@ class Option:
 
     Args:
         name: Python identifier; ``beam_length`` becomes ``--beam-length`` on the command line.
-        kind: ``int``, ``float``, ``str`` or ``bool`` (a bool becomes ``--name`` / ``--no-name``).
+        kind: ``int``, ``float``, ``str`` or ``bool`` (a bool becomes ``--name`` / ``--no-name``);
+            several numbers are a :class:`VectorOption`.
         default: Value when the option is not given.
         help: One line for ``--help``.
         unit: Physical unit shown in ``--help``; None for pure numbers.
@@ -38,7 +39,7 @@ class Option:
     """
 
     name: str
-    kind: type[int] | type[float] | type[str] | type[bool]
+    kind: type[int] | type[float] | type[str] | type[bool] | type[tuple[float, ...]]
     default: Any
     help: str
     unit: str | None = None
@@ -48,14 +49,16 @@ class Option:
     choices: Sequence[Any] = ()
     note: str = ""
 
+    _KINDS: ClassVar[tuple[type, ...]] = (int, float, str, bool)
+
     def __post_init__(self) -> None:
         """Check the declaration itself."""
         if not self.name.isidentifier() or self.name.startswith("_"):
             raise ValueError(f"Option '{self.name}': the name is not a plain Python identifier")
-        if self.kind not in (int, float, str, bool):
-            raise ValueError(
-                f"Option '{self.name}': type {self.kind!r} is not int, float, str, bool"
-            )
+        if self.kind not in self._KINDS:
+            known = ", ".join(kind.__name__ for kind in self._KINDS)
+            more = "; several numbers are a VectorOption" if self.kind is tuple else ""
+            raise ValueError(f"Option '{self.name}': type {self.kind!r} is not {known}{more}")
         if self.default is not None:
             try:
                 self.check(self.default)
@@ -86,7 +89,8 @@ class Option:
         """
         if self.kind in (int, float):
             number_in(text)
-        return self.kind(text)
+        kind: type[Any] = self.kind
+        return kind(text)
 
     def check(self, value: Any) -> Any:
         """Return the value as the option's own type.
@@ -140,6 +144,117 @@ class Option:
         ]
         text = " ".join([kinds[self.kind], " and ".join(bounds)]).strip()
         return f"{text} [{self.unit}]" if self.unit else text
+
+
+@dataclass(frozen=True, init=False)
+class VectorOption(Option):
+    """Several numbers, as many as the default has: ``--gravity 0,0,-9.81``, a tuple in Python.
+
+    Each component is an option as well, which leaves the others as they are: ``gravity[2]``.
+
+    Args:
+        name: Python identifier, as of :class:`Option`.
+        default: The numbers when the option is not given: a sequence or an array.
+        help: One line for ``--help``.
+        unit: Physical unit of each number; None for pure numbers.
+        minimum: Smallest admissible number.
+        maximum: Largest admissible number.
+        above: Each number must be strictly greater than this one.
+        note: Sentences that the reference adds to the help.
+
+    Raises:
+        ValueError: The name is not admissible, or the default has no numbers or others.
+    """
+
+    _KINDS: ClassVar[tuple[type, ...]] = (tuple,)
+
+    def __init__(
+        self, name: str, default: Iterable[float], help: str, *, unit: str | None = None,
+        minimum: float | None = None, maximum: float | None = None, above: float | None = None,
+        note: str = "",
+    ) -> None:  # fmt: skip
+        """Declare the option."""
+        numbers = numbers_of(default)
+        if not numbers:
+            raise ValueError(f"Option '{name}': the default must be numbers, got {show(default)}")
+        super().__init__(
+            name, tuple, numbers, help, unit, minimum, maximum, above, choices=(), note=note
+        )
+        object.__setattr__(self, "default", self.check(numbers))
+
+    @property
+    def component(self) -> Option:
+        """Each of the numbers as an option."""
+        return Option(
+            self.name, float, None, self.help, self.unit, self.minimum, self.maximum, self.above
+        )
+
+    def check(self, value: Any) -> tuple[float, ...]:
+        """Return the numbers, of a sequence or an array; see :meth:`Option.check`."""
+        numbers = numbers_of(value)
+        if numbers is None:
+            raise TypeError(f"must be {self.describe()}, got {show(value)}")
+        try:
+            checked = tuple(self.component.check(number) for number in numbers)
+        except (TypeError, ValueError) as error:
+            raise type(error)(f"must be {self.describe()}, got {show(value)}") from None
+        if len(checked) != len(self.default):
+            raise ValueError(f"must be {self.describe()}, got {show(value)}")
+        return checked
+
+    def _read(self, text: str) -> tuple[float, ...]:
+        return tuple(number_in(part) for part in text.split(","))
+
+    def describe(self) -> str:
+        """Name the admissible values, e.g. "3 numbers separated by commas, ..."."""
+        return f"{len(self.default)} numbers separated by commas, each {self.component.describe()}"
+
+
+def numbers_of(value: Any) -> tuple[Any, ...] | None:
+    """The entries of a sequence or an array; None if it is none, or a text."""
+    if isinstance(value, (str, bytes, Mapping)) or not isinstance(value, Iterable):
+        return None
+    return tuple(value)
+
+
+#: A component of a vector, ``gravity[2]``.
+_COMPONENT = re.compile(r"(\w+)\[(\d+)\]", flags=re.ASCII)
+
+
+def with_components(options: Iterable[Option]) -> dict[str, Option]:
+    """Options by their names, each vector followed by its components."""
+    known: dict[str, Option] = {}
+    for one in options:
+        known[one.name] = one
+        if isinstance(one, VectorOption):
+            known |= {f"{one.name}[{k}]": one.component for k in range(len(one.default))}
+    return known
+
+
+def vector_of(name: str) -> str:
+    """The name of the vector with this component; other names stay as they are."""
+    found = _COMPONENT.fullmatch(name)
+    return name if found is None else found[1]
+
+
+def with_changed_components(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by option, where those of components have taken their places in the vectors."""
+    whole = {name: value for name, value in values.items() if vector_of(name) == name}
+    for name, value in values.items():
+        if found := _COMPONENT.fullmatch(name):
+            numbers = list(whole[found[1]])
+            numbers[int(found[2])] = value
+            whole[found[1]] = tuple(numbers)
+    return whole
+
+
+def value_text(value: Any) -> str:
+    """A value as it is typed on a command line, and named."""
+    if isinstance(value, bool):
+        return "yes" if value else "no"
+    if isinstance(value, tuple | list):
+        return ",".join(map(value_text, value))
+    return repr(value) if isinstance(value, float) else str(value)
 
 
 @dataclass(frozen=True, init=False)
@@ -326,9 +441,9 @@ def option(help: str, *, default: Any = MISSING, kind: type[Option] = Option, **
     return field(default=default, metadata={"help": help, "kind": kind, "more": more})
 
 
-def setting(help: str, *, default: Any, note: str = "") -> Any:
+def setting(help: str, *, default: Any, note: str = "", compare: bool = True) -> Any:
     """Declare a field of settings that is not numerical: no option of cases."""
-    return field(default=default, metadata={"help": help, "note": note})
+    return field(default=default, metadata={"help": help, "note": note}, compare=compare)
 
 
 @dataclass_transform(kw_only_default=True, frozen_default=True, field_specifiers=(option, setting))
@@ -418,6 +533,16 @@ class Settings:
     output: Path | None = setting("folder of the results; None writes nothing", default=None)
     quiet: bool = setting("show no progress, whatever ``progress`` is", default=False)
     progress: str = setting(f"{PROGRESS.help}: {PROGRESS.describe()}", default=PROGRESS.default)
+    case_options: Mapping[str, Any] | None = setting(
+        "values of the case's own options, for the summary; a case sets them", default=None,
+        compare=False,
+    )  # fmt: skip
+
+    @property
+    def recorded(self) -> dict[str, Any]:
+        """Values of all options, also of the case's own, for the summary."""
+        own = {one.name: getattr(self, one.name) for one in self.OPTIONS}
+        return {**(self.case_options or {}), **own}
 
     def __post_init__(self) -> None:
         """Check every value and turn it into its plain Python type.

@@ -19,7 +19,7 @@ from flexfem.cli.usage import (
     join_negative_values,
     reader,
 )
-from flexfem.options import PROGRESS, Option, Settings
+from flexfem.options import PROGRESS, Option, Settings, VectorOption, value_text
 
 _METAVARS = {int: "N", float: "X", str: "TEXT"}
 #: Files that analyses start from.
@@ -147,18 +147,22 @@ def _add_option(
     group: argparse._ArgumentGroup, option: Option, others: str, metavar: str | None = None
 ) -> None:
     unit = f" [{option.unit}]" if option.unit else ""
-    default = "" if option.default is None else f" (default: {option.default}{others})"
+    shown = value_text(option.default) if isinstance(option, VectorOption) else option.default
+    default = "" if option.default is None else f" (default: {shown}{others})"
     text = f"{option.help}{unit}{default}".replace("%", "%%")
     if option.kind is bool:
         group.add_argument(option.flag, action=argparse.BooleanOptionalAction, help=text)
         return
     choices = "{" + ",".join(map(str, option.choices)) + "}" if option.choices else None
-    group.add_argument(
-        option.flag,
-        type=reader(option),
-        help=text,
-        metavar=metavar or choices or _METAVARS[option.kind],
-    )
+    metavar = metavar or choices or _METAVARS.get(option.kind)
+    if isinstance(option, VectorOption):
+        metavar = ",".join(f"X{k}" for k in range(len(option.default)))
+        for k in range(len(option.default)):  # --gravity[2]=-1.62 leaves the others as they are
+            group.add_argument(
+                f"{option.flag}[{k}]", dest=f"{option.name}[{k}]", type=reader(option.component),
+                help=argparse.SUPPRESS,
+            )  # fmt: skip
+    group.add_argument(option.flag, type=reader(option), help=text, metavar=metavar)
 
 
 def check_output(folder: Path) -> None:

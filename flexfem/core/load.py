@@ -83,8 +83,11 @@ class Load:
     def _check(self) -> str:
         """Check name and amplitude, and return the owner text of messages."""
         owner = _checks.named(self, self.name)
-        if self.amplitude is not None and not callable(self.amplitude):
+        if self.amplitude is None:
+            return owner
+        if not callable(self.amplitude):
             raise TypeError(
                 f"{owner}: amplitude must be a function of time, got {_checks.show(self.amplitude)}"
             )
+        _checks.arguments(owner, "amplitude", self.amplitude, "t")
         return owner

@@ -9,11 +9,11 @@ from typing import BinaryIO
 __all__ = ["run_log"]
 
 
-def run_log(path: Path) -> BinaryIO:
-    """An empty file for the output of a process; to be closed.
+def run_log(path: Path, *, append: bool = False) -> BinaryIO:
+    """A file for the output of a process, empty unless appended to; to be closed.
 
     Raises:
         OSError: It cannot be written.
     """
     path.parent.mkdir(parents=True, exist_ok=True)
-    return path.open("wb")
+    return path.open("ab" if append else "wb", buffering=0)

@@ -25,6 +25,8 @@ def _law(owner: str, what: str, value: Any) -> Any:
             f"{owner}: {what} must be a function of t and y, or have update(t, y) and state, got "
             f"{_checks.show(value)}"
         )
+    if not isinstance(value, SampledLaw):
+        _checks.arguments(owner, what, value, "t", "y")
     return value
 
 

@@ -7,7 +7,7 @@ from collections.abc import Iterator, Sequence
 from pathlib import Path
 from typing import NamedTuple
 
-from flexfem.studies.processes import Processes, run_command
+from flexfem.studies.workers import Workers
 
 __all__ = ["KINDS_OF_MODELS", "Compiled", "compile_ahead"]
 
@@ -42,21 +42,21 @@ def compile_ahead(cases: Sequence[str], jobs: int) -> Iterator[Compiled]:
         cases: names of shipped cases, or paths of case files.
         jobs: number of runs at the same time.
     """
-    processes = Processes(jobs)
+    workers = Workers(jobs)
     begun: dict[str, float] = {}
     left = list(cases)
     with tempfile.TemporaryDirectory(prefix="flexfem-compile-") as folder:
         try:
-            while left or processes.running:
-                while left and not processes.full:
+            while left or workers.running:
+                while left and not workers.full:
                     case = left.pop(0)
                     begun[case] = time.monotonic()
                     own = Path(folder) / str(len(begun))
                     line = [case, "--smoke", "--quiet", "--output", str(own / "results")]
-                    processes.start((case, own / "log"), run_command(line, 1), own / "log")
-                for (case, log), code in processes.ended():
+                    workers.start((case, own / "log"), line, own / "log")
+                for (case, log), code in workers.ended():
                     said = log.read_text(errors="replace").strip().splitlines()
                     fault = f"exit code {code}: {said[-1] if said else 'no message'}"
                     yield Compiled(case, time.monotonic() - begun[case], fault if code else "")
         finally:
-            processes.stop()
+            workers.stop()

@@ -12,6 +12,7 @@ from typing import Any
 from flexfem.io.summary import read_summary, write_summary
 from flexfem.io.tables.history import read_history
 from flexfem.io.tables.table import write_table
+from flexfem.options import value_text
 from flexfem.studies.plan import PlannedRun
 from flexfem.studies.reductions import Reduction
 
@@ -142,12 +143,20 @@ class StudyFolder:
             OSError: It cannot be written.
         """
         rows = [
-            {"run": folder.run.name, **folder.run.parameters, **own}
+            {"run": folder.run.name, **_told_vectors(folder.run.parameters), **own}
             for folder, own in zip(self.runs, results, strict=True)
         ]
         names = list(dict.fromkeys(name for row in rows for name in row))
         names = [n for n in names if n not in _COUNTS] + [n for n in _COUNTS if n in names]
         write_table(self.table, [{name: row.get(name) for name in names} for row in rows])
+
+
+def _told_vectors(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values by option, vectors as they are typed."""
+    return {
+        name: value_text(value) if isinstance(value, tuple) else value
+        for name, value in values.items()
+    }
 
 
 def _told(value: Any) -> str:

@@ -17,7 +17,7 @@ from typing import Any
 
 from flexfem.case import Case, load_case
 from flexfem.launch import environment_of_runs
-from flexfem.studies.variations import value_text
+from flexfem.options import value_text
 
 __all__ = ["check_models"]
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import hashlib
 import re
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,8 +13,8 @@ from typing import Any
 import flexfem
 from flexfem.analyses.analysis import Analysis
 from flexfem.case import case_file, load_case
-from flexfem.options import Option
-from flexfem.studies.variations import combinations, value_text
+from flexfem.options import numbers_of, value_text, vector_of, with_components
+from flexfem.studies.variations import combinations
 
 __all__ = ["Plan", "PlannedRun"]
 
@@ -74,25 +74,23 @@ class Plan:
         """
         case = load_case(name)
         self.case = case if analysis in (None, case.analysis) else case.under(analysis)
-        self._options = {option.name: option for option in self.case.all_options()}
+        self._options = with_components(self.case.all_options())
         path = case_file(name)
         shown = str(name) if path.stem == str(name) else str(path)
         own = [] if self.case is case else ["--analysis", self.case.analysis.name]
         self._start = [shown, *own, *(["--smoke"] if smoke else [])]
-        both = [key for key in varied if key in options]
-        if both:
-            raise ValueError(f"{both[0]} is varied, and has a value of its own")
+        _check_single(varied, options)
         self._checked(options, smoke)
         self.identity = {
             "case": shown, "analysis": self.case.analysis.name, "smoke": smoke,
-            "options": self._plain(options), "varied": sorted(varied),
+            "options": _as_json(self._plain(options)), "varied": sorted(varied),
         }  # fmt: skip
         self._versions = {
             "flexfem": flexfem.__version__,
             "case_file": hashlib.sha256(path.read_bytes()).hexdigest(),
         }
         self.runs: list[PlannedRun] = []
-        for values in combinations(varied, together):
+        for values in combinations(_hashable(varied), together):
             self._checked({**options, **values}, smoke)
             self.runs.append(self._run(self._plain(values), self._plain(options)))
 
@@ -110,17 +108,45 @@ class Plan:
 
     def _run(self, values: dict[str, Any], options: dict[str, Any]) -> PlannedRun:
         name = "_".join(f"{key}={value_text(value)}" for key, value in values.items())
-        plain = re.sub(r"[^\w.=+-]", "-", name)
+        name = re.sub(r"\[(\d+)\]=", r".\1=", name)  # shells take brackets for patterns
+        plain = re.sub(r"[^\w.,=+-]", "-", name)
         if plain != name or len(plain) > _LONG:  # two may have become the same
             plain = f"{plain[:_LONG]}_{hashlib.sha256(name.encode()).hexdigest()[:8]}"
         chosen = {**options, **values}
-        arguments = [_argument(self._options[key], value) for key, value in chosen.items()]
-        record = {**self.identity, "options": chosen, **self._versions}
+        arguments = [_argument(key, value) for key, value in chosen.items()]
+        record = {**self.identity, "options": _as_json(chosen), **self._versions}
         return PlannedRun(plain, values, record, [*self._start, *arguments])
 
 
-def _argument(option: Option, value: Any) -> str:
+def _check_single(varied: Iterable[str], options: Iterable[str]) -> None:
+    """Refuse names with two sources of a value, also where one is of a component of the other.
+
+    Raises:
+        ValueError: There is one.
+    """
+    names = list(varied)
+    for name in names:
+        rest = [other for other in names if other != name]
+        if name in options or vector_of(name) in rest or name in map(vector_of, options):
+            raise ValueError(f"{name} is varied, and has a value of its own")
+
+
+def _argument(name: str, value: Any) -> str:
     """An option with its value on the command line."""
-    if option.kind is bool:
-        return option.flag if value else "--no-" + option.flag.removeprefix("--")
-    return f"{option.flag}={value_text(value)}"
+    flag = name.replace("_", "-")
+    if isinstance(value, bool):
+        return f"--{flag}" if value else f"--no-{flag}"
+    return f"--{flag}={value_text(value)}"
+
+
+def _hashable(varied: Mapping[str, Sequence[Any]]) -> dict[str, list[Any]]:
+    """Values by option, with arrays and lists as tuples."""
+    return {
+        name: [value if numbers_of(value) is None else numbers_of(value) for value in values]
+        for name, values in varied.items()
+    }
+
+
+def _as_json(values: Mapping[str, Any]) -> dict[str, Any]:
+    """Values as they are read from JSON again, where vectors are lists."""
+    return {n: list(value) if isinstance(value, tuple) else value for n, value in values.items()}

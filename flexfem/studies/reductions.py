@@ -21,12 +21,18 @@ def _mean(t: FloatArray, values: FloatArray) -> float:
     return float(h @ (values[1:] + values[:-1]) / (2.0 * (t[-1] - t[0])))
 
 
+def _integral(t: FloatArray, values: FloatArray) -> float:
+    """Integral over time by the trapezoidal rule."""
+    return float(np.diff(t) @ (values[1:] + values[:-1]) / 2.0)
+
+
 #: Reductions of (times, values) to one number.
 REDUCTIONS: dict[str, Callable[[FloatArray, FloatArray], float]] = {
     "final": lambda t, values: float(values[-1]),
     "max": lambda t, values: float(values.max()),
     "min": lambda t, values: float(values.min()),
     "mean": _mean,
+    "integral": _integral,
     "rms": lambda t, values: _mean(t, values**2) ** 0.5,
 }
 
@@ -36,7 +42,7 @@ class Reduction:
     """A column of the history and its reduction to a number.
 
     Attributes:
-        kind: one of ``REDUCTIONS``; means are over time.
+        kind: one of ``REDUCTIONS``; means and integrals are over time.
         column: name of the column.
     """
 

@@ -10,7 +10,8 @@ from typing import TYPE_CHECKING, Any
 
 from flexfem import _checks
 from flexfem.launch import Interrupted, environment_of_runs
-from flexfem.studies.processes import run_command
+from flexfem.options import value_text
+from flexfem.studies.processes import python_command
 
 if TYPE_CHECKING:
     from flexfem.simulation.run.outcome import Outcome
@@ -56,7 +57,7 @@ def run_case(
     summary = folder / "summary.json"
     before = _changed(summary)
     process = subprocess.Popen(
-        run_command(arguments, ranks),
+        python_command(["-m", "flexfem", "run", *arguments], ranks),
         stdout=subprocess.PIPE, stderr=subprocess.STDOUT, text=True, env=environment_of_runs(),
         start_new_session=True,  # signals of this process's terminal are passed on below, once
     )  # fmt: skip
@@ -98,7 +99,7 @@ def _flag(key: str, value: Any) -> list[str]:
         if key in ("quiet", "smoke"):  # these have no opposite
             return [f"--{flag}"] if value else []
         return [f"--{flag}" if value else f"--no-{flag}"]
-    return [f"--{flag}={value}"]
+    return [f"--{flag}={value_text(value)}"]
 
 
 def _outcome(folder: Path) -> Outcome:

@@ -12,13 +12,13 @@ from typing import Any
 from flexfem import launch
 from flexfem.analyses.analysis import Analysis
 from flexfem.io.folder_lock import FolderLock
-from flexfem.options import Option, progress_kind
+from flexfem.options import progress_kind
 from flexfem.studies.folders import RunFolder, StudyFolder
 from flexfem.studies.model_check import check_models
 from flexfem.studies.plan import Plan
-from flexfem.studies.processes import Processes, cores, run_command
 from flexfem.studies.progress import SweepProgress
 from flexfem.studies.reductions import Reduction
+from flexfem.studies.workers import Workers
 
 __all__ = ["Sweep", "sweep"]
 
@@ -37,13 +37,14 @@ def sweep(
     output: Path | str | None = None,
     jobs: int | None = None,
     ranks: int = 1,
+    workers: Workers | None = None,
     analysis: Analysis | None = None,
     smoke: bool = False,
     progress: str = "none",
 ) -> Sweep:
     """Run a case with many values of its options; all options are checked before the first run.
 
-    Runs are processes of their own, several at a time. Iterate over the result to run them::
+    They run in processes of their own, several at a time. Iterate over the result to run them::
 
         for parameters, results in ff.sweep("heavy_top", {"dt": [1e-3, 5e-4]}, output="order"):
             print(parameters["dt"], results["status"], results["centre_x"])
@@ -59,13 +60,14 @@ def sweep(
         vary: values of each option that is varied, each with each.
         options: values of other options.
         together: vary the options together, first value with first value and so on.
-        reduce: columns of the history to reduce, such as "max:tip_x": final, max, min, mean or rms
-            (means over time); results ``tip_x_max``.
+        reduce: columns of the history to reduce, such as "max:tip_x": final, max, min, mean, rms
+            or integral (over time); results ``tip_x_max``.
         columns: other ones that the histories must have, such as those to be plotted.
         output: folder of the study with one folder for each run and the table ``sweep.csv``; None
             for a temporary one.
         jobs: runs at the same time; as many as there are cores for their ranks by default.
         ranks: MPI ranks of each run.
+        workers: processes that stay for other studies; they have their own jobs and ranks.
         analysis: other than that of the case.
         smoke: a few steps on tiny meshes.
         progress: "auto", "bar", "lines" or "none".
@@ -80,7 +82,11 @@ def sweep(
         case, vary, options or {}, together=together, smoke=smoke, analysis=analysis
     )  # fmt: skip
     reductions = [Reduction.parse(text) for text in reduce]
-    return Sweep(plan, reductions, columns, output, jobs, ranks, progress)
+    if workers is not None and (jobs is not None or ranks != 1):
+        raise ValueError("sweep: workers have jobs and ranks, give neither beside them")
+    shared = workers is not None
+    pool = Workers(jobs, ranks) if workers is None else workers
+    return Sweep(plan, reductions, columns, output, pool, shared, progress)
 
 
 class Sweep:
@@ -93,14 +99,12 @@ class Sweep:
 
     def __init__(
         self, plan: Plan, reductions: Sequence[Reduction], columns: Sequence[str],
-        output: Path | str | None, jobs: int | None, ranks: int, progress: str,
+        output: Path | str | None, workers: Workers, shared: bool, progress: str,
     ) -> None:  # fmt: skip
         """Check all that can be checked; see :func:`sweep`. Nothing is written."""
-        self._ranks = _count("ranks", ranks)
-        self._jobs = _count("jobs", max(cores() // self._ranks, 1) if jobs is None else jobs)
+        self._workers, self._shared = workers, shared
         self._plan, self._reductions, self._how = plan, list(reductions), progress
         progress_kind(progress)
-        self._check_launch()
         self.folder = None if output is None else Path(output)
         self._study: StudyFolder | None = None
         if self.folder is not None:
@@ -108,11 +112,6 @@ class Sweep:
         self.results: list[dict[str, Any]] = []
         needed = [*(reduction.column for reduction in reductions), *columns]
         check_models(plan.identity, [run.parameters for run in plan.runs], needed)
-
-    def _check_launch(self) -> None:
-        if launch.launched_in_parallel():
-            raise ValueError("a sweep is one process: its runs have ranks of their own")
-        run_command([], self._ranks)
 
     def __len__(self) -> int:
         """Number of runs."""
@@ -170,7 +169,7 @@ class Sweep:
 
     def _locked(self, study: StudyFolder) -> Iterator[tuple[Mapping[str, Any], Mapping[str, Any]]]:
         study.prepare()
-        processes = Processes(self._jobs)
+        workers = self._workers
         waiting = [k for k, folder in enumerate(study.runs) if not folder.finished]
         known = set(range(len(study.runs))) - set(waiting)
         self.results = self._collect(study)
@@ -178,37 +177,38 @@ class Sweep:
         try:
             with launch.StopSignals() as signals:
                 study.write_table(self.results)
-                while waiting or processes.running:
-                    while waiting and not processes.full and not signals.received:
-                        self._start(processes, study.runs, waiting.pop(0))
-                    for k, code in processes.ended():
+                while waiting or workers.running:
+                    while waiting and not workers.full and not signals.received:
+                        self._start(study.runs, waiting.pop(0))
+                    for k, code in workers.ended():
                         study.runs[k].ended(code)
                         self.results[k] = study.runs[k].results(self._reductions)
                         known.add(k)
                         study.write_table(self.results)
                         shown.ended(study.runs[k].run.name, self.results[k])
                     if signals.received:
-                        processes.stop()
+                        workers.stop()
                         self.results = self._collect(study)
                         study.write_table(self.results)
                         raise self._interrupted(signals.received)
-                    shown.running([study.runs[k].run.name for k in processes.running])
+                    shown.running([study.runs[k].run.name for k in workers.running])
                     while told in known:
                         yield study.runs[told].run.parameters, self.results[told]
                         told += 1
                 for k in range(told, len(study.runs)):
                     yield study.runs[k].run.parameters, self.results[k]
         finally:
-            processes.stop()
+            if workers.running or not self._shared:
+                workers.stop()
             shown.close()
 
-    def _start(self, processes: Processes, folders: Sequence[RunFolder], k: int) -> None:
+    def _start(self, folders: Sequence[RunFolder], k: int) -> None:
         folder = folders[k]
         more = folder.prepare()
         if self.folder is None and "every" in {o.name for o in self._plan.case.all_options()}:
             more.append(f"--every={_NEVER}")
         own = [*folder.run.arguments, *more, "--quiet", f"--output={folder.path}"]
-        processes.start(k, run_command(own, self._ranks), folder.log)
+        self._workers.start(k, own, folder.log)
 
     def _collect(self, study: StudyFolder) -> list[dict[str, Any]]:
         return [folder.results(self._reductions) for folder in study.runs]
@@ -216,16 +216,3 @@ class Sweep:
     def _interrupted(self, number: int) -> launch.Interrupted:
         done = sum(own["status"] == "ok" for own in self.results)
         return launch.Interrupted(number, f"interrupted after {done} of {len(self)} runs")
-
-
-def _count(name: str, value: int) -> int:
-    """A number of processes.
-
-    Raises:
-        TypeError, ValueError: It is none.
-    """
-    try:
-        count: int = Option(name, int, 1, "of a sweep", minimum=1).check(value)
-    except (TypeError, ValueError) as error:
-        raise type(error)(f"sweep: {name} {error}") from None
-    return count

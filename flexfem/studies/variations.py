@@ -11,9 +11,9 @@ from typing import Any
 import numpy as np
 
 from flexfem._files import number_in
-from flexfem.options import Option, meant
+from flexfem.options import Option, VectorOption, meant, value_text
 
-__all__ = ["combinations", "parse_variation", "value_text"]
+__all__ = ["combinations", "parse_variation"]
 
 #: Significant digits of values between two ends: 0.3, not 0.30000000000000004.
 _DIGITS = 12
@@ -27,9 +27,11 @@ _COUNT = Option("count", int, 2, "of values")
 def parse_variation(text: str, options: Mapping[str, Option]) -> tuple[str, list[Any]]:
     """Read ``option=a,b,c``; numbers may be ranges ``start:stop:count`` or with ``:log``.
 
+    Vectors are separated by semicolons, ``gravity=0,0,-9.81;0,0,-1.62``.
+
     Args:
         text: as it was typed.
-        options: that may be varied, by name.
+        options: that may be varied, by name; also components of vectors, ``gravity[2]``.
 
     Returns:
         The option's name, and its values.
@@ -39,6 +41,7 @@ def parse_variation(text: str, options: Mapping[str, Option]) -> tuple[str, list
     """
     name, equals, values = text.partition("=")
     name = name.strip().removeprefix("--").replace("-", "_")
+    separator = ";" if isinstance(options.get(name), VectorOption) else ","
     if not equals or not name:
         raise ValueError(f"'{text}' is not of the form option=a,b,c or option=start:stop:count")
     if name not in options:
@@ -46,7 +49,7 @@ def parse_variation(text: str, options: Mapping[str, Option]) -> tuple[str, list
         raise ValueError(f"no option '{name}', {hint}")
     option = options[name]
     found: list[Any] = []
-    for item in values.split(","):
+    for item in values.split(separator):
         ranged = option.kind in (int, float) and ":" in item
         try:
             found += _range(item, option) if ranged else [_value(item.strip(), option)]
@@ -121,10 +124,3 @@ def combinations(varied: Mapping[str, Sequence[Any]], together: bool) -> list[di
             raise ValueError(f"{told} comes twice")
         seen.add(row)
     return [dict(zip(varied, row, strict=True)) for row in rows]
-
-
-def value_text(value: Any) -> str:
-    """A value as it is typed and named."""
-    if isinstance(value, bool):
-        return "yes" if value else "no"
-    return repr(value) if isinstance(value, float) else str(value)

@@ -14,6 +14,7 @@ import pytest
 from flexfem.analyses.dynamics import DYNAMICS
 from flexfem.cli import load_case
 from flexfem.io import read_history
+from flexfem.options import VectorOption
 from tests.cases.conftest import RunCases
 from tests.cases.left_results import SUMMARY_KEYS, instants
 
@@ -156,7 +157,9 @@ def test_help_lists_every_option(case: str, helps: dict[str, str]) -> None:
     declared = load_case(case)
     for option in declared.all_options():
         unit = f"[{option.unit}] " if option.unit else ""
-        default = f"{option.default}{declared.other_defaults(option.name)}"
+        vector = isinstance(option, VectorOption)  # shown as it is typed
+        shown = ",".join(map(str, option.default)) if vector else option.default
+        default = f"{shown}{declared.other_defaults(option.name)}"
         described = " ".join(f"{option.help} {unit}(default: {default})".split())
         assert described in text, option.name
         assert option.flag in text

@@ -207,6 +207,10 @@ CONSTRUCTORS = [
         lambda: PointMoment("m", END, (0, 0, 1), amplitude=2.0),
         'PointMoment "m": amplitude must be a function of time, got 2.0',
     ),
+    (
+        lambda: PointForce("f", END, (0, 0, 1), amplitude=lambda t, s: s),
+        r'PointForce "f": amplitude must be a function of \(t\), got one of \(t, s\)',
+    ),
     (lambda: LineLoad("q", END, (0, 0, 1)), 'LineLoad "q": body must be a string, got Marker'),
     (lambda: Table([0, 1, 1], [0, 0, 0]), r"Table: times must increase, got \[0, 1, 1\]"),
     (lambda: Table([0, 1], [0, 0, 0]), r"Table: values must hold 2 numbers, got \[0, 0, 0\]"),

@@ -300,6 +300,7 @@ def _controller(**given: Any) -> ff.Controller:
         ({"outputs": ["hinge"]}, 'output "hinge" must be an Actuator or a load .* is a Revolute'),
         ({"outputs": ["motor", "motor"]}, 'column "c_motor" occurs twice'),
         ({"law": 3.0}, r"law must be a function of t and y, or have update\(t, y\) and state"),
+        ({"law": lambda t: [1.0]}, r"law must be a function of \(t, y\), got one of \(t\)"),
         ({"sample_time": -1.0}, "sample_time must be positive, got -1.0"),
         ({"sample_time": 0.003}, "sample_time must be a multiple of the time step 0.002 s, got"),
         ({"law": lambda t, y: y}, r"law must return 1 number, got array\(\[0., 0.\]\) at t = 0"),

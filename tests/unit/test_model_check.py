@@ -425,6 +425,10 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
         "mesh_use", 'whose lines are "rod"', lambda: unused(False), lambda: unused(True), None
     ),
     "massless": ("massless", 'Beam "rod"', lambda: beam(MASSLESS), beam, MOTION),
+    "tolerance": (
+        "tolerance", "is below the round-off of its positions, 1.8e-11",
+        lambda: beam(length=1e4), beam, RunOptions(dt=1e-3, t_end=1.0, tolerance=1e-12),
+    ),
 }  # fmt: skip
 
 
@@ -458,6 +462,8 @@ def test_options_say_what_is_looked_for() -> None:
     """Steps, masses and free motions concern one analysis; least_norm takes dependent rows."""
     assert not ff.check(driven(1000.0, 1000.0))
     assert not ff.check(beam(MASSLESS), STATICS)
+    for tolerance, count in ((1e-14, 0), (1e-16, 1)):  # of the size of the model, in statics
+        assert len(ff.check(beam(length=10.0), StaticOptions(tolerance=tolerance))) == count
     assert [one.check for one in ff.check(door(ff.Revolute, ff.Revolute), MOTION)] == ["redundant"]
     chosen = RunOptions(dt=1e-3, t_end=1.0, redundant_constraints="least_norm")
     assert not ff.check(door(ff.Revolute, ff.Revolute), chosen)

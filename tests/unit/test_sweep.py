@@ -19,7 +19,7 @@ import flexfem as ff
 from flexfem import cli
 from flexfem.io.folder_lock import FolderLock
 from flexfem.launch import environment_of_runs
-from flexfem.options import Option
+from flexfem.options import Option, VectorOption, with_components
 from flexfem.studies.folders import RunFolder
 from flexfem.studies.plan import Plan
 from flexfem.studies.reductions import Reduction
@@ -38,7 +38,7 @@ import flexfem as ff
 SLOW = Path(__file__).with_name("slow")
 
 
-def build(speed, note):
+def build(speed, note, place):
     def drive(t):
         time.sleep(0.05 * SLOW.exists())
         return speed * t
@@ -61,6 +61,7 @@ CASE = ff.Case(
     options=(
         ff.Option("speed", float, 1.0, "of the drive", unit="m/s"),
         ff.Option("note", bool, False, "changes nothing"),
+        ff.VectorOption("place", (1.0, 2.0), "changes nothing either"),
     ),
     results=lambda history: {"reached": history["path_x"][-1], "status": 7.0},
 )
@@ -83,15 +84,15 @@ def table(folder: Path) -> dict[str, dict[str, str]]:
 
 # -- values ---
 
-OPTIONS = {
-    option.name: option
-    for option in (
+OPTIONS = with_components(
+    (
         Option("dt", float, 1.0, "", above=0),
         Option("elements", int, 1, "", minimum=1),
         Option("shape", str, "round", "", choices=("round", "square")),
         Option("damped", bool, False, ""),
+        VectorOption("gravity", (0, 0, -9.81), ""),
     )
-}
+)
 
 
 @pytest.mark.parametrize(
@@ -104,6 +105,8 @@ OPTIONS = {
         ("--elements=2:8:3,20", [2, 5, 8, 20]),
         ("shape=round,square", ["round", "square"]),
         ("damped=yes,no", [True, False]),
+        ("gravity=0,0,-9.81;0,0,-1.62", [(0.0, 0.0, -9.81), (0.0, 0.0, -1.62)]),
+        ("gravity[2]=-9:-1:3", [-9.0, -5.0, -1.0]),
     ],
 )
 def test_values_of_options(text: str, values: list[Any]) -> None:
@@ -131,6 +134,8 @@ def test_values_of_options(text: str, values: list[Any]) -> None:
         ("elements=1:2:4", "has 1.33333, which must be a whole number"),
         ("damped=1", "yes or no"),
         ("shape=oval", "got 'oval'"),
+        ("gravity=0,0", "gravity must be 3 numbers separated by commas, .*, got '0,0'"),
+        ("gravity[3]=0", r"no option 'gravity\[3\]', did you mean gravity\[2\]"),
     ],
 )
 def test_values_that_are_refused(text: str, part: str) -> None:
@@ -176,6 +181,9 @@ def test_reductions_of_a_history_with_uneven_steps() -> None:
         ("--vary speed=1 --vary speed=2", "--vary speed is given twice"),
         ("--vary speed=1,2 --speed 3", "speed is varied"),
         ("--vary dt=1e-3,0.5", "dt=0.5: RunOptions: dt 0.5 s exceeds t_end 0.02 s"),
+        ("--vary place=1,2;3,4 --place[0] 3", "place is varied"),
+        ("--vary place=1,2;3,4 --vary place[1]=3,4", "place[1] is varied"),
+        ("--vary speed=1,2 --place 1", "--place: must be 2 numbers separated by commas, each a"),
         ("--vary speed=1,2 --dt 0", "--dt"),
         ("--vary speed=1,2 --unknown 3", "--unknown"),
         ("--vary speed=1,2 --vary dt=1e-3 --zip", "2 of speed, 1 of dt"),
@@ -231,6 +239,30 @@ def test_arguments_and_names_of_runs(driven: Path) -> None:
     ]  # fmt: skip
 
 
+def test_vectors_and_their_components(driven: Path) -> None:
+    """Components leave the others as they are; summaries and finished runs know them."""
+    plan = Plan(
+        driven, {"place[1]": [5, 6]}, {"place": [7, 8]}, together=False, smoke=True, analysis=None
+    )
+    path = str(driven)
+    assert [run.name for run in plan.runs] == ["place.1=5.0", "place.1=6.0"]
+    assert list(plan.runs[0].arguments) == [path, "--smoke", "--place=7.0,8.0", "--place[1]=5.0"]
+    assert json.loads(json.dumps(plan.runs[0].record)) == plan.runs[0].record
+    case = ff.load_case(driven)
+    parameters, settings = case.prepare({"place[1]": 5, "place": np.array([7, 8])})
+    assert parameters["place"] == (7.0, 5.0)
+    assert settings.recorded["place"] == (7.0, 5.0)
+    assert settings.recorded["dt"] == 1e-3
+    for wrong in ("12", 1.0, [1.0], [1.0, 2.0, 3.0], [1.0, "x"], [1.0, np.nan]):
+        with pytest.raises((TypeError, ValueError), match="place must be 2 numbers"):
+            case.prepare({"place": wrong})
+    for wrong in ((), "12", 1.0, ("a", "b")):
+        with pytest.raises((TypeError, ValueError), match="Option 'bad'"):
+            VectorOption("bad", wrong, "")
+    with pytest.raises(ValueError, match="several numbers are a VectorOption"):
+        Option("bad", tuple, (1.0,), "")
+
+
 def test_finished_runs_are_known_by_options_and_case_file(driven: Path) -> None:
     def folder(dt: float = 1e-3) -> RunFolder:
         plan = Plan(
@@ -275,6 +307,7 @@ def test_a_failed_run_does_not_end_a_sweep(
 ) -> None:
     """Successful runs are not repeated, failed ones are, and values may be added."""
     line = "--vary speed=1,50 --reduce final:path_x,mean:path_x --output study --progress lines"
+    line += " --place[1] 4"
     assert cli.command(["sweep", str(driven), *line.split(), "--plot", "path_x"]) == 1
     assert Path("study", "comparison.png").is_file()  # of what ended well
     told = capsys.readouterr().err
@@ -289,11 +322,13 @@ def test_a_failed_run_does_not_end_a_sweep(
     assert float(good["path_x_final"]) == float(good["reached"])
     assert float(good["path_x_mean"]) == pytest.approx(0.61, abs=1e-6)
     assert " at t = 0.007" in bad["status"]  # out of reach at t = 0.008
+    summary = json.loads((Path("study") / "speed=1.0" / "summary.json").read_text())
+    assert (summary["options"]["place"], summary["options"]["note"]) == ([1.0, 4.0], False)
     made = {name: (Path("study") / name / "summary.json").stat().st_mtime_ns for name in rows}
 
     again = ff.sweep(
         str(driven), {"speed": [1, 50.0, -1]}, reduce=["final:path_x", "mean:path_x"],
-        output="study",
+        options={"place[1]": 4}, output="study",
     )  # fmt: skip
     seen = [(parameters["speed"], results["status"] == "ok") for parameters, results in again]
     assert seen == [(1.0, True), (50.0, False), (-1.0, True)]

@@ -243,6 +243,6 @@ def test_the_working_folder_is_no_library(tmp_path: Path) -> None:
 
 
 def test_processes_of_studies_leave_it_alone() -> None:
-    from flexfem.studies.processes import run_command
+    from flexfem.studies.processes import python_command
 
-    assert run_command(["case.py"], 1)[1:4] == ["-P", "-m", "flexfem"]
+    assert python_command(["-m", "flexfem"], 1)[1:4] == ["-P", "-m", "flexfem"]

@@ -67,12 +67,13 @@ def conclude(
     summary: dict[str, Any], history: Mapping[str, FloatArray], results: Results | None,
     options: Settings, comm: MPI.Intracomm,
 ) -> Outcome:  # fmt: skip
-    """Add the headline results to a summary and write it, if there is a folder (collective).
+    """Add options and headline results to a summary; write it if there is a folder (collective).
 
     The history is empty on other ranks than the first. An error after the end of the run becomes
     its status, if that was "ok" before.
     """
     faults = current()
+    summary["options"] = options.recorded
     if len(history.get("t", ())) and results is not None:
         try:
             summary["results"] = dict(results(history))
