@@ -151,8 +151,9 @@ class StrainedElements(Protocol):
         ...
 
     def eigenstates(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Stresses (m, 6) of all cells and what is conjugate to them of the initial strains.
+        """Stresses (j, 6) and what is conjugate to them of the initial strains.
 
-        The product of the one and minus the change of the other is the work done on the cells, J.
+        They are those at the points of ``ElementFamily.viscous_at``. The product of the one and
+        minus the change of the other is the work done on the cells, J.
         """
         ...

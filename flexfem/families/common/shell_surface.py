@@ -9,6 +9,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.families.common.dirichlet_nodes import RIGHT, DirichletNodes
+from flexfem.families.common.shell_rest import check_rest
 from flexfem.lie import se3
 from flexfem.materials.shell_section import ShellSection
 from flexfem.mesh.shells.clamp_weights import clamp_weights
@@ -87,7 +88,8 @@ class ShellSurface:
         """Data of a model with shells.
 
         Raises:
-            ValueError: a line or node that is not on a shell, a line that is not in a plane of
+            TypeError: a function of a rest state does not return numbers.
+            ValueError: such a function fails; a line or node that is not on a shell, a line that is not in a plane of
                 symmetry, directions that neither agree nor are at right angles; one line with
                 names.
         """
@@ -107,6 +109,7 @@ class ShellSurface:
             directions[rows] = _directions(mesh, shell, rows)
             _edges(mesh, shell, rules, normals, held)
             averaged[rows] = _averaged(mesh, shell, rows)
+            check_rest(shell, mesh.points[mesh.triangles[rows]].mean(axis=1))
         frames, mask = held.frames()
         low = np.full(len(mesh.points), len(shells))
         np.minimum.at(low, mesh.triangles.ravel(), np.repeat(body, 3))

@@ -8,6 +8,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.families.common.dirichlet_nodes import DirichletNodes
+from flexfem.families.common.shell_rest import RestStrains
 from flexfem.families.common.shell_surface import ShellSurface
 from flexfem.families.shell_director.elements import DirectorCells
 from flexfem.families.shell_director.law import DirectorLaw
@@ -163,7 +164,8 @@ def director_cells(
         triangles.lumped_masses(density[section]),
     )
     rods = triangles.rods((density * thickness**2 / 12.0)[section])
-    return DirectorCells(triangles.renumbered(local(nodes)), body, masses, rods)
+    rest = RestStrains(shells, body, triangles.places, triangles.starts, triangles.rest_maps)
+    return DirectorCells(triangles.renumbered(local(nodes)), body, masses, rods, rest)
 
 
 def _laws(laws: ShellLaws, section: IntArray) -> list[DirectorLaw]:

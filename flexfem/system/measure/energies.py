@@ -138,7 +138,7 @@ class EnergyMeter:
                 lengths.append(cells[at] * own)
             if isinstance(part.elements, StrainedElements) and part.elements.timed:
                 self._timed.append((part.elements, part.block))
-                timed.append(cells.astype(np.float64))
+                timed.append(cells[part.elements.viscous_at[0]].astype(np.float64))
         self._lengths, self._weights = np.concatenate(lengths), np.concatenate(timed)
         self._work = self._dissipation = 0.0
         self._time = system.time
