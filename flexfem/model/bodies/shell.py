@@ -77,7 +77,8 @@ def _rest_curvature(owner: str, what: str, value: Any) -> Any:
 def _prestrain(owner: str, what: str, value: Any) -> Any:
     """Return checked strains, or a function as it is."""
     if isinstance(value, ThermalStrain) and (callable(value.gradient_y) or value.gradient_y != 0.0):
-        raise ValueError(f"{owner}: {what}: a shell has no gradient_y, give gradient_z")
+        got = _checks.show(value.gradient_y)
+        raise ValueError(f"{owner}: {what}: a shell has no gradient_y, give gradient_z, got {got}")
     return value if callable(value) else _checks.array(owner, what, value, (6,))
 
 
