@@ -178,6 +178,7 @@ def sheet() -> ff.Model:
     model = ff.Model("sheet", surface=mesh)
     model.add(
         ff.Shell("sheet", section, edges={"sheet_left": "hinged"}, damping=1e-4, prestrain=sun),
+        ff.ModalDamping("modes", 0.02, modes=4),
         ff.Gravity((0.0, 0.0, -9.81)),
         ff.Pressure("wind", "sheet", 20.0, amplitude=lambda t: np.sin(40.0 * t)),
         ff.PositionProbe("tip", ff.Marker("sheet", "sheet_top_right")),

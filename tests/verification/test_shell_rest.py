@@ -53,7 +53,10 @@ def test_a_gradient_of_temperature_makes_a_cap(element: str) -> None:
     """A free plate becomes a sphere of curvature alpha dT/dz, here shallow, without stress."""
     kappa = 2e-4
     heat = ff.ThermalStrain(ALPHA, lambda x, t: 20.0 * t, gradient_z=kappa / ALPHA)
-    energy, strain = ff.ShellEnergyProbe("energy"), ff.ShellStrainProbe("mid", "plate", (0.4, 0.5, 0.0))
+    energy, strain = (
+        ff.ShellEnergyProbe("energy"),
+        ff.ShellStrainProbe("mid", "plate", (0.4, 0.5, 0.0)),
+    )
     model = plate(
         element, (4, 4), at(0.5, 0.5), energy, strain, fixed=FREE, prestrain=heat
     )  # fmt: skip
@@ -146,8 +149,13 @@ def test_a_tape_meshed_flat_has_the_modes_of_the_curved_mesh(element: str) -> No
     assert tape[1] > 1.5 * flat[1]
 
 
-@pytest.mark.three_ranks
-@BOTH
+@pytest.mark.parametrize(
+    "element",
+    [
+        pytest.param("rotation_free", marks=pytest.mark.three_ranks),
+        pytest.param("director", marks=pytest.mark.serial),
+    ],
+)
 def test_work_of_actuation_closes_the_balance_of_energy(element: str) -> None:
     """A strip with damping is bent by its rest strain in a motion."""
     balance = []

@@ -12,7 +12,6 @@ size of the elements, as those of uniform beams do.
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 

@@ -89,9 +89,9 @@ class ShellSurface:
 
         Raises:
             TypeError: a function of a rest state does not return numbers.
-            ValueError: such a function fails; a line or node that is not on a shell, a line that is not in a plane of
-                symmetry, directions that neither agree nor are at right angles; one line with
-                names.
+            ValueError: such a function fails; a line or node that is not on a shell, a line that is
+                not in a plane of symmetry, directions that neither agree nor are at right angles;
+                one line with names.
         """
         mesh, shells = model.surface, model.shells
         assert mesh is not None  # checked by validate()

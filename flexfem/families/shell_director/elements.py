@@ -199,6 +199,12 @@ class DirectorShells:
         """See :class:`flexfem.layout.elements.ElementFamily`: changes of strains (m, 24)."""
         return [self.triangles.changes(frames) + self.triangles.rates(frames, steps)]
 
+    def strain_products(self, strains: Strains, chosen: BoolArray) -> tuple[Strains, Strains]:
+        """See :class:`flexfem.layout.elements.DampedElements`."""
+        (own,) = strains
+        kept = own * chosen[:, np.newaxis]
+        return [kept], [self.triangles.linear_stresses(kept)]
+
     def unstressed(self) -> Strains:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return [np.zeros_like(self.triangles.starts)]

@@ -278,10 +278,14 @@ class DirectorTriangles:
 
     def elastic_stresses(self, frames: FloatArray) -> FloatArray:
         """Stresses (m, 24) of the present strains, times areas, all covariant."""
-        changes, given = self.changes(frames), self.response(frames).stresses
-        plane = given.reshape(-1, 3, 6)
-        if not self.laws:
-            plane = np.einsum("mpij,mpj->mpi", self.planes, changes[:, :18].reshape(-1, 3, 6))
+        found = self.linear_stresses(self.changes(frames))
+        if self.laws:
+            found[:, :18] = self.response(frames).stresses.reshape(-1, 18)
+        return found
+
+    def linear_stresses(self, changes: FloatArray) -> FloatArray:
+        """Stresses (m, 24) of changes of strain (m, 24) without laws, times areas."""
+        plane = np.einsum("mpij,mpj->mpi", self.planes, changes[:, :18].reshape(-1, 3, 6))
         shear = np.einsum("mij,mj->mi", self.shears, changes[:, 18:])
         return np.concatenate([plane.reshape(-1, 18), shear], 1)
 

@@ -232,6 +232,15 @@ class RotationFreeShells:
             for group in self.groups
         ]
 
+    def strain_products(self, strains: Strains, chosen: BoolArray) -> tuple[Strains, Strains]:
+        """See :class:`flexfem.layout.elements.DampedElements`."""
+        ends = np.cumsum([len(own) for own in strains])[:-1]
+        parts = zip(strains, np.split(chosen, ends), strict=True)
+        kept = [own * cells[:, np.newaxis] for own, cells in parts]
+        triangles = (group.triangles for group in self.groups)
+        pairs = zip(triangles, kept, strict=True)
+        return kept, [t.patches.areas[:, np.newaxis] * t.stresses(own) for t, own in pairs]
+
     def unstressed(self) -> Strains:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return [np.zeros((len(group.triangles.starts), 6)) for group in self.groups]
