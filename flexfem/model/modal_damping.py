@@ -83,8 +83,8 @@ class ModalDamping:
     Attributes:
         name: Unique name in the model.
         ratio: Damping ratio zeta, from 0 to below 1: a number for all modes; one for each mode,
-            from the lowest elastic one on; or a function of the frequency without damping, Hz, such as a
-            :class:`Table` (frequencies, ratios).
+            from the lowest elastic one on; or a function of the frequency without damping, Hz, such
+            as a :class:`Table` (frequencies, ratios).
         modes: Number of damped modes, 10 or the length of `ratio` by default. Modes of the same
             frequency as the last are damped as well.
         bodies: Names of the beams and shells whose strains are damped, None for all in the model.

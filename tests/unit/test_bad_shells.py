@@ -49,7 +49,7 @@ CONSTRUCTORS = [
     (lambda: shell(rest_curvature=1.0), "rest_curvature must hold 3 numbers, got 1"),
     (
         lambda: shell(rest_curvature=(1.0, 0.0, 0.0)),
-        'Shell "panel": its rest_curvature is not equal in all directions: give the direction of e1',
+        'Shell "panel": its rest_curvature is not equal in all directions: give the direction of',
     ),
     (lambda: shell(prestrain=lambda x, t: (0, 0, 0, 0, 0, 1)), "its prestrain is not equal in all"),
     (lambda: shell(prestrain=(1e-3, NAN, 0, 0, 0, 0)), "prestrain must be finite"),

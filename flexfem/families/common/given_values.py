@@ -5,7 +5,7 @@ from typing import Any
 
 import numpy as np
 
-from flexfem import _checks
+from flexfem._checks import numbers, show
 from flexfem._faults import FAILURES, ReturnError, located, noted
 from flexfem._types import FloatArray
 
@@ -62,9 +62,9 @@ def _values(
     full = (len(arguments[0]), *shape)
     if not callable(given):
         return np.broadcast_to(given, full)
-    values = _checks.numbers(given(*arguments))
+    values = numbers(given(*arguments))
     if values.shape not in (full, shape) or not np.isfinite(values).all():
         kind = "finite numbers" if values.shape in (full, shape) else f"shape {full} or {shape}"
-        got = _checks.show(values.tolist())
+        got = show(values.tolist())
         raise ReturnError(f"{what} must return {kind} for {full[0]} places, got {got}")
     return np.broadcast_to(values, full)

@@ -7,30 +7,47 @@ measure of strain. Everything else, forces, tangents, energies, follows from the
 """
 
 from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.families.common.given_values import present_values, values_at
-from flexfem.model.bodies.shell import Shell
 
-__all__ = ["RestStrains", "check_rest"]
+__all__ = ["RestState", "RestStrains", "check_rest"]
 
 _CURVATURE, _STRAIN = "rest_curvature", "prestrain"
 
 
-def check_rest(shell: Shell, points: FloatArray) -> None:
+@dataclass(frozen=True)
+class RestState:
+    """What a shell has no stress with: constants, functions, or None.
+
+    Attributes:
+        owner: name of the shell in messages.
+        curvature: (3,), or a function of points.
+        strain: initial strain (6,), or a function of points and the time.
+        timed: True if the initial strain may change with time.
+    """
+
+    owner: str
+    curvature: Any
+    strain: Any
+    timed: bool
+
+
+def check_rest(state: RestState, points: FloatArray) -> None:
     """Call the functions of a shell's rest state at points (k, 3) of it.
 
     Raises:
         TypeError: a function does not return numbers.
         ValueError: it fails or returns something else.
     """
-    curvature, strain = shell.rest_curvature, shell.initial_strain
-    if curvature is not None:
-        values_at(_owner(shell), _CURVATURE, curvature, (points,), (3,))
-    if strain is not None:
-        values_at(_owner(shell), _STRAIN, strain, (points, 0.0), (6,))
+    if state.curvature is not None:
+        values_at(state.owner, _CURVATURE, state.curvature, (points,), (3,))
+    if state.strain is not None:
+        values_at(state.owner, _STRAIN, state.strain, (points, 0.0), (6,))
 
 
 class RestStrains:
@@ -43,7 +60,7 @@ class RestStrains:
 
     def __init__(
         self,
-        shells: Sequence[Shell],
+        states: Sequence[RestState],
         body: IntArray,
         places: FloatArray,
         starts: FloatArray,
@@ -52,38 +69,39 @@ class RestStrains:
         """Evaluate what is constant.
 
         Args:
-            shells: all shells of the model.
+            states: of all shells of the model.
             body: (m,) number of each triangle's shell.
             places: (m, q, 3) points of the triangles at which strains count.
             starts: (m, k) strains at the start in the elements' measure, those of membrane and
                 bending first, six at each point.
             maps: (m, q, 6, 6) from strains along e1 and e2 to that measure.
         """
-        self.strained = any(shell.strained for shell in shells)
-        self.timed = any(shell.timed for shell in shells)
+        given = [what for state in states for what in (state.curvature, state.strain)]
+        self.strained = any(what is not None for what in given)
+        self.timed = any(state.timed for state in states)
         self._starts, self._maps, self._places = starts.copy(), maps, places
         self._constant = starts.copy()
-        self._changing: list[tuple[Shell, IntArray]] = []
-        for number, shell in enumerate(shells):
+        self._changing: list[tuple[RestState, IntArray]] = []
+        for number, state in enumerate(states):
             rows = np.flatnonzero(body == number)
-            if shell.rest_curvature is not None:
-                self._bend(shell, rows)
-            if shell.timed:
-                self._changing.append((shell, rows))
-            elif shell.prestrain is not None:
+            if state.curvature is not None:
+                self._bend(state, rows)
+            if state.timed:
+                self._changing.append((state, rows))
+            elif state.strain is not None:
                 arguments = self._points(rows), 0.0
-                given = values_at(_owner(shell), _STRAIN, shell.initial_strain, arguments, (6,))
-                self._add(self._constant, rows, given)
+                strain = values_at(state.owner, _STRAIN, state.strain, arguments, (6,))
+                self._add(self._constant, rows, strain)
 
     def _points(self, rows: IntArray) -> FloatArray:
         """Places (r q, 3) of some triangles."""
         return self._places[rows].reshape(-1, 3)
 
-    def _bend(self, shell: Shell, rows: IntArray) -> None:
+    def _bend(self, state: RestState, rows: IntArray) -> None:
         """Replace the curvatures of some triangles at the start."""
         given = np.zeros((len(rows) * self._places.shape[1], 6))
         arguments = (self._points(rows),)
-        given[:, 3:] = values_at(_owner(shell), _CURVATURE, shell.rest_curvature, arguments, (3,))
+        given[:, 3:] = values_at(state.owner, _CURVATURE, state.curvature, arguments, (3,))
         for p in range(self._places.shape[1]):
             self._constant[rows, 6 * p + 3 : 6 * p + 6] = 0.0
         self._add(self._constant, rows, given)
@@ -103,13 +121,10 @@ class RestStrains:
             FunctionError: it fails outside of a run.
         """
         found = self._constant.copy()
-        for shell, rows in self._changing:
-            strain, arguments = shell.initial_strain, (self._points(rows), t)
-            self._add(found, rows, present_values(_owner(shell), _STRAIN, strain, arguments, (6,)))
+        for state, rows in self._changing:
+            arguments = self._points(rows), t
+            strain = present_values(state.owner, _STRAIN, state.strain, arguments, (6,))
+            self._add(found, rows, strain)
         if fraction != 1.0:
             found = self._starts + fraction * (found - self._starts)
         return found
-
-
-def _owner(shell: Shell) -> str:
-    return f'Shell "{shell.name}"'

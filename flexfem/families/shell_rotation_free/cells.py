@@ -11,7 +11,7 @@ from flexfem._types import IndexArray, IntArray
 from flexfem.families.common.law_values import LawValues
 from flexfem.families.common.section_groups import grouped
 from flexfem.families.common.shell_rest import RestStrains
-from flexfem.families.common.shell_surface import ShellSurface
+from flexfem.families.common.shell_surface import ShellSurface, rest_state
 from flexfem.families.shell_rotation_free.elements import ShellCells
 from flexfem.families.shell_rotation_free.triangles import RotationFreeTriangles
 from flexfem.mesh.shells.patches import curvature_patches
@@ -88,8 +88,8 @@ def shell_cells(
         law,
     )
     rest = RestStrains(
-        surface.shells, surface.body[own], corners[: len(own)].mean(axis=1, keepdims=True),
-        triangles.starts, triangles.rest_maps,
+        [rest_state(shell) for shell in surface.shells], surface.body[own],
+        corners[: len(own)].mean(axis=1, keepdims=True), triangles.starts, triangles.rest_maps,
     )  # fmt: skip
     there = patches.nodes >= 0
     nodes = np.full(patches.nodes.shape, -1, dtype=np.int32)

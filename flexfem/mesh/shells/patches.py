@@ -323,7 +323,7 @@ def _slope_weights(local: FloatArray) -> FloatArray:
 
 
 def _facing(
-    triangles: IntArray, opposites: IndexArray, neighbours: IndexArray, k: int
+    triangles: IndexArray, opposites: IndexArray, neighbours: IndexArray, k: int
 ) -> tuple[IntArray, IntArray, IntArray]:
     """Triangles with a neighbour over their edge k, the neighbour, and its number of that edge."""
     own = np.flatnonzero(neighbours[:, k] >= 0)

@@ -182,11 +182,6 @@ class Shell:
                 )
 
     @property
-    def strained(self) -> bool:
-        """True if it has a rest curvature or an initial strain."""
-        return self.rest_curvature is not None or self.prestrain is not None
-
-    @property
     def timed(self) -> bool:
         """True if its initial strain may change with time."""
         given = self.prestrain

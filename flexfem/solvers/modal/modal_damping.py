@@ -47,15 +47,13 @@ def attach_modal_damping(serial: NumberedModel, system: System, split_above: int
     twin = build(serial, system.comm, split_above)
     omega, shapes = _elastic_modes(twin, dampings)
     found = [_dampers(twin, damping, omega, shapes) for damping in dampings]
-    parts = {
-        k: StrainModes(
-            part.block, part.elements,
-            [own for dampers in found for own in dampers.parts[k].strains],
-            np.concatenate([dampers.parts[k].stresses for dampers in found]),
-        )
-        for k, part in enumerate(system.parts)
-        if isinstance(part.elements, DampedElements)
-    }  # fmt: skip
+    parts: dict[int, StrainModes] = {}
+    for k, part in enumerate(system.parts):
+        if part.elements is not None and k in found[0].parts:
+            own = [dampers.parts[k] for dampers in found]
+            strains = [strain for modes in own for strain in modes.strains]
+            stresses = np.concatenate([modes.stresses for modes in own])
+            parts[k] = StrainModes(part.block, part.elements, strains, stresses)
     factors = np.concatenate([dampers.factors for dampers in found])
     system.modal_dampers = ModalDampers(system.comm, _owner(dampings), factors, parts)
 
@@ -121,7 +119,7 @@ def _dampers(
     omega = omega[: int(np.sum(omega <= (1.0 + _EQUAL) * omega[last]))]
     parts, shares = _strain_modes(twin, damping, shapes[: len(omega)])
     shares = shares / omega**2
-    kept = np.flatnonzero(shares >= _OWN)
+    kept = np.flatnonzero(shares >= _OWN).tolist()
     factors = 2.0 * _ratios(damping, omega)[kept] / (omega[kept] ** 3 * shares[kept] ** 2)
     chosen = {
         k: replace(own, strains=[own.strains[i] for i in kept], stresses=own.stresses[kept])
