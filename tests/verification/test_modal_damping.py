@@ -57,7 +57,7 @@ MODELS: dict[str, Callable[..., ff.Model]] = {
 @pytest.mark.parametrize(
     "kind",
     [
-        pytest.param("se3", marks=pytest.mark.three_ranks),
+        pytest.param("se3", marks=pytest.mark.serial),
         pytest.param("nurbs", marks=pytest.mark.serial),
         pytest.param("rotation_free", marks=pytest.mark.three_ranks),
         pytest.param("director", marks=pytest.mark.serial),

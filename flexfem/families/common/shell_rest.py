@@ -109,7 +109,7 @@ class RestStrains:
     def _add(self, found: FloatArray, rows: IntArray, strains: FloatArray) -> None:
         """Add strains (r q, 6) along e1 and e2 of some triangles to (m, k)."""
         count = 6 * self._places.shape[1]
-        mapped = self._maps[rows] @ strains.reshape(len(rows), -1, 6, 1)
+        mapped = self._maps[rows] @ strains.reshape(len(rows), self._places.shape[1], 6, 1)
         found[rows, :count] += mapped.reshape(len(rows), count)
 
     def at(self, t: float, fraction: float = 1.0) -> FloatArray:
