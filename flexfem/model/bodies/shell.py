@@ -133,7 +133,8 @@ class Shell:
             positive, pretension a negative extension. Or a function of points (k, 3) and the time
             (the load factor in statics) that returns (6,) or (k, 6), or a :class:`ThermalStrain`.
             It and the rest curvature need a `direction` unless they are equal in all directions.
-        damping: Stiffness-proportional damping, seconds.
+        damping: Stiffness-proportional damping, seconds; for ratios of modes see
+            :class:`ModalDamping`.
         velocity: Initial velocity of the point of the (extended) body at the inertial origin,
             inertial axes, shape (3,), m/s.
         angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s; a point at x
