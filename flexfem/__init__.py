@@ -80,6 +80,7 @@ _MODULES = {
     "Beam": "model.bodies.basic",
     "Shell": "model.bodies.shell",
     "SHELL_ELEMENTS": "model.bodies.shell",
+    "ModalDamping": "model.modal_damping",
     "weld": "model.weld",
     "Contact": "model.contact",
     "ContactProbe": "model.contact",

@@ -127,8 +127,8 @@ class AcceptedForces:
         for part in system.parts:
             part.block.residual[:] = 0.0
         if rows.mean_forces:
-            for part in system.parts:
-                part.add_residual(system.gravity, system.factors, 1.0)
+            for part, own in zip(system.parts, system.damped(system.present), strict=True):
+                part.add_residual(system.gravity, system.factors, 1.0, own)
             system.add_constraint_forces(rows.forces)
         return [-part.block.owned_residual for part in system.parts]
 

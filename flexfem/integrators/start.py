@@ -136,8 +136,8 @@ def project_velocities(
 
 
 def _evaluate(system: System) -> None:
-    for part in system.parts:
-        part.add_residual(system.gravity, system.factors, 1.0)
+    for part, own in zip(system.parts, system.damped(system.present), strict=True):
+        part.add_residual(system.gravity, system.factors, 1.0, own)
     system.interface.update()
     system.constraints.evaluate(_RATES)
 

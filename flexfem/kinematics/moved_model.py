@@ -13,6 +13,7 @@ from flexfem.core.joint import Joint, JointAction
 from flexfem.core.marker import Ground, Marker, SurfaceMarker
 from flexfem.core.pose import Pose
 from flexfem.loads.gravity import Gravity
+from flexfem.materials.thermal_strain import ThermalStrain
 from flexfem.mesh.geometry.frames import Orientation
 from flexfem.mesh.line_mesh import LineMesh, section_frames
 from flexfem.mesh.nurbs.curve import NurbsCurve
@@ -82,7 +83,9 @@ class _Mover:
         if isinstance(thing, Mapping):
             found = {key: self.moved(value) for key, value in thing.items()}
             return found if any(found[key] is not thing[key] for key in thing) else thing
-        if isinstance(thing, Shell) or not _has_fields(thing):
+        if isinstance(thing, Shell):
+            return _moved_shell(thing, self._motions[thing.name])
+        if not _has_fields(thing):
             return thing
         return self._parts(thing)
 
@@ -136,17 +139,58 @@ def _moved_body[Body: (FloatingBody, RigidBody)](body: Body, motion: Pose) -> Bo
 
 
 def _moved_beam(model: Model, beam: Beam, motion: Pose) -> Beam:
-    turn = motion.rotation
-    spin = turn @ beam.angular_velocity
     moved = copy(beam)
     _checks.assign(
         moved,
         curve=None if beam.curve is None else _moved_curve(beam.curve, motion),
         orientation=_moved_orientation(model, beam, motion),
-        velocity=_checks.freeze(turn @ beam.velocity - np.cross(spin, motion.position)),
-        angular_velocity=_checks.freeze(spin),
+        **_moved_velocities(beam, motion),
     )
     return moved
+
+
+def _moved_shell(shell: Shell, motion: Pose) -> Shell:
+    moved, strain = copy(shell), shell.prestrain
+    if isinstance(strain, ThermalStrain):
+        warmed = copy(strain)
+        _checks.assign(warmed, **{k: _carried(v, motion) for k, v in vars(strain).items()})
+        strain = warmed
+    _checks.assign(
+        moved,
+        direction=_turned(shell.direction, motion),
+        rest_curvature=_carried(shell.rest_curvature, motion),
+        prestrain=strain if isinstance(strain, ThermalStrain) else _carried(strain, motion),
+        **_moved_velocities(shell, motion),
+    )
+    return moved
+
+
+def _moved_velocities(body: Beam | Shell, motion: Pose) -> dict[str, FloatArray]:
+    """Velocities of the body's point at the inertial origin, which is another one now."""
+    turn = motion.rotation
+    spin = turn @ body.angular_velocity
+    velocity = turn @ body.velocity - np.cross(spin, motion.position)
+    return {"velocity": _checks.freeze(velocity), "angular_velocity": _checks.freeze(spin)}
+
+
+def _turned(given: Orientation, motion: Pose) -> Orientation:
+    """A direction, or a function of points that returns directions, of a moved body."""
+    turn, back = motion.rotation, motion.inverse()
+    if given is None:
+        return None
+    if not callable(given):
+        directed: FloatArray = turn @ np.asarray(given)
+        return directed
+    function: Callable[[FloatArray], Any] = given
+    return lambda points: np.asarray(function(back.apply(points))) @ turn.T
+
+
+def _carried(given: Any, motion: Pose) -> Any:
+    """A value, or a function of points and perhaps the time, of a moved body."""
+    if not callable(given):
+        return given
+    back = motion.inverse()
+    return lambda points, *time: given(back.apply(points), *time)
 
 
 def _moved_orientation(model: Model, beam: Beam, motion: Pose) -> Orientation:
@@ -156,13 +200,9 @@ def _moved_orientation(model: Model, beam: Beam, motion: Pose) -> Orientation:
     """
     from scipy.spatial import cKDTree
 
-    given, turn, back = beam.orientation, motion.rotation, motion.inverse()
-    if given is not None and not callable(given):
-        directed: FloatArray = turn @ np.asarray(given)
-        return directed
-    if given is not None:
-        function: Callable[[FloatArray], Any] = given
-        return lambda points: np.asarray(function(back.apply(points))) @ turn.T
+    turn, back = motion.rotation, motion.inverse()
+    if beam.orientation is not None:
+        return _turned(beam.orientation, motion)
     if np.array_equal(turn, np.eye(3)):
         return None
     points, second = _second_axes(model, beam)

@@ -11,7 +11,7 @@ from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 if TYPE_CHECKING:
     from flexfem.core.nodes.frame_block import FrameBlock
 
-__all__ = ["ElementFamily", "StrainedElements"]
+__all__ = ["DampedElements", "ElementFamily", "StrainedElements"]
 
 
 class ElementFamily(Protocol):
@@ -151,8 +151,22 @@ class StrainedElements(Protocol):
         ...
 
     def eigenstates(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Stresses (m, 6) of all cells and what is conjugate to them of the initial strains.
+        """Stresses (j, 6) and what is conjugate to them of the initial strains.
 
-        The product of the one and minus the change of the other is the work done on the cells, J.
+        They are those at the points of ``ElementFamily.viscous_at``. The product of the one and
+        minus the change of the other is the work done on the cells, J.
+        """
+        ...
+
+
+@runtime_checkable
+class DampedElements(Protocol):
+    """Elements of linear sections whose modes may be damped; their strains are continued."""
+
+    def strain_products(self, strains: Strains, chosen: BoolArray) -> tuple[Strains, Strains]:
+        """Strains of the chosen (m,) cells, zero of the others, and integrals of their stresses.
+
+        The product of the latter with other strains, as of ``ElementFamily.continued_strains``, is
+        the work of the stresses on them, J.
         """
         ...

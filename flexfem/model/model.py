@@ -16,6 +16,7 @@ from flexfem.model.bodies.shell import Shell
 from flexfem.model.contact import Contact
 from flexfem.model.controller import Controller
 from flexfem.model.event import Event
+from flexfem.model.modal_damping import ModalDamping
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.structure.structure import Structure
 from flexfem.model.table import model_table
@@ -35,6 +36,7 @@ _LISTS: tuple[tuple[type, str], ...] = (
     (Event, "events"),
     (AnyProbe, "probes"),
     (Controller, "controllers"),
+    (ModalDamping, "modal_dampings"),
 )
 
 
@@ -58,6 +60,7 @@ class Model(Structure):
         probes: Probes in the order they were added.
         events: Events in the order they were added.
         controllers: Controllers in the order they were added.
+        modal_dampings: Damping of modes in the order it was added.
         released: Names of joints that are open at the start.
     """
 
@@ -79,6 +82,7 @@ class Model(Structure):
         self.events: list[Event] = []
         self.probes: list[AnyProbe] = []
         self.controllers: list[Controller] = []
+        self.modal_dampings: list[ModalDamping] = []
 
     @overload
     def add[Thing](self, thing: Thing, /) -> Thing: ...
@@ -87,7 +91,7 @@ class Model(Structure):
     def add(self, *things: Any) -> None: ...
 
     def add(self, *things: Any) -> Any:
-        """Add bodies, joints, loads, contacts, probes, events, controllers or gravity.
+        """Add bodies, joints, loads, contacts, probes, events, controllers, damping or gravity.
 
         Args:
             *things: What to add, in any order; references by name are checked by `validate`.

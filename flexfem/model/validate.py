@@ -27,6 +27,7 @@ from flexfem.model.contact import Contact
 from flexfem.model.controller import Controller
 from flexfem.model.event import Event
 from flexfem.model.load_checks import check_load
+from flexfem.model.modal_damping import ModalDamping
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.structure.place import Place
 from flexfem.model.structure.structure import Structure
@@ -67,6 +68,8 @@ def validate(model: Structure) -> None:
         probe.check(model)
     for controller in model.of(Controller):
         controller.check(model)
+    for damping in model.of(ModalDamping):
+        damping.check(model)
     _check_columns(model)
 
 

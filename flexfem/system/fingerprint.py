@@ -49,6 +49,7 @@ def fingerprint(serial: NumberedModel) -> dict[str, str]:
         "joints": model.joints,
         "loads": model.loads,
         "mesh": _layout(serial, "mesh"),
+        "modal dampings": model.modal_dampings,
         "point masses": model.point_masses,
         "probes": [(probe.name, probe.columns) for probe in model.probes],
         "rigid bodies": model.rigid_bodies,
@@ -74,6 +75,7 @@ def _named(serial: NumberedModel) -> Iterator[tuple[str, Any]]:
         model.beams, model.shells, model.rigid_bodies, model.floating_bodies,
         model.other_bodies, model.point_masses,
         model.joints, model.loads, model.contacts, model.events, model.controllers, model.probes,
+        model.modal_dampings,
     )  # fmt: skip
     for things in lists:
         for thing in things:

@@ -137,7 +137,7 @@ class EndPoint(Mechanics):
     def evaluate(self, system: System, shifts: Shifts, strains: PartStrains | None = None) -> None:
         """See :class:`Mechanics`."""
         system.begin_evaluation(shifts.acceleration)
-        for part, own in zip(system.parts, strains or system.present, strict=True):
+        for part, own in zip(system.parts, system.damped(strains or system.present), strict=True):
             part.add_residual(system.gravity, system.factors, shifts.scale, own)
         system.interface.update()
         system.constraints.evaluate(shifts.dynamics)

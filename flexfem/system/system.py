@@ -28,6 +28,7 @@ from flexfem.layout.family import Family
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.node_loads import NodeForces, NodeMasses
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
+from flexfem.system.modal_dampers import ModalDampers
 
 __all__ = ["GYROSCOPIC", "MASS", "BlockPart", "Counters", "PartStrains", "Shifts", "System"]
 
@@ -196,6 +197,7 @@ class System:
         lead: time by which loads and drives are evaluated later, s: not zero just before or after a
             jump.
         prediction: the best kind of prediction for the last step.
+        modal_dampers: dampers of modes, None without any or where nothing moves.
         row_forces: computes forces of all rows (r,) for :meth:`reported_forces` (collective); None
             if those of the rows are reported.
     """
@@ -228,6 +230,7 @@ class System:
         self.counters = Counters()
         self.time = self.lead = 0.0
         self.prediction = Prediction.VELOCITY
+        self.modal_dampers: ModalDampers | None = None
         self.row_forces: Callable[[], FloatArray] | None = None
 
     def part(self, kind: int) -> BlockPart:
@@ -300,6 +303,10 @@ class System:
         """Set a fraction of the elements' initial strains at the time of the loads."""
         for elements in self._strained:
             elements.set_initial_strains(self.instant, fraction)
+
+    def damped(self, strains: PartStrains) -> PartStrains:
+        """Strains whose stresses include those of dampers of modes (collective)."""
+        return strains if self.modal_dampers is None else self.modal_dampers.strains(strains)
 
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step in every block; see ``core.nodes.frame_kernels.predict``."""

@@ -44,7 +44,8 @@ def _model(family: str, damping: float) -> ff.Model:
     x = np.linspace(0.0, 1.0, 3)
     model = ff.Model("one", surface=ff.SurfaceMesh.grid("body", x, x))
     section = ff.ShellSection.isotropic(0.02, STEEL)
-    model.add(ff.Shell("body", section, element=family, damping=damping))
+    heat = ff.ThermalStrain(1e-3, 5.0, gradient_z=200.0)
+    model.add(ff.Shell("body", section, element=family, damping=damping, prestrain=heat))
     return model
 
 

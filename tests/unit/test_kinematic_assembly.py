@@ -262,3 +262,29 @@ def test_joints_that_only_place_the_output():
     assert model.mesh.points[-1, 0] == pytest.approx(0.66, abs=1e-12)
     assert gaps(model) < 1e-12
     assert model.get("there") is None
+
+
+def test_shells_move_with_their_directions_and_rest_states():
+    """Functions of places are asked about the same material points, velocities turn."""
+    from flexfem.kinematics.moved_model import moved_model
+
+    turn = so3.exp(np.array([0.3, -0.4, 0.5]))
+    pose, sun = ff.Pose((1.0, 2.0, 3.0), turn), ff.ThermalStrain(1e-5, lambda x, t: t * x[:, 0])
+    start = ff.Model("one", surface=ff.SurfaceMesh.grid("plate", [0.0, 1.0, 2.0], [0.0, 1.0]))
+    bend = {"rest_curvature": lambda x: np.stack([x[:, 0], x[:, 1], 0.0 * x[:, 0]], 1)}
+    given = {"direction": (1.0, 0.0, 0.0), "angular_velocity": (0.0, 2.0, 0.0), "prestrain": sun}
+    start.add(ff.Shell("plate", ff.ShellSection.isotropic(0.01, STEEL), **bend, **given))
+    moved = moved_model(start, {"plate": pose})
+    (shell,) = moved.shells
+    points = start.surface.points
+    np.testing.assert_allclose(moved.surface.points, pose.apply(points), atol=1e-14)
+    np.testing.assert_allclose(shell.direction, turn[:, 0])
+    # the point at (1, 0, 0) goes down with 2 m/s
+    at = shell.velocity + np.cross(shell.angular_velocity, pose.apply((1.0, 0.0, 0.0)))
+    np.testing.assert_allclose(at, turn @ (0.0, 0.0, -2.0), atol=1e-14)
+    there = moved.surface.points
+    expected = bend["rest_curvature"](points)
+    np.testing.assert_allclose(shell.rest_curvature(there), expected, atol=1e-14)
+    np.testing.assert_allclose(
+        shell.initial_strain(there, 2.0), sun.of_shell(points, 2.0), atol=1e-18
+    )

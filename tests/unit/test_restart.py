@@ -171,12 +171,14 @@ def sliding() -> ff.Model:
 
 
 def sheet() -> ff.Model:
-    """A hinged sheet that swings down, under pressure, with damping and energies."""
+    """A hinged sheet that swings down, under pressure and heat, with damping and energies."""
+    sun = ff.ThermalStrain(1e-5, lambda x, t: 300.0 * t * x[:, 0], gradient_z=1e4)
     mesh = ff.SurfaceMesh.rectangle("sheet", (1.0, 0.4), (5, 2))
     section = ff.ShellSection.isotropic(2e-3, ff.Material(2e9, 0.3, 7800.0))
     model = ff.Model("sheet", surface=mesh)
     model.add(
-        ff.Shell("sheet", section, edges={"sheet_left": "hinged"}, damping=1e-4),
+        ff.Shell("sheet", section, edges={"sheet_left": "hinged"}, damping=1e-4, prestrain=sun),
+        ff.ModalDamping("modes", 0.02, modes=4),
         ff.Gravity((0.0, 0.0, -9.81)),
         ff.Pressure("wind", "sheet", 20.0, amplitude=lambda t: np.sin(40.0 * t)),
         ff.PositionProbe("tip", ff.Marker("sheet", "sheet_top_right")),

@@ -128,6 +128,14 @@ class NurbsBeams:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return [group.continued_strains(frames, steps) for group in self.groups]
 
+    def strain_products(self, strains: Strains, chosen: BoolArray) -> tuple[Strains, Strains]:
+        """See :class:`flexfem.layout.elements.DampedElements`."""
+        ends = np.cumsum([len(own) for own in strains])[:-1]
+        parts = zip(strains, np.split(chosen, ends), strict=True)
+        kept = [own * cells[:, np.newaxis, np.newaxis] for own, cells in parts]
+        pairs = zip(self.groups, kept, strict=True)
+        return kept, [group.integrated_stresses(own) for group, own in pairs]
+
     def unstressed(self) -> Strains:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return [group.unstressed() for group in self.groups]

@@ -205,6 +205,11 @@ class NurbsGroup:
         strains = self._point_strains(frames, steps)
         return strains[:, :, :6] + strains[:, :, 6:]
 
+    def integrated_stresses(self, strains: FloatArray) -> FloatArray:
+        """Stress resultants (m, q, 6) of strains (m, q, 6) times the lengths of the points."""
+        resultant, _ = self._material.response(strains.reshape(-1, 6), self._point_sections)
+        return resultant.reshape(strains.shape) * self.point_lengths[:, :, np.newaxis]
+
     def unstressed(self) -> FloatArray:
         """Zero strains (m, q, 6), for which the stresses are zero."""
         return np.zeros_like(self._starts)

@@ -12,13 +12,13 @@ size of the elements, as those of uniform beams do.
 from collections.abc import Callable
 from dataclasses import dataclass
 from itertools import pairwise
-from typing import Any
 
 import numpy as np
 
 from flexfem import _checks
-from flexfem._faults import FAILURES, ReturnError, located, noted
+from flexfem._faults import FAILURES, located
 from flexfem._types import FloatArray, IntArray
+from flexfem.families.common.given_values import present_values, values_at
 from flexfem.materials.section import Section
 from flexfem.materials.section_table import SectionTable
 from flexfem.materials.section_wall import SectionWall
@@ -140,11 +140,11 @@ def twists_at(beam: Beam, arcs: FloatArray) -> FloatArray:
     owner, section = f'Beam "{beam.name}"', beam.section
     angles = np.zeros(len(arcs))
     if beam.twist is not None:
-        angles += _along(owner, "twist", beam.twist, (arcs,), ())
+        angles += values_at(owner, "twist", beam.twist, (arcs,), ())
     if isinstance(section, SectionTable):
         places = arcs / section.scale(owner, float(arcs[-1]))
         if callable(section.twist):
-            angles += _along(owner, "twist of its section", section.twist, (places,), ())
+            angles += values_at(owner, "twist of its section", section.twist, (places,), ())
         else:
             angles += section.twist_at(places)
     return angles
@@ -167,7 +167,7 @@ def rest_twists(beam: Beam, arcs: FloatArray, twists: FloatArray) -> FloatArray:
     owner, rest, places = f'Beam "{beam.name}"', twists.copy(), Places.of(arcs)
     lengths = np.linalg.norm(twists[:, :3], axis=1)
     if beam.rest_curvature is not None:
-        bent = _along(owner, "rest_curvature", beam.rest_curvature, (places.at,), (3,))
+        bent = values_at(owner, "rest_curvature", beam.rest_curvature, (places.at,), (3,))
         rest[:, 3:] = lengths[:, np.newaxis] * places.means(bent)
         rest[:, :3] = lengths[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
     if beam.prestrain is not None and not beam.timed:
@@ -183,7 +183,7 @@ def initial_strains(beam: Beam, places: Places, time: float) -> FloatArray:
         ValueError: it fails or returns something else.
     """
     owner = f'Beam "{beam.name}"'
-    return places.means(_along(owner, "prestrain", beam.prestrain, (places.at, time), (6,)))
+    return places.means(values_at(owner, "prestrain", beam.prestrain, (places.at, time), (6,)))
 
 
 def present_strains(beam: Beam, places: Places, time: float) -> FloatArray:
@@ -192,42 +192,8 @@ def present_strains(beam: Beam, places: Places, time: float) -> FloatArray:
     Raises:
         FunctionError: it fails outside of a run.
     """
-    try:
-        return places.means(_values("prestrain", beam.prestrain, (places.at, time), (6,)))
-    except FAILURES as error:
-        noted(f'Beam "{beam.name}"', beam.prestrain, error)
-        return np.full((places.count, 6), np.nan)
-
-
-def _along(
-    owner: str, what: str, given: Any, arguments: tuple[Any, ...], shape: tuple[int, ...]
-) -> FloatArray:
-    """Values (k, ...) of a constant or of a function along a beam, with the beam in messages."""
-    try:
-        return _values(what, given, arguments, shape)
-    except ReturnError as error:
-        raise ValueError(f"{owner}: {error}") from None
-    except FAILURES as error:
-        raise ValueError(f"{owner}: {what}: {located(given, error)}") from error
-
-
-def _values(
-    what: str, given: Any, arguments: tuple[Any, ...], shape: tuple[int, ...]
-) -> FloatArray:
-    """Values (k, ...) of a constant or of a function along a beam, at places (k,).
-
-    Raises:
-        ReturnError: the function returns something else.
-    """
-    full = (len(arguments[0]), *shape)
-    if not callable(given):
-        return np.broadcast_to(given, full)
-    values = _checks.numbers(given(*arguments))
-    if values.shape not in (full, shape) or not np.isfinite(values).all():
-        kind = "finite numbers" if values.shape in (full, shape) else f"shape {full} or {shape}"
-        got = _checks.show(values.tolist())
-        raise ReturnError(f"{what} must return {kind} for {full[0]} places, got {got}")
-    return np.broadcast_to(values, full)
+    owner, arguments = f'Beam "{beam.name}"', (places.at, time)
+    return places.means(present_values(owner, "prestrain", beam.prestrain, arguments, (6,)))
 
 
 def _called(owner: str, section: Callable[[float], Section], s: float) -> Section:

@@ -173,6 +173,15 @@ class SE3Beams:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return [group.continued_strains(frames, steps) for _, group in self.groups]
 
+    def strain_products(self, strains: Strains, chosen: BoolArray) -> tuple[Strains, Strains]:
+        """See :class:`flexfem.layout.elements.DampedElements`."""
+        kept = [
+            own * chosen[rows, np.newaxis]
+            for (rows, _), own in zip(self.groups, strains, strict=True)
+        ]
+        pairs = zip(self.groups, kept, strict=True)
+        return kept, [group.stresses_of_changes(own) for (_, group), own in pairs]
+
     def unstressed(self) -> Strains:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return [np.zeros((len(group.data.cells), 6)) for _, group in self.groups]

@@ -194,6 +194,11 @@ class BeamGroup:
         continued: FloatArray = twists - self.rest + change
         return continued
 
+    def stresses_of_changes(self, changes: FloatArray) -> FloatArray:
+        """Stress resultants (m, 6) of changes (m, 6) of the relative twists."""
+        strain = changes / self.lengths[:, np.newaxis]
+        return self._material.response(strain, self.data.section)[0]
+
     @property
     def rest(self) -> FloatArray:
         """Relative twists (m, 6) of the ends without stress, as a view to be written to."""

@@ -9,6 +9,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.families.common.dirichlet_nodes import RIGHT, DirichletNodes
+from flexfem.families.common.shell_rest import RestState, check_rest
 from flexfem.lie import se3
 from flexfem.materials.shell_section import ShellSection
 from flexfem.mesh.shells.clamp_weights import clamp_weights
@@ -20,7 +21,7 @@ from flexfem.mesh.triangles.topology import sides_along
 from flexfem.model.bodies.shell import Shell
 from flexfem.model.model import Model
 
-__all__ = ["ShellSurface"]
+__all__ = ["ShellSurface", "rest_state"]
 
 _RULES = {
     "clamped": EdgeRule.CLAMPED,
@@ -87,9 +88,10 @@ class ShellSurface:
         """Data of a model with shells.
 
         Raises:
-            ValueError: a line or node that is not on a shell, a line that is not in a plane of
-                symmetry, directions that neither agree nor are at right angles; one line with
-                names.
+            TypeError: a function of a rest state does not return numbers.
+            ValueError: such a function fails; a line or node that is not on a shell, a line that is
+                not in a plane of symmetry, directions that neither agree nor are at right angles;
+                one line with names.
         """
         mesh, shells = model.surface, model.shells
         assert mesh is not None  # checked by validate()
@@ -107,6 +109,7 @@ class ShellSurface:
             directions[rows] = _directions(mesh, shell, rows)
             _edges(mesh, shell, rules, normals, held)
             averaged[rows] = _averaged(mesh, shell, rows)
+            check_rest(rest_state(shell), mesh.points[mesh.triangles[rows]].mean(axis=1))
         frames, mask = held.frames()
         low = np.full(len(mesh.points), len(shells))
         np.minimum.at(low, mesh.triangles.ravel(), np.repeat(body, 3))
@@ -117,6 +120,12 @@ class ShellSurface:
             _velocities(mesh, shells, frames, mask), low,
             _clusters(mesh.triangles, body, len(mesh.points))[low],
         )  # fmt: skip
+
+
+def rest_state(shell: Shell) -> RestState:
+    """What a shell has no stress with."""
+    owner = f'Shell "{shell.name}"'
+    return RestState(owner, shell.rest_curvature, shell.initial_strain, shell.timed)
 
 
 def _directions(mesh: SurfaceMesh, shell: Shell, rows: IntArray) -> FloatArray:

@@ -20,6 +20,7 @@ from flexfem.families.beam_nurbs.inertia import (
 )
 from flexfem.families.common.corotating_axes import CorotatingAxes
 from flexfem.families.common.node_pairs import NodePairs
+from flexfem.families.common.shell_rest import RestStrains
 from flexfem.families.shell_director.inertia import (
     PairMasses,
     add_inertia_blocks,
@@ -42,12 +43,14 @@ class DirectorCells:
         body: number of the shell, (m,).
         masses: kg, (m, 6, 6).
         rods: inertia of the directors in the axes of their nodes, kg m^2, (m, 3, 3, 3).
+        rest: their strains without stress.
     """
 
     triangles: DirectorTriangles
     body: IntArray
     masses: FloatArray
     rods: FloatArray
+    rest: RestStrains
 
 
 class DirectorShells:
@@ -57,6 +60,7 @@ class DirectorShells:
         triangles: their mechanics.
         body: (m,) number of the shell.
         areas: of the triangles at the start, m^2, (m,).
+        strained, timed: see :class:`flexfem.layout.elements.StrainedElements`.
 
     The methods of :class:`flexfem.layout.elements.ElementFamily` are described there. With damping,
     the tangent neglects the change of strain rates by the rotation of the triangles.
@@ -94,6 +98,19 @@ class DirectorShells:
             masses=np.bincount(at, self._masses.ravel(), len(rows)).astype(np.float64),
         )  # fmt: skip
         self._axes = CorotatingAxes(block)
+        self._rest = cells.rest
+        self.strained, self.timed = cells.rest.strained, cells.rest.timed
+        self.set_initial_strains(0.0)
+
+    def set_initial_strains(self, t: float, fraction: float = 1.0) -> None:
+        """See :class:`flexfem.layout.elements.StrainedElements`."""
+        if self.strained:
+            self.triangles.set_starts(self._rest.at(t, fraction))
+
+    def eigenstates(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.layout.elements.StrainedElements`; both are covariant."""
+        stresses = self.triangles.elastic_stresses(frames)
+        return stresses.reshape(-1, 6), self.triangles.starts.reshape(-1, 6)
 
     @property
     def carriers(self) -> IndexArray:
@@ -181,6 +198,12 @@ class DirectorShells:
     def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains:
         """See :class:`flexfem.layout.elements.ElementFamily`: changes of strains (m, 24)."""
         return [self.triangles.changes(frames) + self.triangles.rates(frames, steps)]
+
+    def strain_products(self, strains: Strains, chosen: BoolArray) -> tuple[Strains, Strains]:
+        """See :class:`flexfem.layout.elements.DampedElements`."""
+        (own,) = strains
+        kept = own * chosen[:, np.newaxis]
+        return [kept], [self.triangles.linear_stresses(kept)]
 
     def unstressed(self) -> Strains:
         """See :class:`flexfem.layout.elements.ElementFamily`."""

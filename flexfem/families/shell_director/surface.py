@@ -8,7 +8,8 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.families.common.dirichlet_nodes import DirichletNodes
-from flexfem.families.common.shell_surface import ShellSurface
+from flexfem.families.common.shell_rest import RestStrains
+from flexfem.families.common.shell_surface import ShellSurface, rest_state
 from flexfem.families.shell_director.elements import DirectorCells
 from flexfem.families.shell_director.law import DirectorLaw
 from flexfem.families.shell_director.triangles import DirectorTriangles
@@ -163,7 +164,11 @@ def director_cells(
         triangles.lumped_masses(density[section]),
     )
     rods = triangles.rods((density * thickness**2 / 12.0)[section])
-    return DirectorCells(triangles.renumbered(local(nodes)), body, masses, rods)
+    rest = RestStrains(
+        [rest_state(shell) for shell in shells], body, triangles.places, triangles.starts,
+        triangles.rest_maps,
+    )  # fmt: skip
+    return DirectorCells(triangles.renumbered(local(nodes)), body, masses, rods, rest)
 
 
 def _laws(laws: ShellLaws, section: IntArray) -> list[DirectorLaw]:

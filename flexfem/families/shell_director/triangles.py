@@ -30,7 +30,7 @@ from flexfem.families.shell_director.law import (
     law_viscosity,
 )
 from flexfem.families.shell_director.steps import SIZES, WORK, constant_data
-from flexfem.families.shell_director.tables import MIDDLES, POINTS, slopes
+from flexfem.families.shell_director.tables import MIDDLES, POINTS, shapes, slopes
 from flexfem.families.shell_director.tangent import TANGENT_WORK, tangent
 from flexfem.kernels.by_hand import ByHand
 from flexfem.kernels.driver import (
@@ -96,7 +96,7 @@ class DirectorTriangles:
         directors: at the start in the axes of the frames that carry them, (m, 3, 3).
         shears: stiffness of covariant shear strains times areas, relaxed, N m, (m, 6, 6).
         damping: stiffness-proportional, s, (m,).
-        starts: covariant strains at the start, (m, 24).
+        starts: covariant strains at the start, (m, 24), or those of a rest state.
         sections: number of each triangle's stiffness, (m,).
         stiffness: of membrane and bending, N/m, N and N m, (s, 6, 6).
         shear: across the thickness, N/m, (s, 2, 2).
@@ -187,6 +187,22 @@ class DirectorTriangles:
         """The same triangles with other numbers (m, 9) of their nodes."""
         return replace(self, nodes=nodes.astype(np.int64))
 
+    def set_starts(self, starts: FloatArray) -> None:
+        """Set the covariant strains (m, 24) that have no stress."""
+        self.starts[:] = starts
+
+    @property
+    def rest_maps(self) -> FloatArray:
+        """Maps (m, 3, 6, 6) from strains along e1 and e2 at the points to covariant ones."""
+        maps: FloatArray = np.linalg.inv(self._points.plane_maps)
+        return maps
+
+    @property
+    def places(self) -> FloatArray:
+        """Points (m, 3, 3) at which membrane strains and curvatures count, at the start, m."""
+        found: FloatArray = np.einsum("pn,mnc->mpc", shapes(POINTS), self._places)
+        return found
+
     def strains(self, frames: FloatArray) -> FloatArray:
         """Mean strains (m, 8) of the triangles."""
         at_points, at_middles = self._strains(frames)
@@ -259,6 +275,19 @@ class DirectorTriangles:
     def viscous(self) -> bool:
         """True if stresses depend on strain rates."""
         return bool(self.damping.any()) or any(law.values.viscous for law in self.laws)
+
+    def elastic_stresses(self, frames: FloatArray) -> FloatArray:
+        """Stresses (m, 24) of the present strains, times areas, all covariant."""
+        found = self.linear_stresses(self.changes(frames))
+        if self.laws:
+            found[:, :18] = self.response(frames).stresses.reshape(-1, 18)
+        return found
+
+    def linear_stresses(self, changes: FloatArray) -> FloatArray:
+        """Stresses (m, 24) of changes of strain (m, 24) without laws, times areas."""
+        plane = np.einsum("mpij,mpj->mpi", self.planes, changes[:, :18].reshape(-1, 3, 6))
+        shear = np.einsum("mij,mj->mi", self.shears, changes[:, 18:])
+        return np.concatenate([plane.reshape(-1, 18), shear], 1)
 
     def viscous_stresses(self, frames: FloatArray, rates: FloatArray) -> FloatArray:
         """Viscous stresses (m, 24) of strain rates (m, 24), times areas, all covariant."""

@@ -10,7 +10,8 @@ import numpy as np
 from flexfem._types import IndexArray, IntArray
 from flexfem.families.common.law_values import LawValues
 from flexfem.families.common.section_groups import grouped
-from flexfem.families.common.shell_surface import ShellSurface
+from flexfem.families.common.shell_rest import RestStrains
+from flexfem.families.common.shell_surface import ShellSurface, rest_state
 from flexfem.families.shell_rotation_free.elements import ShellCells
 from flexfem.families.shell_rotation_free.triangles import RotationFreeTriangles
 from flexfem.mesh.shells.patches import curvature_patches
@@ -86,6 +87,10 @@ def shell_cells(
         damping,
         law,
     )
+    rest = RestStrains(
+        [rest_state(shell) for shell in surface.shells], surface.body[own],
+        corners[: len(own)].mean(axis=1, keepdims=True), triangles.starts, triangles.rest_maps,
+    )  # fmt: skip
     there = patches.nodes >= 0
     nodes = np.full(patches.nodes.shape, -1, dtype=np.int32)
     nodes[there] = local(patches.nodes[there].astype(np.int64))
@@ -96,4 +101,5 @@ def shell_cells(
         body=surface.body[own],
         mass=density[surface.section[own]] * patches.areas,
         consistent=consistent[surface.body[own]],
+        rest=rest,
     )

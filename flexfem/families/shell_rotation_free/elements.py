@@ -26,6 +26,7 @@ from flexfem.families.common.corotating_loops import (
     turn_blocks,
 )
 from flexfem.families.common.node_pairs import NodePairs
+from flexfem.families.common.shell_rest import RestStrains
 from flexfem.families.shell_rotation_free.triangles import RotationFreeTriangles
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
@@ -40,12 +41,14 @@ class ShellCells:
         triangles: their mechanics.
         body: (m,) number of the shell; mass: (m,) kg.
         consistent: (m,) True for consistent masses, False for lumped ones.
+        rest: their strains without stress.
     """
 
     triangles: RotationFreeTriangles
     body: IntArray
     mass: FloatArray
     consistent: BoolArray
+    rest: RestStrains
 
     @property
     def corners(self) -> IndexArray:
@@ -60,6 +63,7 @@ class RotationFreeShells:
         groups: the triangles.
         corners: (m, 3) corners of all triangles; body: (m,) their shells.
         masses: (n,) lumped masses of the owned nodes, zero for ghosts, kg.
+        strained, timed: see :class:`flexfem.layout.elements.StrainedElements`.
 
     The methods of :class:`flexfem.layout.elements.ElementFamily` are described there. With damping,
     the tangent neglects the change of strain rates by the rotation of the triangles.
@@ -95,6 +99,24 @@ class RotationFreeShells:
         self._vectors = np.empty((count, 3))
         self._axes = CorotatingAxes(block)
         self.viscous = any(g.triangles.viscous for g in groups)
+        self.strained = any(g.rest.strained for g in groups)
+        self.timed = any(g.rest.timed for g in groups)
+        self.set_initial_strains(0.0)
+
+    def set_initial_strains(self, t: float, fraction: float = 1.0) -> None:
+        """See :class:`flexfem.layout.elements.StrainedElements`."""
+        if self.strained:
+            for group in self.groups:
+                group.triangles.set_starts(group.rest.at(t, fraction))
+
+    def eigenstates(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.layout.elements.StrainedElements`."""
+        positions_into(frames, self._points)
+        parts = [g.triangles for g in self.groups]
+        stresses = [part.stresses(part.strains(self._points)) for part in parts]
+        initial = [part.patches.areas[:, np.newaxis] * part.starts for part in parts]
+        nothing = np.empty((0, 6))
+        return np.concatenate([nothing, *stresses]), np.concatenate([nothing, *initial])
 
     @property
     def carriers(self) -> IndexArray:
@@ -209,6 +231,15 @@ class RotationFreeShells:
             + group.triangles.strain_rates(self._points, self._vectors)
             for group in self.groups
         ]
+
+    def strain_products(self, strains: Strains, chosen: BoolArray) -> tuple[Strains, Strains]:
+        """See :class:`flexfem.layout.elements.DampedElements`."""
+        ends = np.cumsum([len(own) for own in strains])[:-1]
+        parts = zip(strains, np.split(chosen, ends), strict=True)
+        kept = [own * cells[:, np.newaxis] for own, cells in parts]
+        triangles = (group.triangles for group in self.groups)
+        pairs = zip(triangles, kept, strict=True)
+        return kept, [t.patches.areas[:, np.newaxis] * t.stresses(own) for t, own in pairs]
 
     def unstressed(self) -> Strains:
         """See :class:`flexfem.layout.elements.ElementFamily`."""

@@ -20,7 +20,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.kernels.compiled import inlined_fused
-from flexfem.kernels.lanes import in_rows, lanes
+from flexfem.kernels.lanes import LANES, in_rows, lanes
 from flexfem.kernels.vectors import load
 from flexfem.mesh.shells.patches import Patches
 
@@ -40,6 +40,7 @@ __all__ = [
     "stress_of",
     "turn_of",
     "vectors_of",
+    "write_starts",
 ]
 
 #: A number for each of several triangles, and a tuple of them.
@@ -66,6 +67,13 @@ def constant_data(
     pieces = [starts, patches.areas, damping, offsets, np.swapaxes(flat, 1, 2),
               np.swapaxes(patches.curvatures, 1, 2)]  # fmt: skip
     return in_rows(lanes(np.concatenate([in_rows(piece) for piece in pieces], axis=1)))
+
+
+def write_starts(data: FloatArray, starts: FloatArray) -> None:
+    """Write other reference values (m, 6) of zero strain to a result of :func:`constant_data`."""
+    if len(starts):
+        batches = data.reshape(len(data), -1, LANES)
+        batches[:, START : START + 6] = lanes(starts)
 
 
 @inlined_fused

@@ -17,7 +17,7 @@ from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.families.common.law_loops import linear_resultants
 from flexfem.families.common.law_values import LawValues
 from flexfem.families.shell_rotation_free import kernels
-from flexfem.families.shell_rotation_free.steps import constant_data
+from flexfem.families.shell_rotation_free.steps import constant_data, write_starts
 from flexfem.families.shell_rotation_free.tangent import tangent, work_space
 from flexfem.kernels.by_hand import ByHand
 from flexfem.kernels.driver import (
@@ -95,7 +95,8 @@ class RotationFreeTriangles:
         patches: maps of the triangles, p nodes each.
         offsets: ``Patches.offsets`` of the tangents of clamped edges, (m, 3, 3), 1/m.
         starts: reference values (m, 6) of zero strain: lengths and products of ``f_1`` and ``f_2``
-            at the start, 1, 1 and 0 unless they are smoothed, and curvatures kappa_0, 1/m.
+            at the start, 1, 1 and 0 unless they are smoothed, and curvatures kappa_0, 1/m; or those
+            of a rest state, see :meth:`set_starts`.
         damping: stiffness-proportional damping (m,), s.
         sections: number of each triangle's stiffness, (m,).
         stiffness: matrices ``[D_m D_c; D_c^T D_b]`` in the axes of the triangles, of N/m, N and
@@ -159,6 +160,24 @@ class RotationFreeTriangles:
     def renumbered(self, nodes: IndexArray) -> Self:
         """The same triangles with other numbers (m, p) of their nodes."""
         return replace(self, patches=replace(self.patches, nodes=nodes))
+
+    def set_starts(self, starts: FloatArray) -> None:
+        """Set the reference values (m, 6) of zero strain."""
+        self.starts[:] = starts
+        write_starts(self._cells.corners, starts)
+
+    @property
+    def rest_maps(self) -> FloatArray:
+        """Maps (m, 1, 6, 6) from strains along e1 and e2 to those that are measured.
+
+        At free edges patches have curvatures without a moment across the edge. Beside clamps
+        compliances are the areas over the squares of the weights, also those by which initial
+        curvatures count: uniform moments stay in equilibrium, and rotations are right in total.
+        """
+        maps = np.zeros((len(self.starts), 1, 6, 6))
+        maps[:, 0, :3, :3] = np.eye(3)
+        maps[:, 0, 3:, 3:] = self.patches.uniform / self.patches.weights[:, None, None]
+        return maps
 
     def strains(self, points: FloatArray) -> FloatArray:
         """Strains (m, 6): eps_11, eps_22, gamma_12, kappa_11, kappa_22, 2 kappa_12."""

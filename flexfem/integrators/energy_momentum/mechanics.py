@@ -343,6 +343,11 @@ def _check_parts(system: System) -> None:
         raise InputError(
             f'Contact "{name}": the integrator energy_momentum does not support contact'
         )
+    if system.modal_dampers is not None:
+        raise InputError(
+            f"{system.modal_dampers.owner}: "
+            "the integrator energy_momentum does not support damping of modes"
+        )
     for part in system.parts:
         if not part.family.energy_momentum:
             raise InputError(

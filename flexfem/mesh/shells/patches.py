@@ -87,6 +87,8 @@ class Patches:
         conditions: condition number of the own quadratic in coordinates scaled by the size of the
             triangle, (m,); infinite where it has no solution. About 10 for good meshes.
         weights: factors of ``curvatures`` and ``slopes``, (m,).
+        uniform: curvatures of a surface with uniform ones, (m, 3, 3): unit matrices but at free and
+            hinged edges, where the patch has those without a moment across the edge.
     """
 
     nodes: IndexArray
@@ -100,6 +102,7 @@ class Patches:
     tangents: FloatArray
     conditions: FloatArray
     weights: FloatArray
+    uniform: FloatArray
 
     def offsets(self, tangents: FloatArray | None = None) -> FloatArray:
         """Part ``b0 = S t`` (m, 3, 3) of the curvature vectors, row by row, 1/m.
@@ -165,6 +168,7 @@ def curvature_patches(
     owners, places, maps = _columns(fit, local, triangles, opposites, neighbours)
     factors = np.ones(len(triangles)) if weights is None else weights
     maps *= factors[:, None, None]
+    uniform = _uniform(fit, local, around, sloped, opposites, triangles, neighbours)
 
     # meaning of a column: the position of a node, or the tangent of an edge
     tangential = (places >= 3) & sloped[owners, np.maximum(places, 3) - 3]
@@ -184,6 +188,7 @@ def curvature_patches(
         tangents=np.where(sloped[:, :, None], _oriented(tangents, outwards), 0.0),
         conditions=fit.conditions,
         weights=factors,
+        uniform=uniform,
     )
 
 
@@ -223,8 +228,7 @@ def _unfolded(
     away = points[opposites] - start
     along = np.einsum("mka,mka->mk", away, edge)
     height = np.linalg.norm(away - along[:, :, None] * edge, axis=2)
-    normals = _edge_normals(local)
-    edges = np.stack([-normals[:, :, 1], normals[:, :, 0]], 2)
+    normals, edges = _edge_normals(local), _tangents(local)
     places = np.roll(local, -1, 1) + along[:, :, None] * edges + height[:, :, None] * normals
     unfolded: FloatArray = places
     return unfolded
@@ -309,6 +313,62 @@ def _coefficients(
     return maps, conditions
 
 
+def _slope_weights(local: FloatArray) -> FloatArray:
+    """Weights (m, 3, 3) of the jumps of slopes at the edges in the curvatures."""
+    lengths = np.linalg.norm(np.roll(local, -2, 1) - np.roll(local, -1, 1), axis=2)
+    a, b = np.moveaxis(_edge_normals(local), 2, 0)
+    weights: FloatArray = np.stack([a * a, b * b, 2 * a * b], 2)
+    weights *= (lengths / _doubled(local)[:, None])[:, :, None]
+    return weights
+
+
+def _facing(
+    triangles: IndexArray, opposites: IndexArray, neighbours: IndexArray, k: int
+) -> tuple[IntArray, IntArray, IntArray]:
+    """Triangles with a neighbour over their edge k, the neighbour, and its number of that edge."""
+    own = np.flatnonzero(neighbours[:, k] >= 0)
+    other = neighbours[own, k].astype(np.int64)
+    return own, other, np.argmax(triangles[other] == opposites[own, k, None], 1)
+
+
+def _uniform(
+    fit: _Fit, local: FloatArray, around: FloatArray, sloped: BoolArray, opposites: IndexArray,
+    triangles: IndexArray, neighbours: IndexArray | None,
+) -> FloatArray:  # fmt: skip
+    """Curvatures (m, 3, 3) that the maps find on surfaces with unit curvatures."""
+    unit = _CURVATURE.T / 4.0  # coefficients of quadratics with one curvature each
+    middles = (np.roll(local, -1, 1) + np.roll(local, -2, 1)) / 2
+    across = _slopes(middles, _edge_normals(local)) @ unit
+    outer = np.where(sloped[:, :, None], across, _values(around) @ unit)
+    values = np.concatenate([_values(local) @ unit, outer], 1)
+    found: FloatArray = fit.curvatures @ values
+    if neighbours is None:
+        return found
+    # slopes that the quadratics of triangles do not have because they lack a value
+    missed, weights, edges = fit.slopes @ values - across, _slope_weights(local), _tangents(local)
+    for k in range(3):
+        own, other, facing = _facing(triangles, opposites, neighbours, k)
+        turned = _turn(-edges[other, facing], edges[own, k])
+        jump = missed[own, k] + np.einsum("mj,mji->mi", missed[other, facing], turned)
+        found[own] -= weights[own, k, :, None] * jump[:, None]
+    return found
+
+
+def _tangents(local: FloatArray) -> FloatArray:
+    """Unit vectors (m, 3, 2) along the edges of plane triangles (m, 3, 2)."""
+    normals = _edge_normals(local)
+    return np.stack([-normals[:, :, 1], normals[:, :, 0]], 2)
+
+
+def _turn(to: FloatArray, of: FloatArray) -> FloatArray:
+    """Maps (m, 3, 3) of curvatures between axes in which one direction is ``of`` and ``to``."""
+    c = (of * to).sum(1)
+    s = of[:, 0] * to[:, 1] - of[:, 1] * to[:, 0]
+    # a direction (x, y) of the first axes is (c x - s y, s x + c y) in the others
+    rows = [[c * c, s * s, -c * s], [s * s, c * c, c * s], [2 * c * s, -2 * c * s, c * c - s * s]]
+    return np.stack([np.stack(row, -1) for row in rows], -2)
+
+
 def _columns(
     fit: _Fit, local: FloatArray, triangles: IndexArray, opposites: IndexArray,
     neighbours: IndexArray | None,
@@ -326,15 +386,11 @@ def _columns(
     places[:, :6] = np.arange(6)
     if neighbours is None:
         return owners, places, maps
-    normals, doubled = _edge_normals(local), _doubled(local)
-    lengths = np.linalg.norm(np.roll(local, -2, 1) - np.roll(local, -1, 1), axis=2)
+    weights = _slope_weights(local)
     for k in range(3):
-        own = np.flatnonzero(neighbours[:, k] >= 0)
-        other = neighbours[own, k]
-        a, b = normals[own, k].T
-        weight = (lengths[own, k] / doubled[own])[:, None] * np.stack([a * a, b * b, 2 * a * b], 1)
+        own, other, facing = _facing(triangles, opposites, neighbours, k)
+        weight = weights[own, k]
         maps[own, :, :6] -= weight[:, :, None] * fit.slopes[own, None, k]
-        facing = np.argmax(triangles[other] == opposites[own, k, None], 1)
         for i, column in enumerate((3 + k, (k + 2) % 3, (k + 1) % 3, k, 6 + 2 * k, 7 + 2 * k)):
             place = (facing + i) % 3 + 3 * (i >= 3)
             # the outward normals of both are opposite

@@ -1,9 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Shells on bodies of a surface mesh."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from dataclasses import KW_ONLY
 from types import MappingProxyType
+from typing import Any
+
+import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._fields import (
@@ -20,7 +23,9 @@ from flexfem._fields import (
     text,
     vector,
 )
+from flexfem._types import FloatArray
 from flexfem.materials.shell_section import ShellSection
+from flexfem.materials.thermal_strain import ThermalStrain
 from flexfem.mesh.geometry.frames import Orientation
 
 __all__ = ["EDGES", "MASSES", "MEMBRANES", "SHELL_ELEMENTS", "Shell"]
@@ -64,6 +69,29 @@ def _fixed(owner: str, what: str, values: object) -> Mapping[str, str]:
     return held
 
 
+def _rest_curvature(owner: str, what: str, value: Any) -> Any:
+    """Return checked curvatures, or a function as it is."""
+    return value if callable(value) else _checks.array(owner, what, value, (3,))
+
+
+def _prestrain(owner: str, what: str, value: Any) -> Any:
+    """Return checked strains, or a function as it is."""
+    if isinstance(value, ThermalStrain) and (callable(value.gradient_y) or value.gradient_y != 0.0):
+        got = _checks.show(value.gradient_y)
+        raise ValueError(f"{owner}: {what}: a shell has no gradient_y, give gradient_z, got {got}")
+    return value if callable(value) else _checks.array(owner, what, value, (6,))
+
+
+def _has_direction(given: Any) -> bool:
+    """Return True if a rest curvature or prestrain may differ along e1 and e2."""
+    if given is None or isinstance(given, ThermalStrain):
+        return False
+    if callable(given):
+        return True
+    first, second, sheared = given.reshape(-1, 3).T
+    return bool((first != second).any() or sheared.any())
+
+
 @declared
 class Shell:
     """Shell on a body of the model's surface mesh.
@@ -96,7 +124,17 @@ class Shell:
             much coarser meshes, and take a tenth more time for forces and tangents. Smoothed
             strains near planes of symmetry and of strongly curved initial shapes are less accurate.
         mass: "lumped" at the nodes, or "consistent" with linear velocities.
-        damping: Stiffness-proportional damping, seconds.
+        rest_curvature: Curvatures (kappa11, kappa22, 2 kappa12) of the stress-free shell along e1
+            and e2, shape (3,), 1/m, positive where the side of e3 is longer; or a function of
+            points (k, 3) of the initial configuration, inertial axes, that returns (3,) or (k, 3).
+            None for those of the initial configuration.
+        prestrain: Initial strain in the order of a :class:`ShellSection`, shape (6,): the
+            resultants are the stiffness times the strain less this one, so that heat has a
+            positive, pretension a negative extension. Or a function of points (k, 3) and the time
+            (the load factor in statics) that returns (6,) or (k, 6), or a :class:`ThermalStrain`.
+            It and the rest curvature need a `direction` unless they are equal in all directions.
+        damping: Stiffness-proportional damping, seconds; for ratios of modes see
+            :class:`ModalDamping`.
         velocity: Initial velocity of the point of the (extended) body at the inertial origin,
             inertial axes, shape (3,), m/s.
         angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s; a point at x
@@ -104,7 +142,8 @@ class Shell:
 
     Raises:
         TypeError: An argument has the wrong type.
-        ValueError: A wrong shape, NaN, a zero direction, negative damping, or an unknown word.
+        ValueError: A wrong shape, NaN, a zero direction, negative damping, an unknown word, or
+            strains along axes that no direction gives.
     """
 
     name: str
@@ -118,14 +157,39 @@ class Shell:
     averaged: bool | None = flag(default=None)
     membrane: str = choice(MEMBRANES, default="constant")
     mass: str = choice(MASSES, default="lumped")
+    rest_curvature: Given[
+        npt.ArrayLike | Callable[[FloatArray], npt.ArrayLike] | None,
+        FloatArray | Callable[[FloatArray], npt.ArrayLike] | None,
+    ] = checked(_rest_curvature, default=None)
+    prestrain: Given[
+        npt.ArrayLike | Callable[[FloatArray, float], npt.ArrayLike] | None,
+        FloatArray | Callable[[FloatArray, float], npt.ArrayLike] | None,
+    ] = checked(_prestrain, default=None)
     damping: float = number(default=0.0, nonnegative=True)
     velocity: Array = vector(default=ZERO)
     angular_velocity: Array = vector(default=ZERO)
 
     def __post_init__(self) -> None:
-        """Name the body, and check the membrane against the element."""
+        """Name the body, and check what depends on several arguments."""
         if self.body is None:
             _checks.assign(self, body=self.name)
+        owner = _checks.named(self, self.name)
         if self.membrane == "smoothed" and self.element != "rotation_free":
-            owner = _checks.named(self, self.name)
             raise ValueError(f'{owner}: membrane "smoothed" needs element "rotation_free"')
+        for what, given in (("rest_curvature", self.rest_curvature), ("prestrain", self.prestrain)):
+            if self.direction is None and _has_direction(given):
+                raise ValueError(
+                    f"{owner}: its {what} is not equal in all directions: give the direction of e1"
+                )
+
+    @property
+    def timed(self) -> bool:
+        """True if its initial strain may change with time."""
+        given = self.prestrain
+        return callable(given) and not (isinstance(given, ThermalStrain) and given.constant)
+
+    @property
+    def initial_strain(self) -> Any:
+        """Its initial strain (6,), or a function of points (k, 3) and the time; None for none."""
+        given = self.prestrain
+        return given.of_shell if isinstance(given, ThermalStrain) else given

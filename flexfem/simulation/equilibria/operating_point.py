@@ -58,7 +58,9 @@ class OperatingPoint:
         """
         self._begin = time.perf_counter()
         saved = None if options.state is None else SavedState(options.state, comm or MPI.COMM_WORLD)
-        self.serial, self.system = set_up(model, comm, options.split_above, kernels=options.kernels)
+        self.serial, self.system = set_up(
+            model, comm, options.split_above, kernels=options.kernels, moving=True
+        )
         self.cautions = Cautions.of_model(self.serial, options, self.system)
         if saved is not None:
             saved.check(self.serial)

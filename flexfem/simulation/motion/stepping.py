@@ -83,7 +83,7 @@ class Simulation:
         grid = TimeGrid.of(options.dt, options.t_end) if restart is None else restart.grid
         self.controls = Controls(model, grid.h)
         self.serial, self.system = set_up(
-            model, comm, options.split_above, check, self.controls, options.kernels
+            model, comm, options.split_above, check, self.controls, options.kernels, moving=True
         )
         self.options = options
         self.cautions = Cautions.of_model(self.serial, options, self.system)

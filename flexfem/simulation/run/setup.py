@@ -12,6 +12,7 @@ from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.model import Model
 from flexfem.simulation.control.controls import Controls, driven_model
 from flexfem.simulation.run.guard import refuse
+from flexfem.solvers.modal.modal_damping import attach_modal_damping
 from flexfem.system.agreement import agreed
 from flexfem.system.build import build
 from flexfem.system.compile_beside import compile_beside
@@ -24,7 +25,7 @@ __all__ = ["set_up"]
 def set_up(
     model: Model, comm: MPI.Intracomm | None, split_above: int,
     check: Callable[[NumberedModel], None] | None = None, controls: Controls | None = None,
-    kernels: str = "fast",
+    kernels: str = "fast", moving: bool = False,
 ) -> tuple[NumberedModel, System]:  # fmt: skip
     """Serial data and system of a model (collective).
 
@@ -35,6 +36,7 @@ def set_up(
         check: raises a ValueError for unsuitable serial data.
         controls: the model's controllers; their outputs are zero without.
         kernels: "fast" or "ufl", see ``flexfem.analyses.analysis.KERNELS``.
+        moving: True for analyses in which velocities have an effect.
 
     Raises:
         InputError: a mistake in the model, or it differs between ranks (a ValueError).
@@ -54,7 +56,10 @@ def set_up(
         destroy_dropped(comm)  # models that were built before
         if comm.rank == 0:
             compile_beside(serial, comm.size)
-        return serial, build(serial, comm, split_above)
+        system = build(serial, comm, split_above)
+        if moving:
+            attach_modal_damping(serial, system, split_above)
+        return serial, system
     except ValueError as error:  # on every rank
         raise InputError(str(error)) from error
 

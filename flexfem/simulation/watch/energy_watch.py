@@ -96,7 +96,8 @@ class EnergyWatch:
         system, rows = self._system, self._system.constraints
         takes = bool(((rows.elastic[:, 2] != 0.0) | rows.frictional).any())
         viscous = any(p.elements is not None and p.elements.viscous for p in system.parts)
-        return takes or viscous or bool(system.contacts)
+        modal = system.modal_dampers is not None
+        return takes or viscous or modal or bool(system.contacts)
 
     def follow(self) -> None:
         """Sum the work up to an accepted state."""

@@ -11,6 +11,10 @@ forces, those of the constraints included, at fixed local v and w:
 Rows with force laws (springs, dampers, stops, friction) have equations of their own,
 ``dF = F_x g u + F_v d(rate)``, linearised at the state; friction that depends on joint forces is
 taken with these constant.
+
+Dampers of modes are unknowns p of their own behind the multipliers: with gradients g of the modes'
+amplitudes and factors c, ``sqrt(c) g u' - p = 0`` and the forces ``sqrt(c) g p``. Matrices stay
+sparse.
 """
 
 from dataclasses import dataclass
@@ -59,7 +63,8 @@ class Linearization:
     """Matrices and residual of a system in one numbering.
 
     Every rank owns a contiguous range: the unknowns of each of its nodes, part by part, the states
-    of its force elements, then its multipliers.
+    of its force elements, then its multipliers; behind these on the first rank the forces of
+    dampers of modes.
 
     Attributes:
         system: the system.
@@ -78,7 +83,10 @@ class Linearization:
         self.states = StateUnknowns(system)
         nodal = sum(p.block.sizes[0] for p in system.parts)
         self.unknowns = nodal + self.states.count
-        self.size = self.unknowns + rows.owned_count
+        self._dampers = system.modal_dampers
+        modes = 0 if self._dampers is None else len(self._dampers.factors)
+        self._modes = modes if comm.rank == 0 else 0  # those that this rank owns
+        self.size = self.unknowns + rows.owned_count + self._modes
         end = comm.scan(self.size)
         self.sizes = (self.size, int(comm.allreduce(self.size)))
         self._number(end - self.size)
@@ -144,7 +152,40 @@ class Linearization:
         rows = self.system.constraints
         own = self._row_number(rows.numbers[rows.owned_rows])
         row, column = self.states.pattern(self._first_state, self._unknown, self._row_number)
-        return np.concatenate([*i, own, row]), np.concatenate([*j, own, column])
+        unknown, damper = self._damper_pattern()
+        return (
+            np.concatenate([*i, own, row, unknown, damper, self._own_dampers()]),
+            np.concatenate([*j, own, column, damper, unknown, self._own_dampers()]),
+        )
+
+    def _own_dampers(self) -> IntArray:
+        """Numbers of the dampers of modes that this rank owns."""
+        count = self.system.constraints.owned_count
+        return np.asarray(self._starts[self.system.comm.rank, -1] + count + np.arange(self._modes))
+
+    def _damper_pattern(self) -> tuple[IntArray, IntArray]:
+        """Numbers of this rank's unknowns and of the dampers that act on them."""
+        nothing = np.empty(0, dtype=np.int64)
+        if self._dampers is None:
+            return nothing, nothing
+        dampers = self.system.comm.bcast(self._own_dampers())
+        starts = self._starts[self.system.comm.rank]
+        own = [
+            starts[k] + np.arange(self.system.parts[k].block.sizes[0]) for k in self._dampers.parts
+        ]
+        unknowns = np.concatenate([nothing, *own])
+        return np.tile(unknowns, len(dampers)), np.repeat(dampers, len(unknowns))
+
+    def _damper_values(self) -> FloatArray:
+        """Gradients of the modes' amplitudes by these unknowns at the state (collective)."""
+        if self._dampers is None:
+            return np.empty(0)
+        rows = [
+            np.sqrt(factor) * own.forces(i).ravel()
+            for i, factor in enumerate(self._dampers.factors)
+            for own in self._dampers.parts.values()
+        ]
+        return np.concatenate([np.empty(0), *rows])
 
     def _ad_pattern(self) -> tuple[IntArray, IntArray]:
         entries = []
@@ -193,7 +234,7 @@ class Linearization:
         pieces = [p.block.owned_residual.ravel() for p in system.parts]
         pieces.append(np.zeros(self.states.count))  # they are steady
         gaps = np.where(rigid, rows.values, 0.0)[rows.owned_rows]
-        return np.concatenate([*pieces, gaps])
+        return np.concatenate([*pieces, gaps, np.zeros(self._modes)])
 
     def matrices(self) -> Matrices:
         """Matrices at the state of the last evaluation (collective); they are overwritten later."""
@@ -214,9 +255,17 @@ class Linearization:
         velocity += slopes.velocity
         self.states.scale(slopes)
         by_rate, by_state = self.states.damping(slopes), self.states.stiffness(slopes)
-        self._assemble(0, _MASS, 0.0 * turning, (nothing, nothing), (none, 0.0 * by_rate))
-        self._assemble(1, _VELOCITY, 0.0 * turning, (nothing, velocity), (none, by_rate))
-        self._assemble(2, _STIFFNESS, turning, (forces, position), (corner, by_state))
+        modal, one = self._damper_values(), np.ones(self._modes)
+        no, off = 0.0 * modal, 0.0 * one
+        self._assemble(
+            0, _MASS, 0.0 * turning, (nothing, nothing), (none, 0.0 * by_rate, no, no, off)
+        )
+        self._assemble(
+            1, _VELOCITY, 0.0 * turning, (nothing, velocity), (none, by_rate, no, modal, off)
+        )
+        self._assemble(
+            2, _STIFFNESS, turning, (forces, position), (corner, by_state, modal, no, -one)
+        )
         stiffness = self._with_contacts(stiffness)
         if not self._moving():
             return Matrices(mass, damping, stiffness)
@@ -257,11 +306,12 @@ class Linearization:
 
     def _assemble(
         self, which: int, shifts: Shifts, joints: FloatArray,
-        gradients: tuple[FloatArray, FloatArray], others: tuple[FloatArray, FloatArray],
+        gradients: tuple[FloatArray, FloatArray], others: tuple[FloatArray, ...],
     ) -> None:  # fmt: skip
         """Set a matrix: blocks of joints, gradients in the columns and the rows of multipliers.
 
-        ``others`` are the diagonal of the multipliers and the entries of states.
+        ``others`` are the diagonal of the multipliers, the entries of states, and those of dampers
+        of modes: columns, rows, diagonal.
         """
         system, count = self.system, len(self.system.parts)
         values = [part_values(system, part, shifts) for part in system.parts]
@@ -274,7 +324,7 @@ class Linearization:
         """1 for the rigid rows in this rank's range, 0 for all other unknowns."""
         rows = self.system.constraints
         rigid = rows.rigid[rows.owned_rows].astype(np.float64)
-        return np.concatenate([np.zeros(self.unknowns), rigid])
+        return np.concatenate([np.zeros(self.unknowns), rigid, np.zeros(self._modes)])
 
     def _moving(self) -> bool:
         mine = any(bool(p.block.velocity.any()) for p in self.system.parts)
@@ -316,13 +366,13 @@ class Linearization:
         rows = self.system.constraints
         scale, free = self._row_scales()
         soft = np.where(rows.rigid, 0.0, scale * rows.compliance * free)[rows.owned_rows]
-        return np.concatenate([np.zeros(self.unknowns), soft])
+        return np.concatenate([np.zeros(self.unknowns), soft, np.ones(self._modes)])
 
     def stiffness_by_states(self) -> FloatArray:
         """Sizes of stiffnesses of rows by states of force elements in this rank's range, N/m."""
         sizes = self.states.stiffness_of_rows(self._slopes)
         owned = sizes[self.system.constraints.owned_rows]
-        return np.concatenate([np.zeros(self.unknowns), owned])
+        return np.concatenate([np.zeros(self.unknowns), owned, np.zeros(self._modes)])
 
     def multiply(
         self, matrix: PETSc.Mat, shapes: npt.NDArray[Any], laws: PETSc.Mat | None = None

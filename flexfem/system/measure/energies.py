@@ -50,6 +50,7 @@ class _State:
         values: (r,) sums less targets, where drives move springs; else none.
         stiffness: (r,) of all rows, N/m or N m/rad.
         own_rates: (r,) rates of the targets that dampers see.
+        modal, shares: (k,) rates of damped modes, and this rank's share of them in chosen elements.
     """
 
     loads: FloatArray
@@ -65,6 +66,8 @@ class _State:
     values: FloatArray
     stiffness: FloatArray
     own_rates: FloatArray
+    modal: FloatArray
+    shares: FloatArray
 
 
 def refresh_rows(system: System) -> None:
@@ -138,8 +141,12 @@ class EnergyMeter:
                 lengths.append(cells[at] * own)
             if isinstance(part.elements, StrainedElements) and part.elements.timed:
                 self._timed.append((part.elements, part.block))
-                timed.append(cells.astype(np.float64))
+                timed.append(cells[part.elements.viscous_at[0]].astype(np.float64))
         self._lengths, self._weights = np.concatenate(lengths), np.concatenate(timed)
+        self._modal = [] if system.modal_dampers is None else [
+            (own, own.products(self._chosen.cells[number]))
+            for number, own in system.modal_dampers.parts.items()
+        ]  # fmt: skip
         self._work = self._dissipation = 0.0
         self._time = system.time
         refresh_rows(system)
@@ -189,8 +196,16 @@ class EnergyMeter:
             rows.of_rows(change * self._working), *rows.stored(),
             rows.of_rows(change) if self._damped else _NONE,
             rows.sums() - rows.targets if self._moves else _NONE, rows.elastic[:, 1].copy(),
-            rows.target_rates.copy(),
+            rows.target_rates.copy(), *self._modal_rates(),
         )  # fmt: skip
+
+    def _modal_rates(self) -> tuple[FloatArray, FloatArray]:
+        """(k,) rates of damped modes, and shares of them in the chosen elements (collective)."""
+        dampers = self._system.modal_dampers
+        if dampers is None:
+            return _NONE, _NONE
+        rates = dampers.rates()
+        return rates, sum((stress @ own.rates() for own, stress in self._modal), 0.0 * rates)
 
     def _viscosity(self) -> tuple[FloatArray, FloatArray]:
         """(j, 6) viscous stress of the elements, and the rate of their strain."""
@@ -259,6 +274,9 @@ class EnergyMeter:
         if self._viscous:
             stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
             total += float(np.einsum("m,mi,mi->", 0.25 * h * self._lengths, stress, rate))
+        if self._system.modal_dampers is not None:
+            rate, share = before.modal + after.modal, before.shares + after.shares
+            total += 0.25 * h * float((self._system.modal_dampers.factors * rate) @ share)
         return total
 
     def _heat(self, before: _State, after: _State) -> float:
