@@ -40,7 +40,8 @@ MOTION: Mapping[Status, str] = {
     Status.DIVERGED: _STEP,
     Status.INACCURATE: "increase error_tolerance, or smooth the jumps of drives and loads",
     Status.SINGULAR: "check for redundant constraints there (redundant_constraints least_norm "
-    "admits them), for bodies without mass, and for singular configurations of mechanisms",
+    "admits them), for bodies without mass, for singular configurations of mechanisms, and "
+    "for laws whose derivatives are not finite there, as that of a square root at zero",
 }
 #: Advice if its equilibrium at the start was not found.
 START = (
