@@ -91,69 +91,57 @@ def drawn(table: ff.SectionTable) -> ff.SectionTable:
     return replace(table, outlines=np.stack([y, z], axis=-1))
 
 
-@dataclass(frozen=True)
-class Aerodynamics:
-    """Blade elements with the induction of their annuli as states.
+def aerodynamics(
+    t: float, ends: ff.Ends, z: np.ndarray, parameters: np.ndarray
+) -> tuple[np.ndarray, None, np.ndarray]:
+    """Forces on blade elements, and rates of their inductions, the states.
 
-    Attributes:
-        axis: unit vector of the shaft, downwind; ``centre``: a point on it.
-        wind, shear: speed at the centre's height (m/s), exponent of its profile.
-        radius: of the tips, m.
-        wake: time constant of the induction, s.
-        polar: slope of the lift, angle of zero lift (rad), largest lift coefficient, drag.
+    Loops that numba compiles. Numbers of each element, in this order: chord and width (m);
+    wind (m/s) at the height of the hub and the exponent of its profile; radius of the tips (m);
+    time constant of the induction (s); slope of the lift, angle of zero lift (rad), largest lift
+    coefficient, drag; density of the air (kg/m^3); unit vector of the shaft, downwind, and a point
+    on it (m).
     """
-
-    axis: np.ndarray
-    centre: np.ndarray
-    wind: float
-    shear: float
-    radius: float
-    wake: float
-    polar: tuple[float, float, float, float]
-
-    def __call__(
-        self, t: float, ends: ff.Ends, z: np.ndarray, parameters: np.ndarray
-    ) -> tuple[np.ndarray, None, np.ndarray]:
-        """Forces on the elements, and rates of their inductions."""
-        chord, width = parameters.T
-        normal, back = ends.rotations[:, :, 0], ends.rotations[:, :, 1]
-        height = np.maximum(ends.positions[:, 2], 1.0) / self.centre[2]
-        speed = self.wind * height**self.shear
-        flow = -ends.velocities - (z[:, 0] * speed)[:, None] * self.axis
-        flow[:, 0] += speed
-        across, along = (flow * normal).sum(axis=1), (flow * back).sum(axis=1)
-        slope, zero, most, drag = self.polar
-        lift = most * np.tanh(slope * np.sin(np.arctan2(across, along) - zero) / most)
-        size = np.sqrt(across**2 + along**2)
-        pressure = 0.5 * AIR * chord * size
-        up = (along[:, None] * normal - across[:, None] * back) * lift[:, None]
-        forces = pressure[:, None] * (
-            up + drag * (across[:, None] * normal + along[:, None] * back)
-        )
-        sine = np.abs(flow @ self.axis) / size
-        induced = self.steady_induction(ends.positions, speed, forces @ self.axis, sine)
-        rates = (induced - z[:, 0]) / self.wake
-        return forces * width[:, None], None, rates[:, None]
-
-    def steady_induction(
-        self, x: np.ndarray, speed: np.ndarray, thrust: np.ndarray, sine: np.ndarray
-    ) -> np.ndarray:
-        """Induction of momentum theory for a thrust (N/m) of three blades.
-
-        ``sine`` is that of the angle between the flow and the plane of rotation.
-        """
-        arm = x - self.centre
-        arm = arm - (arm @ self.axis)[:, None] * self.axis
-        r = np.sqrt((arm**2).sum(axis=1))
-        sine = np.maximum(sine, 0.02)
-        room = np.maximum(self.radius - r, 0.005 * self.radius)
+    forces, rates = np.empty((len(z), 3)), np.empty((len(z), 1))
+    across, along, flow, arm = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    for k in range(len(z)):
+        chord, width, wind, shear, radius, wake, slope, zero, most, drag, air = parameters[k, :11]
+        axis, centre = parameters[k, 11:14], parameters[k, 14:17]
+        speed = wind * (max(ends.positions[k, 2], 1.0) / centre[2]) ** shear
+        normal_flow = back_flow = through = outwards = 0.0
+        for i in range(3):
+            across[i], along[i] = ends.rotations[k, i, 0], ends.rotations[k, i, 1]
+            flow[i] = -ends.velocities[k, i] - z[k, 0] * speed * axis[i]
+            arm[i] = ends.positions[k, i] - centre[i]
+        flow[0] += speed
+        for i in range(3):
+            normal_flow += flow[i] * across[i]
+            back_flow += flow[i] * along[i]
+            through += flow[i] * axis[i]
+            outwards += arm[i] * axis[i]
+        lift = most * np.tanh(slope * np.sin(np.arctan2(normal_flow, back_flow) - zero) / most)
+        size = np.sqrt(normal_flow**2 + back_flow**2)
+        pressure, thrust, square = 0.5 * air * chord * size, 0.0, 0.0
+        for i in range(3):
+            up = (back_flow * across[i] - normal_flow * along[i]) * lift
+            down = drag * (normal_flow * across[i] + back_flow * along[i])
+            forces[k, i] = pressure * (up + down)
+            thrust += forces[k, i] * axis[i]
+            forces[k, i] *= width
+            square += (arm[i] - outwards * axis[i]) ** 2
+        # momentum theory of the annulus, with the loss at the tips of three blades
+        r, sine = np.sqrt(square), max(abs(through) / size, 0.02)
+        room = max(radius - r, 0.005 * radius)
         loss = 2.0 / np.pi * np.arccos(np.exp(-1.5 * room / (r * sine)))
-        load = np.clip(3.0 * thrust / (AIR * np.pi * r * speed**2), -2.0, 1.9)
-        ratio = load / loss
-        small = 0.5 * (1.0 - np.sqrt(1.0 - np.minimum(ratio, 0.96)))
-        inner = np.maximum(load * (50.0 - 36.0 * loss) + 12.0 * loss * (3.0 * loss - 4.0), 0.0)
-        large = (18.0 * loss - 20.0 - 3.0 * np.sqrt(inner)) / (36.0 * loss - 50.0)
-        return np.where(ratio < 0.96, small, np.minimum(large, 0.9))
+        load = min(max(3.0 * thrust / (air * np.pi * r * speed**2), -2.0), 1.9)
+        if load < 0.96 * loss:
+            steady = 0.5 * (1.0 - np.sqrt(1.0 - load / loss))
+        else:
+            inner = max(load * (50.0 - 36.0 * loss) + 12.0 * loss * (3.0 * loss - 4.0), 0.0)
+            heavy = (18.0 * loss - 20.0 - 3.0 * np.sqrt(inner)) / (36.0 * loss - 50.0)
+            steady = min(heavy, 0.9)
+        rates[k, 0] = (steady - z[k, 0]) / wake
+    return forces, None, rates
 
 
 def braking(rate: float, gain: float, most: float) -> float:
@@ -285,10 +273,15 @@ def build(
     add_tower_and_drive(model, at, gain, torque, tower_damping)
     stations, sizes = add_blades(model, at, elements, chord, blade_damping)
     radius = float(np.linalg.norm(parts[0].points[-1] - at.centre))
-    polar = lift_slope, np.radians(zero_lift), most_lift, drag
-    law = Aerodynamics(at.rotor[:, 0], at.centre, wind, shear, radius, wake, polar)
+    common = (
+        wind, shear, radius, wake, lift_slope, np.radians(zero_lift), most_lift, drag, AIR,
+        *at.rotor[:, 0], *at.centre,
+    )  # fmt: skip
     model.add(
-        ff.Force("wind", stations, law, states=1, initial=(0.3,), parameters=sizes, each=1),
+        ff.Force(
+            "wind", stations, aerodynamics, states=1, initial=(0.3,), each=1, compiled=True,
+            parameters=[(*own, *common) for own in sizes],
+        ),
         *probes(model, at, (gain, torque)),
     )
     return model

@@ -26,17 +26,16 @@ def test_elements_reach_momentum_theory() -> None:
     induction has 1.4 times its thrust.
     """
     turbine = sys.modules[load_case("turbine").build.__module__]
-    law = turbine.Aerodynamics(np.array([1.0, 0, 0]), np.array([0.0, 0.0, 150.0]), WIND, 0.0,
-                               RADIUS, 5.0, POLAR)  # fmt: skip
     r, twist = np.array([30.0, 60.0, 90.0, 110.0]), np.radians([9.0, 3.0, 0.0, -1.0])
     chord = np.array([5.7, 4.5, 3.2, 2.4])
     turns = np.array([turbine.about(2, -angle) for angle in twist])
     x = np.stack([0.0 * r, 0.0 * r, 150.0 + r], axis=1)
     v = np.stack([0.0 * r, -RATE * r, 0.0 * r], axis=1)
     ends = ff.Ends(x, turns, v, np.zeros((4, 3)), np.arange(4))
-    a, given = np.full((4, 1), 0.3), np.stack([chord, np.ones(4)], axis=1)
-    for _ in range(4000):
-        forces, _, rates = law(0.0, ends, a, given)
+    common = (WIND, 0.0, RADIUS, 5.0, *POLAR, 1.225, 1.0, 0.0, 0.0, 0.0, 0.0, 150.0)
+    a, given = np.full((4, 1), 0.3), np.array([(c, 1.0, *common) for c in chord])
+    for _ in range(1200):
+        forces, _, rates = turbine.aerodynamics(0.0, ends, a, given)
         a = a + 0.05 * rates
     for k in range(4):
         a_k, thrust, drive = _annulus(r[k], chord[k], twist[k])
