@@ -53,6 +53,7 @@ class MarkerLaw:
     jacobian: Callable[..., Any] | str | None
     _numbers: dict[bytes, IntArray] = field(default_factory=dict)
     _kinds: list[int] = field(default_factory=list)
+    _seen: list[tuple[IntArray, ElementMotion, Ends]] = field(default_factory=list)
 
     @property
     def kinds(self) -> int:
@@ -126,6 +127,15 @@ class MarkerLaw:
         return function(motion.time, ends, given, own[elements] if own.ndim == 2 else own)
 
     def _ends(self, elements: IntArray, motion: ElementMotion) -> Ends:
+        """Motion of the markers, of which the last one is kept: states change alone in between."""
+        if self._seen and self._seen[0][0] is elements and self._seen[0][1] is motion:
+            return self._seen[0][2]
+        ends = self._inertial(elements, motion)
+        self._seen[:] = [(elements, motion, ends)]
+        return ends
+
+    def _inertial(self, elements: IntArray, motion: ElementMotion) -> Ends:
+        """Motion of the markers in inertial axes."""
         poses, twists = motion.poses.reshape(-1, 12), motion.twists.reshape(-1, 2, 3)
         rotations = np.ascontiguousarray(poses[:, 3:]).reshape(-1, 3, 3)
         velocities = rotations @ twists.transpose(0, 2, 1)

@@ -25,7 +25,8 @@ def compiled_law(function: Callable[..., Any]) -> Callable[..., Any]:
     Calls raise a TypeError in one line if it does not compile.
     """
     kept = self_contained(function)
-    compiled: Callable[..., Any] = njit(error_model="numpy", cache=kept)(function)
+    source = _at_home(function) if kept else function
+    compiled: Callable[..., Any] = njit(error_model="numpy", cache=kept)(source)
 
     def call(*arguments: Any) -> Any:
         try:
@@ -34,6 +35,19 @@ def compiled_law(function: Callable[..., Any]) -> Callable[..., Any]:
             raise TypeError(not_compiled(function, error)) from None
 
     return call
+
+
+def _at_home(function: Callable[..., Any]) -> Callable[..., Any]:
+    """A copy that belongs to this module.
+
+    What numba keeps imports the function's module, which has another name in another program.
+    """
+    assert isinstance(function, FunctionType)
+    copy = FunctionType(
+        function.__code__, function.__globals__, function.__name__, function.__defaults__
+    )
+    copy.__kwdefaults__, copy.__module__ = function.__kwdefaults__, __name__
+    return copy
 
 
 def self_contained(function: Callable[..., Any]) -> bool:
