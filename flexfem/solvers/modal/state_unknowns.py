@@ -13,6 +13,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.elements.force_elements import ElementSlopes
+from flexfem.layout.node_key import NodeKey
 from flexfem.system.system import System
 
 __all__ = ["StateUnknowns"]
@@ -64,6 +65,23 @@ class StateUnknowns:
                     self.count += n * len(chosen)
                 at += 1
         self.units = np.ones(self.count)
+
+    def places(self) -> Iterator[tuple[str, int, list[NodeKey], IntArray]]:
+        """Owner of the law, number in it, nodes, and numbers of the states of every element."""
+        elements, interface, at = self._system.constraints.elements, self._system.interface, 0
+        for group, sets in zip(elements.groups, elements.sets, strict=True):
+            chosen = {some.at: some for some in self._sets}
+            for every in sets:
+                some = chosen.get(at)
+                at += 1
+                if some is None:
+                    continue
+                numbers = group.elements[every.members[some.members]]
+                for element, nodes, own in zip(
+                    numbers.tolist(), some.nodes.tolist(), self._own(some), strict=True
+                ):
+                    keys = [interface.keys[node] for node in sorted(set(nodes)) if node >= 0]
+                    yield group.law.owner, element, keys, own
 
     def scale(self, slopes: ElementSlopes) -> None:
         """Choose the units: the change of a state by one along its most effective motion."""
