@@ -52,7 +52,7 @@ HUB, NACELLE, YAW_BEARING = (69131.0, 969952.0), (644857.0, 1.599e7), 28249.0
 NACELLE_PLACE, ARMATURE = np.array([-5.125, 0.0, 4.315]), (1.4e5, 1836784.0)
 SHAFT_STIFFNESS, SHAFT_DAMPING = 6.97376449e10, 4.9418406e7
 BLADES = ("blade_1", "blade_2", "blade_3")
-STEEL, POISSON, AIR = 2.1e11, 0.3, 1.225
+STEEL, POISSON = 2.1e11, 0.3
 
 
 def about(axis: int, angle: float) -> np.ndarray:
@@ -121,19 +121,19 @@ def aerodynamics(
             outwards += arm[i] * axis[i]
         lift = most * np.tanh(slope * np.sin(np.arctan2(normal_flow, back_flow) - zero) / most)
         size = np.sqrt(normal_flow**2 + back_flow**2)
-        pressure, thrust, square = 0.5 * air * chord * size, 0.0, 0.0
+        pressure, thrust, square = 0.5 * chord * size, 0.0, 0.0  # over the density
         for i in range(3):
             up = (back_flow * across[i] - normal_flow * along[i]) * lift
             down = drag * (normal_flow * across[i] + back_flow * along[i])
             forces[k, i] = pressure * (up + down)
             thrust += forces[k, i] * axis[i]
-            forces[k, i] *= width
+            forces[k, i] *= air * width
             square += (arm[i] - outwards * axis[i]) ** 2
         # momentum theory of the annulus, with the loss at the tips of three blades
         r, sine = np.sqrt(square), max(abs(through) / size, 0.02)
         room = max(radius - r, 0.005 * radius)
         loss = 2.0 / np.pi * np.arccos(np.exp(-1.5 * room / (r * sine)))
-        load = min(max(3.0 * thrust / (air * np.pi * r * speed**2), -2.0), 1.9)
+        load = min(max(3.0 * thrust / (np.pi * r * speed**2), -2.0), 1.9)
         if load < 0.96 * loss:
             steady = 0.5 * (1.0 - np.sqrt(1.0 - load / loss))
         else:
@@ -261,8 +261,8 @@ def add_blades(
 def build(
     *, wind: float, shear: float, rate: float, pitch: float, tilt: float, cone: float,
     elements: int, tower_elements: int, gain: float, torque: float, wake: float, lift_slope: float,
-    zero_lift: float, most_lift: float, drag: float, chord: float, blade_damping: float,
-    tower_damping: float, gravity: float,
+    zero_lift: float, most_lift: float, drag: float, air: float, chord: float,
+    blade_damping: float, tower_damping: float, gravity: float,
 ) -> ff.Model:  # fmt: skip
     """Model of the whole turbine; angles in degrees."""
     at = Layout.of(tilt, cone, pitch, rate)
@@ -274,7 +274,7 @@ def build(
     stations, sizes = add_blades(model, at, elements, chord, blade_damping)
     radius = float(np.linalg.norm(parts[0].points[-1] - at.centre))
     common = (
-        wind, shear, radius, wake, lift_slope, np.radians(zero_lift), most_lift, drag, AIR,
+        wind, shear, radius, wake, lift_slope, np.radians(zero_lift), most_lift, drag, air,
         *at.rotor[:, 0], *at.centre,
     )  # fmt: skip
     model.add(
@@ -357,6 +357,7 @@ CASE = ff.Case(
         ff.Option("zero_lift", float, -4.0, "angle of attack without lift", unit="deg"),
         ff.Option("most_lift", float, 1.5, "largest lift coefficient", minimum=0.01),
         ff.Option("drag", float, 0.009, "drag coefficient", minimum=0.0),
+        ff.Option("air", float, 1.225, "density of the air", unit="kg/m^3", minimum=0.0),
         ff.Option("chord", float, 1.0, "factor of the chord", minimum=0.0),
         ff.Option("blade_damping", float, 1.0, "factor of the damping in the blade's file"),
         ff.Option("tower_damping", float, 0.004, "stiffness-proportional", unit="s", minimum=0.0),
@@ -365,6 +366,14 @@ CASE = ff.Case(
     dt=0.05,
     t_end=60.0,
     smoke={"elements": 3, "tower_elements": 2, "t_end": 0.2},
+    others={
+        ff.ROTOR: {
+            "blades": ",".join(BLADES), "rotor": "hub,armature", "axis": "x",
+            "centre": f"{-OVERHANG},0,{BASE + HEIGHT + SHAFT_ABOVE_TOP}", "spin": 0.1,
+            "spin_end": 0.8, "speeds": 8, "modes": 12, "target": 0.5, "accuracy": 1e-8,
+            "tilt": 0.0, "shear": 0.0, "gravity": 0.0,
+        }
+    },
     results=lambda history: {name: history[name][-1] for name in ("rate", "power", "out_1")},
 )
 

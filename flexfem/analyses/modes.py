@@ -140,6 +140,13 @@ class RotorOptions(CampbellOptions):
         note="The axis moves with the first one, to which the torque is applied that keeps the "
         "speed.",
     )
+    variation: float = option(
+        "change of forces and eigenvalues with the azimuth, relative, that is accepted",
+        default=1e-3,
+        above=0,
+        note="Results are those at the azimuth of the start. A support that yields turns the axis "
+        "out of the flow a little.",
+    )
     start: str = "equilibrium"
 
     def __post_init__(self) -> None:

@@ -22,6 +22,7 @@ from flexfem.simulation.modes import checks, doubts, modes_at
 from flexfem.simulation.run.failure_reasons import modes_hint, with_hint
 from flexfem.simulation.run.guard import agreed, guarded, refuse
 from flexfem.simulation.run.outcome import Outcome, Results, conclude
+from flexfem.solvers.modal.mode_errors import ComplexArray
 from flexfem.solvers.modal.mode_shapes import Modes
 from flexfem.solvers.modal.multiblade_shares import SHARES, shares
 from flexfem.solvers.modal.tracking import follow
@@ -30,6 +31,8 @@ __all__ = ["sweep_rotor"]
 
 #: Part of the modulus of an eigenvalue below which its imaginary part is no oscillation.
 _STILL = 1e-6
+#: Distance, relative, within which a mode is one of states of forces alone.
+_NEAR = 0.3
 _VALUES = ("frequency", "damping", "support", "drive", "collective", "forward", "backward")
 
 
@@ -52,8 +55,10 @@ def sweep_rotor(
     ``_forward`` and ``_backward`` of the blades relative to it. The largest at the last speed gives
     the mode's name, with ``flap`` for motions of the blades along the axis and ``edge`` across it,
     ``fore_aft`` and ``side_side`` for those of the support; ``other`` are modes of four and more
-    blades without a force on the support. ``torque`` (N m) is that of a drive on the first body
-    which keeps the speed, positive about the axis. The columns of the probes come last.
+    blades without a force on the support. Modes of the states of forces alone, such as those of an
+    inflow, are left out. ``torque`` (N m) is that of a drive on the first body
+    which keeps the speed, positive about the axis, ``variation`` the change of forces with the
+    azimuth, relative to the largest. The columns of the probes come last.
 
     Args:
         model: the model, the same on every rank.
@@ -88,7 +93,8 @@ def sweep_rotor(
             history |= dict(zip(columns, table.T.copy(), strict=True))
         summary = point.summary(case, sweep.reason)
         if sweep.speeds:
-            summary["checks"] = checks(sweep.modes) | {"azimuth": sweep.azimuth}
+            summary["checks"] = checks([modes.first(options.modes) for modes in sweep.modes])
+            summary["checks"] |= {"azimuth": sweep.azimuth}
         return conclude(summary, history, results, options, comm)
 
 
@@ -131,7 +137,7 @@ def _sweep(point: RotorPoint, options: RotorOptions) -> _Sweep:
             sweep.reason = failure
             return sweep
     sweep.azimuth = _change_with_azimuth(point, options, sweep.modes[-1])
-    if sweep.azimuth > max(_STILL, 10.0 * options.accuracy) and sweep.reason == "ok":
+    if sweep.azimuth > options.variation and sweep.reason == "ok":
         sweep.reason = with_hint(
             f"eigenvalues change by {sweep.azimuth:.1e} with the azimuth of the rotor",
             "bodies that rotate must have the symmetry of the blades",
@@ -151,24 +157,36 @@ def _step(point: RotorPoint, options: RotorOptions, speed: float, sweep: _Sweep)
     modes = _oscillating(point, options)
     if len(modes) == 0:
         return f"no mode that oscillates was found at the speed {speed:.6g} rad/s"
-    doubt = doubts(modes, len(modes), options.accuracy)
+    doubt = doubts(modes.first(options.modes), options.modes, options.accuracy)
     if doubt != "ok" and sweep.reason == "ok":
         sweep.reason = f"at the speed {speed:.6g} rad/s {doubt}"
     sweep.speeds.append(speed)
     sweep.modes.append(modes)
     sweep.parts.append(shares(modes))
-    sweep.states.append({"torque": point.torque} | state)
+    sweep.states.append({"torque": point.torque, "variation": point.variation} | state)
     return ""
 
 
 def _oscillating(point: RotorPoint, options: RotorOptions) -> Modes:
-    """Modes nearest to the target that oscillate (collective)."""
+    """Modes nearest to the target that oscillate, without those of states alone (collective)."""
     states = point.system.comm.allreduce(point.linearization.states.count)
     more = min(options.modes + states + 2, point.freedoms - options.modes)
     found = modes_at(point, options, more)
     values = found.eigenvalues
     chosen = np.flatnonzero(np.abs(values.imag) > _STILL * np.abs(values))
-    return _of(found, chosen)
+    taken = _nearest(values[chosen], point.linearization.eigenvalues_of_states())
+    return _of(found, np.delete(chosen, taken))
+
+
+def _nearest(values: ComplexArray, others: ComplexArray) -> list[int]:
+    """The values nearest to others, each of which has its own; pairs of least distance first."""
+    gaps = np.abs(values[:, np.newaxis] - others) / np.abs(others)
+    found: list[int] = []
+    while gaps.size and gaps.min() < _NEAR:
+        i, j = np.unravel_index(int(np.argmin(gaps)), gaps.shape)
+        found.append(int(i))
+        gaps[i], gaps[:, j] = np.inf, np.inf
+    return found
 
 
 def _of(modes: Modes, chosen: IntArray) -> Modes:

@@ -21,12 +21,14 @@ __all__ = ["RotorPoint"]
 
 #: An azimuth at which forces are compared with those at the first, rad.
 _AZIMUTH = 0.7
-#: Change of forces with the azimuth, relative to the largest, that is none.
-_STEADY = 1e-6
 
 
 class RotorPoint(OperatingPoint):
-    """A model with a rotor, in the steady rotation of this about which it is linearised."""
+    """A model with a rotor, in the steady rotation of this about which it is linearised.
+
+    Attributes:
+        variation: change of forces with the azimuth, relative to the largest.
+    """
 
     options: RotorOptions
     linearization: MultibladeLinearization
@@ -40,6 +42,7 @@ class RotorPoint(OperatingPoint):
             InputError: a mistake in the model, or blades that are not alike.
         """
         self._rotor: Rotor | None = None
+        self.variation = 0.0
         super().__init__(model, options, comm)
 
     @property
@@ -108,11 +111,13 @@ class RotorPoint(OperatingPoint):
         rotation.set(system)
         lin.evaluate(multipliers)
         change, size, name = self._largest(*found)
-        if change > _STEADY * size:
+        self.variation = change / size if size > 0.0 else 0.0
+        if self.variation > self.options.variation:
             raise InputError(
                 f"{self.serial.model!r}: forces on '{name}' change with the azimuth of the rotor "
-                f"by {change / size:.2g} of the largest; steady states are without gravity "
-                "across the axis and in a flow along it that is the same all around"
+                f"by {self.variation:.2g} of the largest; steady states are without gravity "
+                "across the axis and in a flow along it that is the same all around (variation "
+                f"{self.options.variation:g} is accepted)"
             )
 
     def _forces(self, residual: FloatArray, angle: float) -> list[FloatArray]:

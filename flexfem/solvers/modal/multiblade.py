@@ -29,6 +29,7 @@ from flexfem.constraints.elements.force_elements import ElementSlopes
 from flexfem.la.nest import CoordinateMatrix
 from flexfem.lie import se3, so3
 from flexfem.solvers.modal.linearization import Linearization, Matrices
+from flexfem.solvers.modal.mode_errors import ComplexArray
 from flexfem.solvers.modal.state_unknowns import StateUnknowns
 from flexfem.solvers.modal.steady_rotation import Rotation, solver_of
 from flexfem.system.system import System
@@ -431,6 +432,19 @@ class MultibladeLinearization(Linearization):
             j.append(partners)
             values.append(blades[blade])
         return np.concatenate(i), np.concatenate(j), np.concatenate(values)
+
+    def eigenvalues_of_states(self) -> ComplexArray:
+        """Eigenvalues, Im > 0, of the states of forces where nothing moves (collective).
+
+        Those of a blade's states, mu in its axes, are ``mu + i n Omega`` for the n-th harmonic.
+        """
+        own, chosen = self.states.eigenvalues(self._slopes), self.states.orbit < 0
+        chosen[[state for state, blade, _ in self._of_states if blade == 0]] = True
+        harmonic = np.arange(-((len(self.rotor.angles) - 1) // 2), len(self.rotor.angles) // 2 + 1)
+        shifts = np.where(self.states.orbit[chosen, np.newaxis] < 0, 0.0, harmonic * self.spin)
+        values = np.concatenate(self.system.comm.allgather((own[chosen, np.newaxis] + 1j * shifts).ravel()))
+        found: ComplexArray = values[values.imag > 1e-9 * np.abs(values)]
+        return found
 
     def _of_modes_start(self) -> int:
         """Number of this rank's first state."""

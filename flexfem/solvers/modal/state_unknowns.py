@@ -10,6 +10,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.elements.force_elements import ElementSlopes
@@ -142,6 +143,14 @@ class StateUnknowns:
             corner[:, -n:] /= -unit[:, :, np.newaxis]
             values += [*self._of_sides(some, by_place), corner.ravel()]
         return np.concatenate(values)
+
+    def eigenvalues(self, slopes: ElementSlopes) -> npt.NDArray[np.complex128]:
+        """(count,) eigenvalues of the states of each element where nothing moves, 1/s."""
+        found = np.zeros(self.count, dtype=np.complex128)
+        for some in self._sets:
+            by_state = slopes.states[some.at][2][some.members]
+            found[self._own(some)] = np.linalg.eigvals(by_state[:, -some.states :])
+        return found
 
     def stiffness_of_rows(self, slopes: ElementSlopes) -> FloatArray:
         """(r,) sizes of the stiffness of rows by states that integrate rates: oil columns."""
