@@ -148,6 +148,7 @@ class RotorOptions(CampbellOptions):
         "out of the flow a little.",
     )
     start: str = "equilibrium"
+    accuracy: float = 1e-8
 
     def __post_init__(self) -> None:
         """Check every value, and the values against each other."""
