@@ -81,8 +81,8 @@ class Force(Joint):
     ``law(t, ends, z)`` or ``law(t, ends, z, parameters)`` is given the time (s), the motion of all
     markers as arrays (`Ends`) and the states z, and returns the forces (m, 3) on the bodies in N,
     or a tuple of forces, moments (m, 3) about the markers' origins in N m (None for none, then
-    always), and rates dz/dt of the states: all in inertial axes. It is Python with NumPy, and is called once for
-    all markers.
+    always), and rates dz/dt of the states: all in inertial axes. It is Python with NumPy, and is
+    called once for all markers.
 
     It acts implicitly: steps of every integrator but ``energy_momentum``, statics, equilibria,
     modes and relaxation solve for forces and states together with the motion, so that it may be as

@@ -214,9 +214,7 @@ def _table(sweep: _Sweep, count: int) -> tuple[list[str], FloatArray]:
     numbers = follow(sweep.modes, len(sweep.modes[-1]))
     order = np.argsort(sweep.modes[-1].frequencies, kind="stable")
     table = np.full((len(sweep.speeds), len(order), len(_VALUES)), np.nan)
-    for k, (modes, number, parts) in enumerate(
-        zip(sweep.modes, numbers, sweep.parts, strict=True)
-    ):
+    for k, (modes, number, parts) in enumerate(zip(sweep.modes, numbers, sweep.parts, strict=True)):
         for i in np.flatnonzero(number >= 0):
             j = number[i]
             table[k, i] = modes.frequencies[j], modes.damping[j], *parts[j, : len(_VALUES) - 2]

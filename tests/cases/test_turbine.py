@@ -83,6 +83,33 @@ def test_the_energy_of_wind_and_generator_is_in_the_balance() -> None:
     assert (np.diff(history["azimuth"]) > 0.0).all()
 
 
+@pytest.mark.serial
+def test_steady_states_are_those_of_the_motion() -> None:
+    """Without gravity, tilt and shear, the rotor comes to the state that the linearisation finds.
+
+    Both are at the speed where no other drive is needed; aerodynamics damp flapping, not the sway
+    of the tower to the side.
+    """
+    case = load_case("turbine").under(ff.ROTOR)
+    given = SMALL | {"wind": WIND, "wake": 0.5, "blade_damping": 20.0, "tower_damping": 0.2}
+    values, options = case.prepare(
+        given | {"spin": 0.62, "spin_end": 0.68, "speeds": 2, "modes": 6}
+    )
+    found = ff.sweep_rotor(case.model(**values), options).history
+    share = found["torque"][0] / (found["torque"][0] - found["torque"][1])
+    at = {name: v[0] + share * (v[1] - v[0]) for name, v in found.items()}
+    values["rate"] = at["t"]
+    motion = ff.simulate(
+        case.model(**values), ff.RunOptions(dt=0.1, t_end=30.0, quiet=True, tolerance=1e-3)
+    ).history
+    # of second order in the change of the speed; without centrifugal forces tips bend by 4 % more
+    for name, scale in (("rate", 0.65), ("out_1", 11.0), ("in_1", 1.0), ("top_x", 0.6)):
+        expected = at["t"] if name == "rate" else at[name]
+        assert motion[name][-1] == pytest.approx(expected, abs=3e-3 * scale), name
+    damped = {name: v for name, v in found.items() if name.endswith("_damping")}
+    assert min(damped["collective_flap_1_damping"]) > 0.2
+
+
 @pytest.mark.three_ranks
 def test_ranks() -> None:
     case = load_case("turbine")

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rotors on supports in multiblade coordinates against closed forms."""
 
-from itertools import pairwise
 from typing import Any
 
 from mpi4py import MPI
@@ -58,7 +57,9 @@ def found(model: ff.Model, modes: int, comm: MPI.Intracomm = MPI.COMM_WORLD, **g
     options = {"spin_end": SPINS[-1], "speeds": len(SPINS)} | given
     names = ",".join(f"blade_{k + 1}" for k in range(count))
     return ff.sweep_rotor(
-        model, ff.RotorOptions(blades=names, rotor="hub", modes=modes, quiet=True, **options), comm=comm
+        model,
+        ff.RotorOptions(blades=names, rotor="hub", modes=modes, quiet=True, **options),
+        comm=comm,
     )
 
 

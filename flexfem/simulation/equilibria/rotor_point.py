@@ -124,10 +124,10 @@ class RotorPoint(OperatingPoint):
         """Forces of each part's nodes in axes in which those of a steady rotor are the same."""
         axis, _ = self.rotor.present(self.system)
         forces = []
-        for part, nodes, own in zip(
+        for part, nodes, found in zip(
             self.system.parts, self.rotor.nodes, self.linearization.split(residual), strict=True
         ):
-            own, width = own.copy(), part.block.width
+            own, width = found.copy(), part.block.width
             on_hub = np.flatnonzero((nodes.turning & (nodes.blade < 0))[: part.block.owned])
             R = se3.rotation(part.block.frames[on_hub])
             back = so3.exp(-angle * (R.transpose(0, 2, 1) @ axis)).transpose(0, 2, 1)

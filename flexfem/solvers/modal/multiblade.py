@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rotors of identical blades on a support that does not rotate, in multiblade coordinates.
 
-The local coordinates ``u_k`` of blade k, at the azimuth ``psi_k = Omega t + phi_k``, are replaced by
+The local coordinates ``u_k`` of blade k, at the azimuth ``psi_k = Omega t + phi_k``, become
 
 ``u_k = b_0 / sqrt(B) + sqrt(2/B) sum_n (b_nc cos n psi_k + b_ns sin n psi_k) [+ (-1)^k b_d /
 sqrt(B)]``,
@@ -17,11 +17,13 @@ is constant in time if the rotor is isotropic and its forces do not depend on th
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
+import numpy.typing as npt
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray, IntArray
@@ -32,7 +34,7 @@ from flexfem.solvers.modal.linearization import Linearization, Matrices
 from flexfem.solvers.modal.mode_errors import ComplexArray
 from flexfem.solvers.modal.state_unknowns import StateUnknowns
 from flexfem.solvers.modal.steady_rotation import Rotation, solver_of
-from flexfem.system.system import System
+from flexfem.system.system import BlockPart, System
 
 __all__ = ["MultibladeLinearization", "Rotor", "RotorRotation", "harmonics"]
 
@@ -99,7 +101,8 @@ class Rotor:
             system: the system at the start.
             bodies: names of the other bodies that rotate; the first one carries the blades.
             blades: names of the blades.
-            axis, centre: unit vector, and a point on the axis of rotation.
+            axis: unit vector of the axis of rotation.
+            centre: a point on it, m.
 
         Raises:
             InputError: an unknown body, or blades that are not the same at equal angles.
@@ -110,47 +113,51 @@ class Rotor:
         for name in (*bodies, *blades):
             if name not in known:
                 raise InputError(f"rotor: the model has no body '{name}'")
-        self.nodes, self.unknowns, starts = list[_Nodes](), list[IntArray](), list[FloatArray]()
+        self.nodes, self.unknowns = list[_Nodes](), list[IntArray]()
         self._serial: dict[int, tuple[IntArray, IntArray]] = {}
-        for part, own in zip(system.parts, names, strict=True):
-            number = {name: k for k, name in enumerate(own)}
-            of_blade = np.full(len(own) + 1, -1)
-            of_blade[[number[b] for b in blades if b in number]] = [
-                k for k, b in enumerate(blades) if b in number
-            ]
-            turns = np.zeros(len(own) + 1, dtype=np.bool_)
-            turns[[number[b] for b in (*bodies, *blades) if b in number]] = True
-            whole = np.asarray(part.family.body_of_node)
-            place = np.zeros(len(whole), dtype=np.int64)
-            counts = []
-            for blade in blades:
-                mine = np.flatnonzero(whole == number.get(blade, -2))
-                place[mine] = np.arange(len(mine))
-                counts.append(len(mine))
-            if len(set(counts)) > 1:
-                raise InputError(
-                    f"rotor: the blades {', '.join(blades)} have {_words(counts)} nodes"
-                )
-            self._serial[part.kind] = of_blade[whole], place
-            block, ids = part.block, part.block.node_ids
-            found = _Nodes(turns[whole[ids]], of_blade[whole[ids]], place[ids])
-            self.nodes.append(found)
-            numbers, frames = np.zeros((len(blades), counts[0])), np.zeros((len(blades), counts[0], 12))
-            owned = np.flatnonzero(found.blade[: block.owned] >= 0)
-            at = found.blade[owned], found.place[owned]
-            numbers[at], frames[at] = block.offset + owned, block.start_frames[owned]
-            self.unknowns.append(self._sum(numbers).astype(np.int64))
-            starts.append(self._sum(frames))
+        starts = [
+            self._add(part, own, bodies, blades)
+            for part, own in zip(system.parts, names, strict=True)
+        ]
         self.angles = _angles(blades, np.concatenate(starts, axis=1), axis, centre)
         self.reference = self._first(system, names, bodies[0] if bodies else blades[0])
+
+    def _add(
+        self, part: BlockPart, names: list[str], bodies: Sequence[str], blades: Sequence[str]
+    ) -> FloatArray:
+        """Find the nodes in a part with bodies of these names (collective).
+
+        Returns:
+            (B, m, 12) frames of the blades' nodes at the start.
+        """
+        order = {name: k for k, name in enumerate(blades)}
+        blade = np.array([order.get(name, -1) for name in names])
+        turning = np.array([name in order or name in bodies for name in names])
+        whole = np.asarray(part.family.body_of_node)
+        of_blade, place = blade[whole], np.zeros(len(whole), dtype=np.int64)
+        members = [np.flatnonzero(of_blade == k) for k in range(len(blades))]
+        counts = [len(mine) for mine in members]
+        if len(set(counts)) > 1:
+            words = ", ".join(map(str, counts))
+            raise InputError(f"rotor: the blades {', '.join(blades)} have {words} nodes")
+        for mine in members:
+            place[mine] = np.arange(len(mine))
+        block, ids = part.block, part.block.node_ids
+        found = _Nodes(turning[whole[ids]], of_blade[ids], place[ids])
+        self._serial[part.kind] = of_blade, place
+        self.nodes.append(found)
+        numbers, frames = np.zeros((len(blades), counts[0])), np.zeros((len(blades), counts[0], 12))
+        owned = np.flatnonzero(found.blade[: block.owned] >= 0)
+        at = found.blade[owned], found.place[owned]
+        numbers[at], frames[at] = block.offset + owned, block.start_frames[owned]
+        self.unknowns.append(self._sum(numbers).astype(np.int64))
+        return self._sum(frames)
 
     def _sum(self, values: FloatArray) -> FloatArray:
         self._comm.Allreduce(MPI.IN_PLACE, values, op=MPI.SUM)
         return values
 
-    def _first(
-        self, system: System, names: list[list[str]], body: str
-    ) -> tuple[int, int]:
+    def _first(self, system: System, names: list[list[str]], body: str) -> tuple[int, int]:
         """Part and local node of the first node of a body; -1 on other ranks."""
         number = next(k for k, own in enumerate(names) if body in own)
         part = system.parts[number]
@@ -159,28 +166,26 @@ class Rotor:
         return number, int(mine[0]) if len(mine) else -1
 
     def of_node(self, key: tuple[int, int]) -> tuple[int, int]:
-        """Blade of a node of the model given by kind and number, -1 if none, and its place in it."""
+        """Blade of a node given by kind and number, -1 if none, and its place in it."""
         blade, place = self._serial[key[0]]
         return int(blade[key[1]]), int(place[key[1]])
 
-    def of_reference(self, system: System, values: Callable[[int, int], FloatArray]) -> FloatArray:
+    def of_reference[A: npt.NDArray[Any]](self, values: Callable[[int, int], A]) -> A:
         """Values of the reference node, from the rank that owns it (collective)."""
         part, node = self.reference
         found = self._comm.allgather(values(part, node) if node >= 0 else None)
-        return next(one for one in found if one is not None)
+        value: A = next(one for one in found if one is not None)
+        return value
 
     def present(self, system: System) -> tuple[FloatArray, FloatArray]:
-        """Axis and a point on it in the present configuration, as the reference node carries them."""
-        both = self.of_reference(system, lambda part, node: np.stack([
-            system.parts[part].block.start_frames[node], system.parts[part].block.frames[node]
-        ]))  # fmt: skip
+        """Axis and a point on it at present, as the reference node carries them."""
+        blocks = [part.block for part in system.parts]
+        both = self.of_reference(
+            lambda k, node: np.stack([blocks[k].start_frames[node], blocks[k].frames[node]])
+        )
         motion = se3.compose(both[1], se3.inverse(both[0]))
         R = se3.rotation(motion)
         return R @ self.axis, se3.position(motion) + R @ self.centre
-
-
-def _words(counts: list[int]) -> str:
-    return ", ".join(map(str, counts))
 
 
 def _angles(
@@ -232,7 +237,8 @@ class RotorRotation(Rotation):
 
     def _twists(self, system: System) -> list[FloatArray]:
         """Local twists of all nodes at 1 rad/s."""
-        present = replace(self, **dict(zip(("axis", "centre"), self.rotor.present(system), strict=True)))
+        axis, centre = self.rotor.present(system)
+        present = replace(self, axis=axis, centre=centre)
         return [
             nodes.turning[:, np.newaxis]
             * (se3.adjoint(se3.inverse(part.block.frames)) @ present.unit_twist)
@@ -396,7 +402,11 @@ class MultibladeLinearization(Linearization):
         partners = self.rotor.unknowns[part][:, place].T  # (n, B)
         columns = self._unknown(part, block.width * partners[:, :, np.newaxis] + component)
         values = np.broadcast_to(blades[k][:, :, np.newaxis], columns.shape)
-        return np.broadcast_to(rows[:, np.newaxis], columns.shape).ravel(), columns.ravel(), values.ravel()
+        return (
+            np.broadcast_to(rows[:, np.newaxis], columns.shape).ravel(),
+            columns.ravel(),
+            values.ravel(),
+        )
 
     def _of_nodes(
         self, part: int, turned: Callable[[FloatArray], FloatArray] | None, others: float
@@ -442,7 +452,9 @@ class MultibladeLinearization(Linearization):
         chosen[[state for state, blade, _ in self._of_states if blade == 0]] = True
         harmonic = np.arange(-((len(self.rotor.angles) - 1) // 2), len(self.rotor.angles) // 2 + 1)
         shifts = np.where(self.states.orbit[chosen, np.newaxis] < 0, 0.0, harmonic * self.spin)
-        values = np.concatenate(self.system.comm.allgather((own[chosen, np.newaxis] + 1j * shifts).ravel()))
+        values = np.concatenate(
+            self.system.comm.allgather((own[chosen, np.newaxis] + 1j * shifts).ravel())
+        )
         found: ComplexArray = values[values.imag > 1e-9 * np.abs(values)]
         return found
 
@@ -482,7 +494,9 @@ class MultibladeLinearization(Linearization):
             at = [self.rotor.of_node(key) for key in keys]
             blades = {blade for blade, _ in at}
             if len(blades) == 1 and -1 not in blades:
-                places = tuple((kind, place) for (kind, _), (_, place) in zip(keys, at, strict=True))
+                places = tuple(
+                    (kind, place) for (kind, _), (_, place) in zip(keys, at, strict=True)
+                )
                 found.append((owner, places, element, blades.pop(), states))
         # elements of one law on the same nodes are told apart by their order
         counts: dict[tuple[object, ...], int] = {}

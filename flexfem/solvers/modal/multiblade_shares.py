@@ -35,9 +35,7 @@ def shares(modes: Modes) -> FloatArray:
     blades = _of_blades(lin, moved) - carried
 
     def energies(motions: ComplexArray) -> FloatArray:
-        work: ComplexArray = lin.total(
-            np.sum(motions.conj() * lin.multiply(mass, motions), axis=1)
-        )
+        work: ComplexArray = lin.total(np.sum(motions.conj() * lin.multiply(mass, motions), axis=1))
         return work.real
 
     sense = 1.0j if lin.spin >= 0.0 else -1.0j
@@ -52,7 +50,9 @@ def shares(modes: Modes) -> FloatArray:
     return np.column_stack([found, _flap(lin, blades, axis), way])
 
 
-def _reference(lin: MultibladeLinearization, moved: ComplexArray) -> tuple[ComplexArray, FloatArray]:
+def _reference(
+    lin: MultibladeLinearization, moved: ComplexArray
+) -> tuple[ComplexArray, FloatArray]:
     """Motion (k, 6) of the rotor's first body in inertial axes, of its origin, and the axis."""
     system, at = lin.system, [0]
     for part in system.parts:
@@ -65,7 +65,7 @@ def _reference(lin: MultibladeLinearization, moved: ComplexArray) -> tuple[Compl
         R = se3.rotation(block.frames[node])
         return np.concatenate([own[:, :3] @ R.T, own[:, 3:] @ R.T], axis=1)
 
-    found = lin.rotor.of_reference(system, values)
+    found = lin.rotor.of_reference(values)
     return found, lin.rotor.present(system)[0]
 
 
@@ -81,9 +81,7 @@ def _about(lin: MultibladeLinearization, axis: FloatArray, spin: ComplexArray) -
 def _place(lin: MultibladeLinearization) -> FloatArray:
     """Position of the rotor's first body."""
     parts = lin.system.parts
-    return lin.rotor.of_reference(
-        lin.system, lambda part, node: se3.position(parts[part].block.frames[node])
-    )
+    return lin.rotor.of_reference(lambda part, node: se3.position(parts[part].block.frames[node]))
 
 
 def _rigid(

@@ -99,14 +99,14 @@ def hold(linearization: Linearization) -> bool:
     residual = linearization.evaluate(np.zeros(system.constraints.size))
     matrices = linearization.matrices()
     residual[linearization.unknowns :] = 0.0
-    solution = constraintsolver_of(linearization, matrices, matrices.mass)(residual)
+    solution = constraint_solver(linearization, matrices, matrices.mass)(residual)
     if solution is None:
         return False
     linearization.evaluate(-linearization.rows_of(solution))
     return True
 
 
-def constraintsolver_of(
+def constraint_solver(
     linearization: Linearization, matrices: Matrices, weight: PETSc.Mat | None
 ) -> Callable[[FloatArray], PETSc.Vec | None]:
     """Solver of ``[[W, G^T], [G, 0]] x = b``, which returns None if it is singular (collective).
