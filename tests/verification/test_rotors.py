@@ -84,6 +84,7 @@ def lagging(spin: float, blades: int = 3) -> FloatArray:
     return np.sort(values.imag[values.imag > 1e-6])
 
 
+@pytest.mark.serial
 def test_flapping_blades_have_the_frequencies_of_one_and_one_per_revolution() -> None:
     """Those of a blade alone in rotating axes, which the cyclic modes shift by the speed.
 
@@ -132,6 +133,7 @@ def test_lagging_blades_shake_their_support() -> None:
                 np.testing.assert_allclose(values[-1], history[name][-1], rtol=1e-9, atol=1e-9)
 
 
+@pytest.mark.serial
 def test_rotors_without_symmetry_are_refused() -> None:
     with pytest.raises(ValueError, match="'blade_2' is not 'blade_1' rotated by a multiple of 120"):
         found(rotor(), 2, axis="x")
