@@ -59,6 +59,8 @@ class Case:
         results: Headline results from the history (column name -> values over all rows); arguments
             that are keywords only are own options by name.
         description: Longer text for ``--help``, usually the case file's ``__doc__``.
+        others: Other analyses that ``--analysis`` may name besides those of every model, with the
+            case's defaults of their options and of its own.
         folder: Name of the results' folder: other analyses than the case's own have their own.
     """
 
@@ -74,6 +76,7 @@ class Case:
         presets: Mapping[str, Mapping[Any, Mapping[str, Any]]] | None = None,
         results: Results | None = None,
         description: str = "",
+        others: Mapping[Analysis, Mapping[str, Any]] | None = None,
         **settings: Any,
     ) -> None:
         """Declare a case; ``settings`` are its defaults, such as ``dt`` and ``t_end`` (s).
@@ -87,6 +90,7 @@ class Case:
         self.options, self.analysis, self.settings = tuple(options), analysis, settings
         self.smoke, self.results, self.description = dict(smoke or {}), results, description
         self.presets = {name: dict(choices) for name, choices in (presets or {}).items()}
+        self.others = dict(others or {})
         if not re.fullmatch(r"[a-z][a-z0-9_]*", name):
             raise ValueError(f"Case '{name}': use lower-case letters, digits and _ in the name")
         self._told = [] if results is None else _keywords(results)
@@ -130,7 +134,8 @@ class Case:
     @property
     def analyses(self) -> dict[str, Analysis]:
         """Analyses that the model may undergo: its own first."""
-        return {one.name: one for one in (self.analysis, STATICS, MODES, RELAXATION)}
+        every = (self.analysis, STATICS, MODES, RELAXATION, *self.others)
+        return {one.name: one for one in every}
 
     def under(self, analysis: Analysis) -> "Case":
         """The same model under another analysis, all of whose options have defaults.
@@ -143,9 +148,12 @@ class Case:
             name: {choice: _only(own, values) for choice, values in choices.items()}
             for name, choices in self.presets.items()
         }
+        given = self.others.get(analysis, {})
+        options = [replace(one, default=given.get(one.name, one.default)) for one in self.options]
         case = Case(
-            self.name, self.summary, self.build, self.options, analysis=analysis,
+            self.name, self.summary, self.build, options, analysis=analysis,
             smoke=_only(own, self.smoke), presets=presets, description=self.description,
+            **{name: value for name, value in given.items() if name not in own},
         )  # fmt: skip
         case.folder = f"{self.name}_{analysis.name}"
         return case

@@ -37,14 +37,20 @@ def style(name: str) -> dict[str, str]:
         return {"color": "tab:red", "marker": "^"}
     if name.startswith("backward"):
         return {"color": "tab:blue", "marker": "v"}
+    if name.startswith("collective"):
+        return {"color": "tab:green", "marker": "s"}
     return {"color": "0.35", "marker": "o"}
 
 
 def draw(table: dict[str, np.ndarray], axes: str, orders: int) -> plt.Figure:
     """The diagram."""
     figure, plot = plt.subplots(figsize=(9.0, 6.0), layout="constrained")
-    speed, top = table["t"], 0.0
-    suffix = "_fixed" if axes == "fixed" else "_frequency"
+    speed, top, labels = table["t"], 0.0, []
+    # frequencies in multiblade coordinates are those in fixed axes
+    both = any(column.endswith("_fixed") for column in table)
+    suffix = "_fixed" if axes == "fixed" and both else "_frequency"
+    if axes == "turning" and not both:
+        raise PlotError("modes of a rotor on a support have frequencies in fixed axes only")
     for column, values in table.items():
         if not column.endswith(suffix):
             continue
@@ -54,9 +60,12 @@ def draw(table: dict[str, np.ndarray], axes: str, orders: int) -> plt.Figure:
         top = max(top, float(np.nanmax(size)))
         plot.plot(speed, size, markersize=4, linewidth=1.3, **style(name))
         last = int(np.flatnonzero(np.isfinite(size))[-1])
+        labels.append((float(size[last]), float(speed[last]), name.replace("_", " ")))
+    below = -top
+    for size, at, name in sorted(labels):  # of modes of almost the same frequency one above another
+        below = max(size, below + 0.022 * top)
         plot.annotate(
-            name.replace("_", " "), (speed[last], size[last]), xytext=(6, 0),
-            textcoords="offset points", va="center", fontsize=8,
+            name, (at, below), xytext=(6, 0), textcoords="offset points", va="center", fontsize=8,
         )  # fmt: skip
     for order in range(1, orders + 1):
         line = order * np.abs(speed) / (2.0 * np.pi)

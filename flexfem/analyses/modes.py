@@ -9,7 +9,10 @@ from flexfem._files import number_in
 from flexfem.analyses.analysis import Analysis, kernels, split_above
 from flexfem.options import Settings, option, setting, settings
 
-__all__ = ["CAMPBELL", "MODES", "CampbellOptions", "LinearOptions", "ModeOptions", "StateOptions"]
+__all__ = [
+    "CAMPBELL", "MODES", "ROTOR", "CampbellOptions", "LinearOptions", "ModeOptions", "RotorOptions",
+    "StateOptions",
+]  # fmt: skip
 
 _AXES = {"x": "1,0,0", "y": "0,1,0", "z": "0,0,1"}
 
@@ -127,6 +130,58 @@ class CampbellOptions(ModeOptions):
 
 
 @settings
+class RotorOptions(CampbellOptions):
+    """Settings of modes of a rotor on a support over its speed, in multiblade coordinates."""
+
+    blades: str = option("names of its identical blades A,B,C, at least three", default="")
+    rotor: str = option(
+        "names of the other bodies A,B that rotate",
+        default="",
+        note="The axis moves with the first one, to which the torque is applied that keeps the "
+        "speed.",
+    )
+    variation: float = option(
+        "change of forces and eigenvalues with the azimuth, relative, that is accepted",
+        default=1e-3,
+        above=0,
+        note="Results are those at the azimuth of the start. A support that yields turns the axis "
+        "out of the flow a little.",
+    )
+    start: str = "equilibrium"
+    accuracy: float = 1e-8
+
+    def __post_init__(self) -> None:
+        """Check every value, and the values against each other."""
+        super().__post_init__()
+        if len(self.blade_names) < 3:
+            raise ValueError(f"RotorOptions: blades must name three or more, got {self.blades!r}")
+        if not self.rotor_names:
+            raise ValueError("RotorOptions: rotor must name the body that carries the blades")
+        twice = sorted(n for n in self.names if self.names.count(n) > 1)
+        if twice:
+            raise ValueError(f"RotorOptions: blades and rotor name '{twice[0]}' twice")
+
+    @property
+    def blade_names(self) -> tuple[str, ...]:
+        """Names of the blades."""
+        return _words(self.blades)
+
+    @property
+    def rotor_names(self) -> tuple[str, ...]:
+        """Names of the other rotating bodies."""
+        return _words(self.rotor)
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        """Names of all rotating bodies."""
+        return self.rotor_names + self.blade_names
+
+
+def _words(text: str) -> tuple[str, ...]:
+    return tuple(word for word in text.replace(" ", "").split(",") if word)
+
+
+@settings
 class LinearOptions(StateOptions):
     """Settings of a linear model."""
 
@@ -135,3 +190,4 @@ class LinearOptions(StateOptions):
 
 MODES = Analysis("modes", ModeOptions, "flexfem.simulation.modes:find_modes")
 CAMPBELL = Analysis("campbell", CampbellOptions, "flexfem.simulation.campbell:sweep_spin")
+ROTOR = Analysis("campbell", RotorOptions, "flexfem.simulation.rotor:sweep_rotor")

@@ -138,6 +138,13 @@ class ElementLaw(Protocol):
         """True if forces are those of the last accepted state throughout a step."""
         ...
 
+    def place(self, *, at_nodes: bool) -> None:
+        """Learn, before it is called, whether all its markers are at nodes.
+
+        Others depend on the twists of several nodes, which the gradients of six rows a marker give.
+        """
+        ...
+
     def initial(self, elements: IntArray) -> FloatArray:
         """States (e, n) of elements at the start."""
         ...

@@ -80,9 +80,9 @@ class Force(Joint):
 
     ``law(t, ends, z)`` or ``law(t, ends, z, parameters)`` is given the time (s), the motion of all
     markers as arrays (`Ends`) and the states z, and returns the forces (m, 3) on the bodies in N,
-    or a tuple of forces, moments (m, 3) about the markers' origins in N m (None for none), and
-    rates dz/dt of the states: all in inertial axes. It is Python with NumPy, and is called once for
-    all markers.
+    or a tuple of forces, moments (m, 3) about the markers' origins in N m (None for none, then
+    always), and rates dz/dt of the states: all in inertial axes. It is Python with NumPy, and is
+    called once for all markers.
 
     It acts implicitly: steps of every integrator but ``energy_momentum``, statics, equilibria,
     modes and relaxation solve for forces and states together with the motion, so that it may be as
@@ -267,10 +267,11 @@ class ForcePart(Joint):
         """
         self.whole.element_law.tried(self.number, poses, t)
         count, law = len(self.chosen), element()
+        components = 3 * self.whole.element_law.kinds
         pairs = [(a, min(a + 1, count - 1)) for a in range(0, count, 2)]
         rows = []
         for marker in range(count):
-            for axis in range(6):
+            for axis in range(components):
                 terms = tuple(
                     Term(
                         RowKind.TWIST, a=a, b=b, component=axis + 6 * (marker % 2),

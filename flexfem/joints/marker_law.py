@@ -26,6 +26,8 @@ __all__ = ["MarkerLaw"]
 class MarkerLaw:
     """The `ElementLaw` of a force; its rows are the components of wrenches in the markers' axes.
 
+    They are those of forces alone if the law returns no moments and all its markers are at nodes.
+
     Attributes:
         owner: class and name of the force.
         function: its law.
@@ -50,6 +52,18 @@ class MarkerLaw:
     compiled: bool
     jacobian: Callable[..., Any] | str | None
     _numbers: dict[bytes, IntArray] = field(default_factory=dict)
+    _kinds: list[int] = field(default_factory=list)
+    _seen: list[tuple[IntArray, ElementMotion, Ends]] = field(default_factory=list)
+
+    @property
+    def kinds(self) -> int:
+        """2: forces and moments; 1 if the law returned forces alone when it was first tried."""
+        return self._kinds[0] if self._kinds else 2
+
+    def place(self, *, at_nodes: bool) -> None:
+        """See :meth:`ElementLaw.place`."""
+        if not at_nodes:
+            self._kinds[:] = [2]
 
     def initial(self, elements: IntArray) -> FloatArray:
         """See :meth:`ElementLaw.initial`."""
@@ -62,9 +76,13 @@ class MarkerLaw:
         ends = self._ends(elements, motion)
         found = self._called(self._law, elements, motion, ends, z)
         forces, moments, rates = self._parts(found, elements)
-        wrenches = np.zeros((len(forces), 2, 3))
+        if not self._kinds:
+            self._kinds.append(1 if moments is None else 2)
+        wrenches = np.zeros((len(forces), self.kinds, 3))
         wrenches[:, 0] = forces
         if moments is not None:
+            if self.kinds == 1:
+                raise ReturnError("law must return moments always or never, got None at the start")
             wrenches[:, 1] = moments
         local = wrenches @ ends.rotations
         return -local.reshape(len(elements), -1), rates.reshape(len(elements), self.states)
@@ -109,6 +127,15 @@ class MarkerLaw:
         return function(motion.time, ends, given, own[elements] if own.ndim == 2 else own)
 
     def _ends(self, elements: IntArray, motion: ElementMotion) -> Ends:
+        """Motion of the markers, of which the last one is kept: states change alone in between."""
+        if self._seen and self._seen[0][0] is elements and self._seen[0][1] is motion:
+            return self._seen[0][2]
+        ends = self._inertial(elements, motion)
+        self._seen[:] = [(elements, motion, ends)]
+        return ends
+
+    def _inertial(self, elements: IntArray, motion: ElementMotion) -> Ends:
+        """Motion of the markers in inertial axes."""
         poses, twists = motion.poses.reshape(-1, 12), motion.twists.reshape(-1, 2, 3)
         rotations = np.ascontiguousarray(poses[:, 3:]).reshape(-1, 3, 3)
         velocities = rotations @ twists.transpose(0, 2, 1)
@@ -191,15 +218,17 @@ class MarkerLaw:
         out[:, : 6 * size] = -np.einsum("emji,emqjc->emqic", R, wrenches).reshape(
             count, 6 * size, -1
         )
-        forces = self.forces(elements, motion, z)[0].reshape(count, size, 2, 3)
+        forces = self.forces(elements, motion, z)[0].reshape(count, size, -1, 3)
+        kinds = forces.shape[2]
         for m in range(size):
-            for q in range(2):
+            for q in range(kinds):
                 at = slice(6 * m + 3 * q, 6 * m + 3 * q + 3)
                 # a force fixed in inertial axes rotates in those of its marker
                 out[:, at, 6 * m + 3 : 6 * m + 6] -= np.cross(
                     forces[:, m, q, np.newaxis], np.eye(3)
                 )
-        return out
+        own = np.arange(6 * size).reshape(size, 2, 3)[:, :kinds].ravel()
+        return out[:, np.append(own, 6 * size + np.arange(n))]
 
 
 def _shaped(what: str, value: Any, shape: tuple[int, ...]) -> FloatArray:

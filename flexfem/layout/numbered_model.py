@@ -73,9 +73,19 @@ class NumberedModel:
                 self.model.node_row(marker) if isinstance(marker, ShellLine) else None
                 for marker in joint.markers
             ]
-            parts += joint.parts(lines)
-        own = [joint for family in self.families.values() for joint in family.joints()]
-        return parts + own
+            own = joint.parts(lines)
+            if own[0].element is not None:
+                law, _ = own[0].element
+                law.place(at_nodes=all(map(self._at_node, joint.markers)))
+            parts += own
+        needed = [joint for family in self.families.values() for joint in family.joints()]
+        return parts + needed
+
+    def _at_node(self, marker: Attachment) -> bool:
+        """True if a marker is on the ground or fixed to one node with axes."""
+        return not isinstance(marker, Carrier) and (
+            self.surface_place(marker) is None and self.point(marker) is None
+        )
 
     @property
     def nodes(self) -> FloatArray:

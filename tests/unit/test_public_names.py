@@ -12,7 +12,8 @@ from flexfem import research
 pytestmark = pytest.mark.serial
 
 NUMERICAL = {
-    "relax", "simulate", "solve_static", "Outcome", "find_modes", "sweep_spin", "linearize",
+    "relax", "simulate", "solve_static", "Outcome", "find_modes", "sweep_rotor", "sweep_spin",
+    "linearize",
     "LinearModel", "LinearBody", "MassField", "solid_body", "plane_body", "beam_body", "shell_body",
     "euler_bernoulli_body",
     "reduce_body", "assemble", "inverse_dynamics", "InverseDynamics", "describe", "Description",

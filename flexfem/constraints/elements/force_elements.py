@@ -104,7 +104,7 @@ class ForceElements:
         """Begin a step of the states, or begin it again."""
         self.step = step
         for group in self.groups:
-            group.begin()
+            group.begin(step)
 
     def reset(self) -> None:
         """Return to the accepted states."""

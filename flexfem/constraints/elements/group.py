@@ -54,8 +54,8 @@ class ElementGroup:
         held: (e, r) forces at the accepted state, which explicit laws keep through a step.
         z, g: (e, n) states and their rates at the last evaluation.
         forces: (e, r) of the rows at the last evaluation, N or N m.
-        kept: (e, 1 + k) one and the derivatives of the law that steps use, zeros if these are to
-            be computed at the next evaluation.
+        kept: (e, 1 + k) the derivatives of the law that steps use, after the number of their steps;
+            zero if they are to be computed at the next evaluation.
     """
 
     def __init__(
@@ -73,10 +73,10 @@ class ElementGroup:
         self._slopes, self._count = self._nothing, 0
         self._inverse: FloatArray | None = None
 
-    def begin(self) -> None:
-        """A step begins, or begins again: its states are looked for from the accepted ones."""
+    def begin(self, step: StateStep = AT_REST) -> None:
+        """A step begins, or begins again: its states are looked for with the accepted rates."""
         self._count, self._inverse = 0, None
-        self.z[:] = self.z0
+        self.z[:] = step.begin(self.z0, self.w0, self.g0) + step.gain * self.g0
 
     def evaluate(self, motion: ElementMotion, step: StateStep | None, *, slopes: bool) -> Slopes:
         """Compute forces and states; derivatives are those of an evaluation before, or zero.
@@ -123,9 +123,16 @@ class ElementGroup:
             self.w0 = self.g.copy()
         else:
             self.w0 = step.auxiliary(self.z, self.z0, self.w0)
+            self._age()
         self.z0, self.g0 = self.z.copy(), self.g.copy()
         self.held[:] = self.forces
         self.begin()
+
+    def _age(self) -> None:
+        """Derivatives serve as many steps as they have columns: differences cost a call a step."""
+        age = self.kept[:, 0]
+        age += age > 0.0
+        age[age > 2 * self._columns + self.law.states] = 0.0
 
     def start(self, motion: ElementMotion) -> None:
         """Take the rates of the present states: a motion begins here, or goes on after a jump."""
@@ -158,20 +165,24 @@ class ElementGroup:
             return
         begin = None if step is None else step.begin(self.z0, self.w0, self.g0)
         before, fresh = np.inf, False
+        sizes = np.abs(self.z) + np.abs((1.0 if step is None else step.gain) * self.g)
+        sizes = np.where(sizes > 0.0, sizes, 1.0)
         for iteration in range(_ITERATIONS):
             if begin is None or step is None:
-                missed, gain = self.g, 1.0
+                missed = self.g
             else:
-                missed, gain = begin + step.gain * self.g - self.z, step.gain
+                missed = begin + step.gain * self.g - self.z
             if self._inverse is None:
                 self._inverse = self._inverted(motion, step, fresh=fresh)
-            change = np.einsum("eij,ej->ei", self._inverse, missed)
-            sizes = np.abs(self.z) + np.abs(gain * self.g)
-            size = float((np.abs(change) / np.where(sizes > 0.0, sizes, 1.0)).max())
+            change = (self._inverse @ missed[:, :, np.newaxis])[:, :, 0]
+            size = float((np.abs(change) / sizes).max())
             slow = iteration > 0 and not size < _SLOW * before
             if size <= _SMALL or (slow and size <= _ROUND_OFF):
                 if step is None:
                     self._check_steady()
+                return
+            if iteration > 0 and not slow and step is not None and size * size <= _SMALL * before:
+                self._finish(change)
                 return
             if slow:
                 self._inverse, fresh = None, True
@@ -179,6 +190,18 @@ class ElementGroup:
             self.z += change
             self._call(motion)
         raise _StuckError(f"has states that do not converge at t = {motion.time:.6g} s")
+
+    def _finish(self, change: FloatArray) -> None:
+        """Change the states by what is left, the forces and rates by the kept derivatives.
+
+        The contraction of the last change says that the next one would be below the tolerance; the
+        error of the derivatives is of the size of this contraction.
+        """
+        r = self.rows.shape[1]
+        by_state = self._derivatives[:, :, 2 * self._columns :] @ change[:, :, np.newaxis]
+        self.z += change
+        self.forces += by_state[:, :r, 0]
+        self.g += by_state[:, r:, 0]
 
     def _call(self, motion: ElementMotion) -> None:
         """Forces and rates by the present states."""

@@ -91,6 +91,9 @@ class FeedbackLaw:
         # accelerations are not known at an iterate
         self.follows = bool(np.isfinite(self._measured(motion)).all())
 
+    def place(self, *, at_nodes: bool) -> None:
+        """See :meth:`ElementLaw.place`: actuators have their own rows."""
+
     def initial(self, elements: IntArray) -> FloatArray:
         """See :meth:`ElementLaw.initial`."""
         return np.zeros((len(elements), 0))

@@ -31,7 +31,6 @@ from flexfem.solvers.modal.steady_rotation import (
     hold,
     improve_equilibrium,
 )
-from flexfem.solvers.modal.steady_rotation import set_spin as set_velocities
 from flexfem.system.measure.probes import ProbeRecorder
 
 __all__ = ["OperatingPoint"]
@@ -70,8 +69,8 @@ class OperatingPoint:
         self.inverted = ""
         self.system.set_time(0.0)
         self.rotation(0.0)
-        self.linearization = Linearization(self.system)
-        set_velocities(self.system, self.rotation(0.0))
+        self.linearization = self._linearization()
+        self.rotation(0.0).set(self.system)
         rows = self.system.constraints
         self.linearization.evaluate(np.zeros(rows.size))
         check_gaps(self.system)
@@ -97,16 +96,24 @@ class OperatingPoint:
         destroy_dropped(self.system.comm)  # matrices and solvers of other speeds
         rotation = self.rotation(spin)
         if spin != 0.0:
-            check_steadiness(self.serial.model, self.system, rotation)
+            self._check(rotation)
         self.cautions.say()
         self._settled, self.inverted = None, ""
         if spin == 0.0 and self.options.start == "rest":
-            set_velocities(self.system, rotation)
+            rotation.set(self.system)
             status = Status.OK if hold(self.linearization) else Status.SINGULAR
             self.system.constraints.forces[:] = self.linearization.multipliers
             return status
         self._settled = rotation
         return find_equilibrium(self.linearization, rotation, self._upright)
+
+    def _linearization(self) -> Linearization:
+        """Linearised equations (collective)."""
+        return Linearization(self.system)
+
+    def _check(self, rotation: Rotation) -> None:
+        """Raise if the model cannot rotate so (collective)."""
+        check_steadiness(self.serial.model, self.system, rotation)
 
     def _upright(self) -> bool:
         """Return True if no element is inverted in the present state (collective)."""

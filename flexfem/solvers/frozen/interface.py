@@ -36,7 +36,8 @@ class MultiplierSystem:
 
     Attributes:
         groups: bodies of each part, with their columns.
-        keepable: True if all rows are linear or rigid: factors may then serve several iterations.
+        keepable: True if all rows are linear or rigid, or of force elements, whose derivatives are
+            kept, too: factors may then serve several iterations.
     """
 
     def __init__(self, system: System) -> None:
@@ -51,7 +52,7 @@ class MultiplierSystem:
         active = rows.active_components()
         self.groups = [self._describe(part, active) for part in system.parts]
         self._factors = self._pattern()
-        linear = bool(rows.linear.all())
+        linear = bool((rows.linear | rows.of_elements).all())
         self.keepable = bool(system.comm.allreduce(linear, op=MPI.LAND))
         self._version = rows.lines.version
 

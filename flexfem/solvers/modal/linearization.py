@@ -276,6 +276,10 @@ class Linearization:
         damping.axpy(1.0, mass.matMult(self._ad.mat))
         return Matrices(mass, damping, stiffness)
 
+    def of_modes(self) -> Matrices:
+        """Matrices, constant in time, in the coordinates of the modes (collective)."""
+        return self.matrices()
+
     def _with_contacts(self, stiffness: PETSc.Mat) -> PETSc.Mat:
         """Add the contacts that are closed, whose pattern changes from state to state."""
         touching = [(a, p) for a, p in enumerate(self.system.parts) if p.contacts is not None]

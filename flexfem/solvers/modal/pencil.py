@@ -48,7 +48,7 @@ class Pencil:
     @classmethod
     def of(cls, linearization: Linearization) -> "Pencil":
         """The problem at the state of the last evaluation (collective)."""
-        matrices = linearization.matrices()
+        matrices = linearization.of_modes()
         K, C, M = matrices.stiffness, matrices.damping, matrices.mass
         _hold(linearization, matrices)
         damped = C.norm(PETSc.NormType.FROBENIUS) > 0.0

@@ -10,9 +10,11 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.elements.force_elements import ElementSlopes
+from flexfem.layout.node_key import NodeKey
 from flexfem.system.system import System
 
 __all__ = ["StateUnknowns"]
@@ -64,6 +66,23 @@ class StateUnknowns:
                     self.count += n * len(chosen)
                 at += 1
         self.units = np.ones(self.count)
+
+    def places(self) -> Iterator[tuple[str, int, list[NodeKey], IntArray]]:
+        """Owner of the law, number in it, nodes, and numbers of the states of every element."""
+        elements, interface, at = self._system.constraints.elements, self._system.interface, 0
+        for group, sets in zip(elements.groups, elements.sets, strict=True):
+            chosen = {some.at: some for some in self._sets}
+            for every in sets:
+                some = chosen.get(at)
+                at += 1
+                if some is None:
+                    continue
+                numbers = group.elements[every.members[some.members]]
+                for element, nodes, own in zip(
+                    numbers.tolist(), some.nodes.tolist(), self._own(some), strict=True
+                ):
+                    keys = [interface.keys[node] for node in sorted(set(nodes)) if node >= 0]
+                    yield group.law.owner, element, keys, own
 
     def scale(self, slopes: ElementSlopes) -> None:
         """Choose the units: the change of a state by one along its most effective motion."""
@@ -124,6 +143,14 @@ class StateUnknowns:
             corner[:, -n:] /= -unit[:, :, np.newaxis]
             values += [*self._of_sides(some, by_place), corner.ravel()]
         return np.concatenate(values)
+
+    def eigenvalues(self, slopes: ElementSlopes) -> npt.NDArray[np.complex128]:
+        """(count,) eigenvalues of the states of each element where nothing moves, 1/s."""
+        found = np.zeros(self.count, dtype=np.complex128)
+        for some in self._sets:
+            by_state = slopes.states[some.at][2][some.members]
+            found[self._own(some)] = np.linalg.eigvals(by_state[:, -some.states :])
+        return found
 
     def stiffness_of_rows(self, slopes: ElementSlopes) -> FloatArray:
         """(r,) sizes of the stiffness of rows by states that integrate rates: oil columns."""

@@ -8,7 +8,7 @@ Simo, Lewis, Marsden 1991). Rest is the rotation of speed zero.
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -32,6 +32,7 @@ __all__ = [
     "hold",
     "improve_equilibrium",
     "set_spin",
+    "solver_of",
 ]
 
 #: Largest step (m, rad) after which the iteration has converged; quadratic convergence makes the
@@ -68,7 +69,16 @@ class Rotation:
 
     def at(self, fraction: float) -> "Rotation":
         """The same with a fraction of the spin."""
-        return Rotation(fraction * self.spin, self.axis, self.centre)
+        return replace(self, spin=fraction * self.spin)
+
+    def set(self, system: System) -> None:
+        """Give the nodes the velocities of the rotation in the present configuration."""
+        set_spin(system, self)
+
+    def solve(self, linearization: Linearization, residual: FloatArray) -> PETSc.Vec | None:
+        """Step of Newton's method for a residual; None if the matrix is singular (collective)."""
+        matrix = _fixed(linearization, linearization.matrices(), self)
+        return solver_of(linearization, matrix)(residual)
 
 
 def set_spin(system: System, rotation: Rotation) -> None:
@@ -125,10 +135,10 @@ def constraint_solver(
         states = linearization.vector()
         states.getArray()[linearization.states_range] = 1.0
         matrix.setDiagonal(states, PETSc.InsertMode.ADD)
-    return _solver(linearization, matrix)
+    return solver_of(linearization, matrix)
 
 
-def _solver(
+def solver_of(
     linearization: Linearization, matrix: PETSc.Mat
 ) -> Callable[[FloatArray], PETSc.Vec | None]:
     """Factorise once; the returned function solves, or returns None if the matrix is singular."""
@@ -206,7 +216,7 @@ def improve_equilibrium(linearization: Linearization, rotation: Rotation) -> boo
 def _accept(linearization: Linearization, rotation: Rotation, multipliers: FloatArray) -> None:
     """Evaluate and accept the present state (collective)."""
     system = linearization.system
-    set_spin(system, rotation)
+    rotation.set(system)
     linearization.evaluate(multipliers)
     for part in system.parts:
         part.block.frames0[:] = part.block.frames
@@ -221,7 +231,7 @@ def _newton(
     system = linearization.system
     previous = np.inf
     if multipliers is None:  # mechanisms are in equilibrium by the forces in their joints alone
-        set_spin(system, rotation)
+        rotation.set(system)
         if not hold(linearization):
             return Status.SINGULAR, None
         multipliers = linearization.multipliers
@@ -241,10 +251,9 @@ def _step(
     linearization: Linearization, rotation: Rotation, multipliers: FloatArray
 ) -> tuple[float | None, FloatArray]:
     """One step of Newton's method: its size (m, rad), None if singular, and new multipliers."""
-    set_spin(linearization.system, rotation)
+    rotation.set(linearization.system)
     residual = linearization.evaluate(multipliers)
-    matrices = linearization.matrices()
-    solution = _solver(linearization, _fixed(linearization, matrices, rotation))(residual)
+    solution = rotation.solve(linearization, residual)
     if solution is None:
         return None, multipliers
     steps = [-s for s in linearization.split(solution.getArray())]
