@@ -62,7 +62,9 @@ def build(load: float = 0.0, speed: float = 1.0) -> ff.Model:
     inertia = MASS / 3.0 * (SIZE @ SIZE - SIZE**2)
     model.add(
         ff.Gravity((0.0, 0.0, -G)),
-        ff.RigidBody("platform", MASS, inertia, position=path(0.0), shape=ff.Box(tuple(2.0 * SIZE))),
+        ff.RigidBody(
+            "platform", MASS, inertia, position=path(0.0), shape=ff.Box(tuple(2.0 * SIZE))
+        ),
         ff.PositionProbe("at", ff.Marker("platform")),
     )
     for k, (corner, eye) in enumerate(zip(WINCHES, EYES, strict=True)):
@@ -103,7 +105,8 @@ def main(*, smoke: bool) -> None:
     pulls = np.array([history[f"pull_{k}_tension"] for k in range(8)])
     off = np.linalg.norm(at - wanted, axis=1)
     print(f"on the way it is {1e3 * off.max():.2f} mm off at most, at the end "
-          f"{1e6 * off[-1]:.2f} um; cables pull with {pulls.min():.0f} to {pulls.max():.0f} N")  # fmt: skip
+          f"{1e6 * off[-1]:.2f} um; cables pull with {pulls.min():.0f} to {pulls.max():.0f} N",
+    )  # fmt: skip
 
 
 if __name__ == "__main__":

@@ -49,9 +49,7 @@ def shortening(force: np.ndarray, activation: np.ndarray) -> np.ndarray:
     return (0.25 + 0.75 * activation) * np.where(force < 1.0, shorter, longer)
 
 
-def muscle(
-    t: float, ends: ff.Ends, z: np.ndarray
-) -> tuple[np.ndarray, None, np.ndarray]:
+def muscle(t: float, ends: ff.Ends, z: np.ndarray) -> tuple[np.ndarray, None, np.ndarray]:
     """Pull of the tendon, and rates of activation and fibre length."""
     activation, fibre = z
     arm = ends.positions[1] - ends.positions[0]

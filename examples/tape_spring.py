@@ -32,7 +32,8 @@ def tape(points: np.ndarray) -> np.ndarray:
 
 def build(cells: tuple[int, int], angle: Callable[[float], float]) -> ff.Model:
     """The tape between two caps, one of which slides; each is turned by half of an angle (rad)."""
-    u, v = (np.linspace(-0.5, 0.5, n + 1) * size for n, size in zip(cells, (LENGTH, ANGLE)))
+    u = np.linspace(-0.5, 0.5, cells[0] + 1) * LENGTH
+    v = np.linspace(-0.5, 0.5, cells[1] + 1) * ANGLE
     model = ff.Model("tape_spring", surface=ff.SurfaceMesh.grid("tape", u, v, tape))
     section = ff.ShellSection.isotropic(THICK, COPPER)
     model.add(ff.Shell("tape", section, element="director", damping=3e-3))

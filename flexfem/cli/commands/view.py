@@ -38,8 +38,8 @@ def execute(argv: Sequence[str], prog: str) -> int:
     )  # fmt: skip
     parser.add_argument(
         "--gltf", action="store_true",
-        help="instead of pages view.glb, an animated glTF file of what moves in frames: beams, "
-        "rigid bodies, joints, obstacles",
+        help="instead of pages view.glb, an animated glTF file; where shells, solids or cables "
+        "deform with up to 100 instants by default",
     )  # fmt: skip
     parser.add_argument(
         "--gallery", type=file, metavar="FILE",

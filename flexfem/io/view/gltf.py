@@ -1,16 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What moves in frames as an animated glTF file: beams, rigid bodies, joints and obstacles.
+"""A motion as an animated glTF file, for Blender, three.js, office programs and others.
 
-Blender, three.js, office programs and others read glTF 2.0 (Khronos Group 2021, ISO/IEC 12113).
-Every frame is a node of the scene, with channels for its place and rotation. Every body is a mesh
-with a skin, whose vertices belong to one frame each: sections of beams move with the nodes, as in
-pages. Vertices are given where they are at the first instant.
+What moves in frames (beams, rigid bodies, joints, obstacles): every frame is a node of the scene,
+with channels for its place and rotation. Every body is a mesh with a skin, whose vertices belong to
+one frame each: sections of beams move with the nodes, as in pages. What deforms for itself (shells,
+solids, cables): every body is a mesh with a morph target for each instant but the first. One weight
+rises to 1 while the one before falls to 0, so that vertices move on straight lines between the
+instants.
 """
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -20,22 +22,26 @@ from numpy.typing import NDArray
 from flexfem._checks import InputError
 from flexfem._files import replace_file
 from flexfem.io.view.beams import BeamLayer
-from flexfem.io.view.layers import Framed, RigidLayer
+from flexfem.io.view.gltf_file import GltfFile
+from flexfem.io.view.instants import evenly
+from flexfem.io.view.layers import MeshLayer, RigidLayer
 from flexfem.io.view.motion import quaternions
-from flexfem.io.view.reading import Choice, read_motion
+from flexfem.io.view.normals import vertex_normals
+from flexfem.io.view.reading import Choice, Motion, read_motion
+from flexfem.io.view.shapes import Deforming, Framed
 
 __all__ = ["NAME", "write_gltf"]
 
 NAME = "view.glb"
-#: Colours (red, green, blue), linear, of the series.
+#: Colours (red, green, blue), linear, of the series; others have that of flexible bodies.
 _COLOURS = {
-    "beams": (0.2, 0.26, 0.33), "rigid_bodies": (0.27, 0.37, 0.48), "joints": (0.74, 0.19, 0.04),
-    "contact_surfaces": (0.48, 0.54, 0.6),
+    "rigid_bodies": (0.27, 0.37, 0.48), "joints": (0.74, 0.19, 0.04),
+    "contact_surfaces": (0.48, 0.54, 0.6), "cables": (0.1, 0.1, 0.1),
 }  # fmt: skip
-#: Numbers that the format gives types, targets and kinds of chunks.
-_FLOAT, _SHORT, _WHOLE = 5126, 5123, 5125
-_VERTICES, _INDICES = 34962, 34963
-_MAGIC, _JSON, _BINARY = 0x46546C67, 0x4E4F534A, 0x004E4942
+_FLEXIBLE = (0.2, 0.26, 0.33)
+#: Instants by default where something deforms: all of its vertices are in the file at each of them.
+_TARGETS = 100
+_LINES = 1  # mode of primitives
 
 
 def write_gltf(
@@ -49,72 +55,76 @@ def write_gltf(
         output: the file; ``view.glb`` in the folder by default.
 
     Raises:
-        InputError: nothing moves in frames, or a file is damaged; nothing is written.
+        InputError: there is nothing but arrows, or a file is damaged; nothing is written.
         OSError: the file cannot be written.
     """
     motion = read_motion(folder, Choice(choice.frames, ["none"]))
-    framed = {
-        layer.series: layer.framed()
-        for layer in motion.layers
-        if isinstance(layer, (BeamLayer, RigidLayer))
-    }
-    if not framed:
-        raise InputError(f"{folder}: no beams, rigid bodies or joints, which glTF files can hold")
-    notes = list(motion.notes)
-    loose = [one.series for one in motion.layers if one.series not in {*framed, "reactions"}]
-    if loose:
-        notes.append(f"not in the file, whose bodies move in frames: {', '.join(loose)}")
-    file = _File(motion.times - motion.times[0])
-    for series, surface in framed.items():
-        file.add(series, surface)
+    parts = _parts(motion)
+    if not parts:
+        raise InputError(f"{folder}: nothing but arrows, which glTF files cannot hold")
+    times = (motion.times - motion.times[0]).astype(np.float32)
+    # the format wants times that increase in single precision: the last one of those that agree
+    notes, chosen = list(motion.notes), np.flatnonzero(np.diff(times, append=np.inf) > 0.0)
+    if choice.frames is None and any(isinstance(part, Deforming) for part in parts.values()):
+        chosen = evenly(chosen, _TARGETS)
+    if len(chosen) < motion.instants:
+        notes = [note for note in notes if "instants are shown" not in note]
+        notes.append(f"{len(chosen)} of {motion.instants} instants are kept (--frames N chooses)")
+    file = _Writer(times[chosen])
+    for series, part in parts.items():
+        file.write(series, part, chosen)
     target = output or folder / NAME
     replace_file(target, file.contents())
     return target, notes
 
 
-class _File:
-    """A file under way: its description, and the binary data that it refers to."""
+def _parts(motion: Motion) -> dict[str, Framed | Deforming]:
+    """Surfaces and lines of all series that have them."""
+    parts: dict[str, Framed | Deforming] = {}
+    for layer in motion.layers:
+        if isinstance(layer, (BeamLayer, RigidLayer)):
+            parts[layer.series] = layer.framed()
+        elif isinstance(layer, MeshLayer):
+            parts[layer.series] = layer.deforming()
+    return parts
 
-    def __init__(self, times: NDArray[np.float64]) -> None:
-        """Begin with the times and a root, which turns z upwards into y upwards."""
-        half = 0.5**0.5
-        self._bytes: list[bytes] = []
-        self._size = 0
-        self._made: dict[str, list[dict[str, Any]]] = {
-            key: [] for key in ("bufferViews", "accessors", "meshes", "skins", "materials")
-        }
-        root = {"name": "z is up", "rotation": [-half, 0.0, 0.0, half], "children": []}
-        self._nodes: list[dict[str, Any]] = [root]
-        self._roots = [0]
-        self._channels: list[dict[str, Any]] = []
-        self._samplers: list[dict[str, Any]] = []
-        self._times = self._accessor(times.astype(np.float32), "SCALAR", bounds=True)
 
-    def add(self, series: str, surface: Framed) -> None:
-        """Add the bodies of a series."""
-        colour = [*_COLOURS[series], 1.0]
-        material = {"baseColorFactor": colour, "metallicFactor": 0.1, "roughnessFactor": 0.6}
-        self._made["materials"].append({"name": series, "pbrMetallicRoughness": material})
+class _Writer:
+    """The parts of a motion as nodes and meshes of a file."""
+
+    def __init__(self, times: NDArray[np.float32]) -> None:
+        """Begin with the times."""
+        self._file = GltfFile()
+        self._count = len(times)
+        self._times = self._file.numbers(times, "SCALAR", bounds=True)
+        self._weights: int | None = None
+
+    def contents(self) -> list[bytes]:
+        """The file."""
+        return self._file.contents()
+
+    def write(
+        self, series: str, part: Framed | Deforming, chosen: NDArray[np.integer[Any]]
+    ) -> None:
+        """Write the bodies of a series at chosen instants."""
+        colour = [*_COLOURS.get(series, _FLEXIBLE), 1.0]
+        self._material = self._file.add("materials", {
+            "name": series, "doubleSided": isinstance(part, Deforming), "pbrMetallicRoughness":
+            {"baseColorFactor": colour, "metallicFactor": 0.1, "roughnessFactor": 0.6},
+        })  # fmt: skip
+        places = [part.places[k] for k in chosen]
+        if isinstance(part, Deforming):
+            self._write_deforming(replace(part, places=places))
+        else:
+            self._write_framed(replace(part, places=places, turns=[part.turns[k] for k in chosen]))
+
+    def _write_framed(self, surface: Framed) -> None:
         first = self._add_frames(surface)
         body = surface.bodies[surface.cell]
         for number, name in enumerate(surface.names):
             chosen = np.flatnonzero(body == number)
             if len(chosen):
-                self._add_body(name, surface, chosen, first)
-
-    def contents(self) -> list[bytes]:
-        """The file: a header, a chunk of JSON and one of binary data, of multiples of 4 bytes."""
-        animation = {"name": "motion", "channels": self._channels, "samplers": self._samplers}
-        document = {
-            "asset": {"version": "2.0", "generator": "flexfem"}, "scene": 0,
-            "scenes": [{"nodes": self._roots}], "nodes": self._nodes, **self._made,
-            "animations": [animation], "buffers": [{"byteLength": self._size}],
-        }  # fmt: skip
-        text = json.dumps(document, allow_nan=False, separators=(",", ":")).encode()
-        text += b" " * (-len(text) % 4)
-        total = 12 + 8 + len(text) + 8 + self._size
-        header = np.array([_MAGIC, 2, total, len(text), _JSON], "<u4").tobytes()
-        return [header, text, np.array([self._size, _BINARY], "<u4").tobytes(), *self._bytes]
+                self._add_skinned(name, surface, chosen, first)
 
     def _add_frames(self, surface: Framed) -> int:
         """Add a node for every frame, with its motion; returns the first."""
@@ -122,23 +132,16 @@ class _File:
         q = quaternions(np.array(surface.turns))
         for k in range(1, len(q)):  # the shorter way from each to the next
             q[k] *= np.where(np.einsum("ni,ni->n", q[k], q[k - 1]) < 0.0, -1.0, 1.0)[:, None]
-        first = len(self._nodes)
+        file, added = self._file, []
         for frame in range(x.shape[1]):
             start = {"translation": x[0, frame].tolist(), "rotation": q[0, frame].tolist()}
-            self._nodes[0]["children"].append(len(self._nodes))
-            self._animate("translation", x[:, frame], "VEC3")
-            self._animate("rotation", q[:, frame].astype(np.float32), "VEC4")
-            self._nodes.append(start)
-        return first
+            added.append(file.node(start, file.root))
+            turn = q[:, frame].astype(np.float32)
+            file.animate(added[-1], "translation", self._times, file.numbers(x[:, frame], "VEC3"))
+            file.animate(added[-1], "rotation", self._times, file.numbers(turn, "VEC4"))
+        return added[0]
 
-    def _animate(self, path: str, values: NDArray[np.float32], kind: str) -> None:
-        """Let the next node move."""
-        sampler = {"input": self._times, "output": self._accessor(values, kind)}
-        target = {"node": len(self._nodes), "path": path}
-        self._channels.append({"sampler": len(self._samplers), "target": target})
-        self._samplers.append(sampler | {"interpolation": "LINEAR"})
-
-    def _add_body(
+    def _add_skinned(
         self, name: str, surface: Framed, chosen: NDArray[np.integer[Any]], first: int
     ) -> None:
         """Add the mesh of a body and its skin."""
@@ -150,49 +153,88 @@ class _File:
         joints = np.zeros((len(chosen), 4), dtype=np.uint16)
         joints[:, 0] = joint.reshape(-1)
         weights = np.tile(np.array([1.0, 0.0, 0.0, 0.0], np.float32), (len(chosen), 1))
-        new = np.full(len(surface.cell), -1)
-        new[chosen] = np.arange(len(chosen))
-        corners = new[surface.triangles]
-        triangles = corners[np.all(corners >= 0, axis=1)].reshape(-1).astype(np.uint32)
+        file, triangles = self._file, _own(surface.triangles, chosen, len(surface.cell))
         attributes = {
-            "POSITION": self._accessor(points.astype(np.float32), "VEC3", _VERTICES, bounds=True),
-            "NORMAL": self._accessor(normals.astype(np.float32), "VEC3", _VERTICES),
-            "JOINTS_0": self._accessor(joints, "VEC4", _VERTICES),
-            "WEIGHTS_0": self._accessor(weights, "VEC4", _VERTICES),
-        }  # fmt: skip
-        primitive = {
-            "attributes": attributes, "indices": self._accessor(triangles, "SCALAR", _INDICES),
-            "material": len(self._made["materials"]) - 1,
+            "POSITION": file.vertices(points.astype(np.float32), "VEC3", bounds=True),
+            "NORMAL": file.vertices(normals.astype(np.float32), "VEC3"),
+            "JOINTS_0": file.vertices(joints, "VEC4"), "WEIGHTS_0": file.vertices(weights, "VEC4"),
         }  # fmt: skip
         back = np.zeros((len(frames), 4, 4), dtype=np.float32)  # by columns, into the frames
         back[:, :3, :3], back[:, 3, 3] = R[frames], 1.0
         back[:, 3, :3] = -np.einsum("nji,nj->ni", R[frames], x[frames])
-        matrices = self._accessor(back, "MAT4")
-        skin = {"joints": (first + frames).tolist(), "inverseBindMatrices": matrices}
-        self._made["skins"].append(skin)
-        self._made["meshes"].append({"name": name, "primitives": [primitive]})
+        matrices = file.numbers(back, "MAT4")
+        joined = (first + frames).tolist()
+        skin = file.add("skins", {"joints": joined, "inverseBindMatrices": matrices})
+        mesh = self._add_mesh(name, attributes, triangles)
         # skinned meshes take no transformation of their parents
-        self._roots.append(len(self._nodes))
-        number = len(self._made["meshes"]) - 1
-        self._nodes.append({"name": name, "mesh": number, "skin": number})
+        file.node({"name": name, "mesh": mesh, "skin": skin})
 
-    def _accessor(
-        self, values: NDArray[Any], kind: str, target: int | None = None, bounds: bool = False
-    ) -> int:
-        """Keep an array; returns its number."""
-        raw = np.ascontiguousarray(values).astype(values.dtype.newbyteorder("<")).tobytes()
-        view = {"buffer": 0, "byteOffset": self._size, "byteLength": len(raw)}
-        self._made["bufferViews"].append(view | ({} if target is None else {"target": target}))
-        padded = raw + bytes(-len(raw) % 4)
-        self._bytes.append(padded)
-        self._size += len(padded)
-        number = {"f": _FLOAT, "u": _WHOLE if values.dtype.itemsize == 4 else _SHORT}
-        one: dict[str, Any] = {
-            "bufferView": len(self._made["bufferViews"]) - 1, "count": len(values), "type": kind,
-            "componentType": number[values.dtype.kind],
+    def _write_deforming(self, part: Deforming) -> None:
+        body = part.bodies[part.cell]
+        for number, name in enumerate(part.names):
+            cells = part.cells[body == number]
+            if len(cells):
+                self._add_morphed(name, part, cells)
+
+    def _add_morphed(self, name: str, part: Deforming, cells: NDArray[np.integer[Any]]) -> None:
+        """Add the mesh of a body, with its vertices at every instant."""
+        file, chosen = self._file, np.unique(cells)
+        own = _own(cells, chosen, len(part.source))
+        x = [part.places[k][part.source[chosen]] for k in range(self._count)]
+        arrays = [{"POSITION": points} for points in x]
+        if cells.shape[1] == 3:
+            arrays = [one | {"NORMAL": vertex_normals(one["POSITION"], own)} for one in arrays]
+        base, *others = arrays
+        attributes = {
+            key: file.vertices(values.astype(np.float32), "VEC3", bounds=key == "POSITION")
+            for key, values in base.items()
+        }
+        targets = [
+            {
+                key: file.vertices(
+                    (values - base[key]).astype(np.float32), "VEC3", bounds=key == "POSITION"
+                )
+                for key, values in one.items()
+            }
+            for one in others
+        ]
+        mesh = self._add_mesh(name, attributes, own, targets)
+        place = {"name": name, "mesh": mesh, "translation": part.about.tolist()}
+        node = file.node(place, file.root)
+        if targets:
+            file.animate(node, "weights", self._times, self._kept_weights())
+
+    def _kept_weights(self) -> int:
+        """Number of the targets' weights (instants, instants - 1), the same for all meshes."""
+        if self._weights is None:
+            weights = np.eye(self._count, self._count - 1, -1, dtype=np.float32)
+            self._weights = self._file.numbers(weights.reshape(-1), "SCALAR")
+        return self._weights
+
+    def _add_mesh(
+        self, name: str, attributes: dict[str, int], cells: NDArray[np.integer[Any]],
+        targets: Sequence[dict[str, int]] = (),
+    ) -> int:  # fmt: skip
+        """Add triangles or lines; returns their number."""
+        primitive: dict[str, Any] = {
+            "attributes": attributes, "indices": self._file.indices(cells),
+            "material": self._material,
         }  # fmt: skip
-        if bounds:
-            flat = values.reshape(len(values), -1)
-            one |= {"min": flat.min(axis=0).tolist(), "max": flat.max(axis=0).tolist()}
-        self._made["accessors"].append(one)
-        return len(self._made["accessors"]) - 1
+        if cells.shape[1] == 2:
+            primitive["mode"] = _LINES
+        mesh: dict[str, Any] = {"name": name, "primitives": [primitive]}
+        if targets:
+            primitive["targets"] = list(targets)
+            mesh["weights"] = [0.0] * len(targets)
+        return self._file.add("meshes", mesh)
+
+
+def _own(
+    cells: NDArray[np.integer[Any]], chosen: NDArray[np.integer[Any]], count: int
+) -> NDArray[np.integer[Any]]:
+    """Cells all of whose vertices are among the chosen ones of so many, by their numbers there."""
+    new = np.full(count, -1)
+    new[chosen] = np.arange(len(chosen))
+    corners = new[cells]
+    own: NDArray[np.integer[Any]] = corners[np.all(corners >= 0, axis=1)]
+    return own
