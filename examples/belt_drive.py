@@ -109,7 +109,7 @@ def main(*, smoke: bool) -> None:
     assert np.allclose(found, own, rtol=1e-4)  # PULL * bend left out: BEND % less
     options = ff.RunOptions(dt=5e-4, t_end=0.01 if smoke else TIME, quiet=True, every=10,
                             output=None if smoke else "results/belt_drive")  # fmt: skip
-    history = ff.simulate(build(), options).history
+    history = ff.simulate(build(), options, case="belt_drive").history
     pulls = np.array([history[f"part_{k}_tension"] for k in range(3)])
     needed = np.abs(np.log(pulls[1] / pulls[2])).max() / geometry(0.0)[2][3]
     print(f"tensions from {pulls.min():.0f} to {pulls.max():.0f} N, "

@@ -99,7 +99,7 @@ def main(*, smoke: bool) -> None:
     assert abs(found / sag(10.0) - 1.0) < 0.02  # one cable of the eight is 10 %
     options = ff.RunOptions(dt=5e-3, t_end=0.05 if smoke else TIME + 0.5, quiet=True, every=10,
                             output=None if smoke else "results/cable_robot")  # fmt: skip
-    history = ff.simulate(build(), options).history
+    history = ff.simulate(build(), options, case="cable_robot").history
     wanted = np.array([path(t) for t in history["t"]])
     at = np.column_stack([history[f"at_{c}"] for c in "xyz"])
     pulls = np.array([history[f"pull_{k}_tension"] for k in range(8)])

@@ -108,7 +108,7 @@ def main(*, smoke: bool) -> None:
     assert abs(found / exact - 1.0) < 1e-4  # without couples it is 1 % off, without forces 60 %
     options = ff.RunOptions(dt=5e-3, t_end=0.05 if smoke else 60.0, quiet=True, every=4,
                             output=None if smoke else "results/magnetic_pendulum")  # fmt: skip
-    history = ff.simulate(build(), options).history
+    history = ff.simulate(build(), options, case="magnetic_pendulum").history
     end = np.array([history["at_x"][-1], history["at_y"][-1]])
     nearest = int(np.argmin(np.linalg.norm(PLACES[:, :2] - end, axis=1)))
     print(f"after {history['t'][-1]:.0f} s it is {1e3 * np.linalg.norm(end):.1f} mm from the "

@@ -130,7 +130,7 @@ def main(*, smoke: bool) -> None:
     """Lift the weight."""
     options = ff.RunOptions(dt=4e-3, t_end=0.1 if smoke else 4.0, quiet=True, every=5,
                             output=None if smoke else "results/muscle")  # fmt: skip
-    history = ff.simulate(build(), options).history
+    history = ff.simulate(build(), options, case="muscle").history
     angle, (end, _) = np.rad2deg(history["elbow_angle"]), rest(EXCITATION(options.t_end))
     print(f"the elbow bends from {angle[0]:.2f} to {angle[-1]:.2f} degrees, at rest it is "
           f"{np.rad2deg(end):.2f}")  # fmt: skip

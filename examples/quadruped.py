@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """A four-legged robot that trots: motors with feedback, and feet on the ground.
 
-The motors' gains act implicitly, so that light shanks need no small steps. The ground is one force
+Feet that do not slip carry it a stride each half period. The motors' gains act implicitly, so that light shanks need no small steps. The ground is one force
 for all feet: it presses on a foot as a spring and damper, and rubs by regularised Coulomb friction.
 
-Run: ``python examples/quadruped.py``, ``--smoke`` for a few steps.
+Run: ``python examples/quadruped.py``, then ``flexfem view results/quadruped``; ``--smoke`` for a
+few steps.
 """
 
 import sys
@@ -109,8 +110,9 @@ def build() -> ff.Model:
 
 def main(*, smoke: bool) -> None:
     """Let it trot."""
-    options = ff.RunOptions(dt=2e-3, t_end=0.02 if smoke else 4.0, quiet=True)
-    history = ff.simulate(build(), options).history
+    options = ff.RunOptions(dt=2e-3, t_end=0.02 if smoke else 4.0, quiet=True, every=10,
+                            output=None if smoke else "results/quadruped")  # fmt: skip
+    history = ff.simulate(build(), options, case="quadruped").history
     way = history["trunk_at_x"][-1]
     print(f"it has walked {way:.2f} m in {history['t'][-1]:.0f} s, its trunk between "
           f"{history['trunk_at_z'].min():.3f} and {history['trunk_at_z'].max():.3f} m")  # fmt: skip

@@ -81,7 +81,7 @@ def main(*, smoke: bool) -> None:
     """Drive, and compare with the single-track model."""
     options = ff.RunOptions(dt=0.01, t_end=3.2 if smoke else TIME, quiet=True, every=10,
                             output=None if smoke else "results/steady_turn")  # fmt: skip
-    history = ff.simulate(build(), options).history
+    history = ff.simulate(build(), options, case="steady_turn").history
     gradient = LOADS[0] / CORNERING[0] - LOADS[1] / CORNERING[1]  # rad at 1 g
     early = np.searchsorted(history["t"], 3.0)
     # by then the car follows the wheel, which turns on, and tyres are linear

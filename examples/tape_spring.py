@@ -79,7 +79,9 @@ def main(*, smoke: bool) -> None:
         return
     options = ff.RunOptions(dt=4e-3, t_end=TIME, rho_inf=0.3, quiet=True, every=2,
                             output="results/tape_spring")  # fmt: skip
-    history = ff.simulate(build((36, 6), ff.SmoothStep(0.0, TIME, 0.0, FOLDED)), options).history
+    history = ff.simulate(
+        build((36, 6), ff.SmoothStep(0.0, TIME, 0.0, FOLDED)), options, case="tape_spring"
+    ).history
     folded = -history["turn_my"][len(history["t"]) // 2 :]
     print(f"it snaps at {-history['turn_my'].min():.3f} N m; folded {folded.mean():.4f} N m, "
           f"in closed form {steady_moment():.4f}")  # fmt: skip

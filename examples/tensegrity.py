@@ -97,7 +97,7 @@ def main(*, smoke: bool) -> None:
     options = ff.RunOptions(dt=0.01, t_end=0.1 if smoke else TIME + 1.0, quiet=True, every=5,
                             output=None if smoke else "results/tensegrity")  # fmt: skip
     radius = ff.SmoothStep(0.0, TIME, FOLDED, DEPLOYED)
-    history = ff.simulate(build(FOLDED, radius), options).history
+    history = ff.simulate(build(FOLDED, radius), options, case="tensegrity").history
     last = np.array([[history[f"tip_{k}_{c}"][-1] for c in "xyz"] for k in range(6)])
     twist, height = shape(last)
     expected = ends(radius(options.t_end))[3, 2]

@@ -39,7 +39,7 @@ def execute(argv: Sequence[str], prog: str) -> int:
     parser.add_argument(
         "--gltf", action="store_true",
         help="instead of pages view.glb, an animated glTF file; where shells, solids or cables "
-        "deform with up to 100 instants by default",
+        "deform with 101 instants at most by default",
     )  # fmt: skip
     parser.add_argument(
         "--gallery", type=file, metavar="FILE",

@@ -39,7 +39,7 @@ _COLOURS = {
     "contact_surfaces": (0.48, 0.54, 0.6), "cables": (0.1, 0.1, 0.1),
 }  # fmt: skip
 _FLEXIBLE = (0.2, 0.26, 0.33)
-#: Instants by default where something deforms: all of its vertices are in the file at each of them.
+#: Targets by default where something deforms: each holds all of its vertices.
 _TARGETS = 100
 _LINES = 1  # mode of primitives
 
@@ -66,7 +66,7 @@ def write_gltf(
     # the format wants times that increase in single precision: the last one of those that agree
     notes, chosen = list(motion.notes), np.flatnonzero(np.diff(times, append=np.inf) > 0.0)
     if choice.frames is None and any(isinstance(part, Deforming) for part in parts.values()):
-        chosen = evenly(chosen, _TARGETS)
+        chosen = evenly(chosen, _TARGETS + 1)
     if len(chosen) < motion.instants:
         notes = [note for note in notes if "instants are shown" not in note]
         notes.append(f"{len(chosen)} of {motion.instants} instants are kept (--frames N chooses)")
