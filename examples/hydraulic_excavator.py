@@ -95,9 +95,12 @@ def main(*, smoke: bool) -> None:
     force = np.sqrt(sum(history[f"push_f{axis}"] ** 2 for axis in "xyz"))
     print(f"the bucket rises by {history['load_z'][-1]:.2f} m, the cylinder pushes with "
           f"{force[1:].min() / 1e3:.0f} to {force.max() / 1e3:.0f} kN")  # fmt: skip
-    needed = held(history["load_x"][-1], history["load_z"][-1])
-    print(f"at rest {force[-1] / 1e3:.2f} kN, a rigid boom needs {needed / 1e3:.2f}")
-    assert abs(force[-1] / needed - 1.0) < 0.02  # without the boom's own weight it is a third less
+    if smoke:
+        return
+    late = history["t"] > 2.5  # the valve is closed, the boom still swings
+    mean, x, z = (values[late].mean() for values in (force, history["load_x"], history["load_z"]))
+    print(f"in the end {mean / 1e3:.1f} kN on average, a rigid boom needs {held(x, z) / 1e3:.1f}")
+    assert abs(mean / held(x, z) - 1.0) < 0.03  # its own weight is a third of it
 
 
 if __name__ == "__main__":
