@@ -42,8 +42,9 @@ class Drawing:
 DRAWINGS = {
     "campbell": Drawing(script="plot_campbell"),
     "formalisms": Drawing(script="plot_history"),
-    "manipulator_deployment": Drawing(script="plot_history"),
-    "parallel_manipulator": Drawing(script="plot_history"),
+    "manipulator_deployment": Drawing("--columns u2,theta1", script="plot_history"),
+    "steady_turn": Drawing("--from 19 --interval 0.6"),
+    "flying_spaghetti": Drawing("--to 8"),
 }
 
 
