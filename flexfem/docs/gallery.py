@@ -15,6 +15,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from imageio.v3 import imread
 from PIL import Image
 
 from flexfem.docs.extensions.topics import EXAMPLES, GALLERY, SHORTER, sentences
@@ -40,8 +41,11 @@ class Drawing:
 
 
 DRAWINGS = {
+    "blade": Drawing(folder="mode_02"),
     "campbell": Drawing(script="plot_campbell"),
-    "formalisms": Drawing(script="plot_history"),
+    "spin_up": Drawing(script="plot_history"),
+    "tutorial_4_rotor": Drawing(script="plot_campbell"),
+    "formalisms": Drawing("--columns lagrange_x,hamilton_x", script="plot_history"),
     "manipulator_deployment": Drawing("--columns u2,theta1", script="plot_history"),
     "steady_turn": Drawing("--from 19 --interval 0.6"),
     "flying_spaghetti": Drawing("--to 8"),
@@ -79,8 +83,7 @@ def _draw(folder: Path, drawing: Drawing) -> Path:
 
 def _shrink(drawn: Path, target: Path) -> None:
     """Keep a picture in few colours."""
-    with Image.open(drawn) as picture:
-        small = picture.convert("RGB")
+    small = Image.fromarray(imread(drawn)[..., :3])
     small.thumbnail([int(n) for n in _SIZE.split("x")])
     few = small.quantize(_COLOURS, dither=Image.Dither.NONE)
     target.parent.mkdir(exist_ok=True)

@@ -6,7 +6,7 @@ from pathlib import Path
 
 import pytest
 
-from flexfem.docs.pictures import EXAMPLES
+from flexfem.docs.extensions.topics import EXAMPLES
 
 SCRIPTS = sorted(EXAMPLES.glob("*.py"))
 pytestmark = pytest.mark.serial

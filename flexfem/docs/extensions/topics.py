@@ -19,7 +19,7 @@ SOURCES = Path(__file__).parents[1]
 #: Examples, and pictures of them and of the cases.
 EXAMPLES, GALLERY = SOURCES.parents[1] / "examples", SOURCES / "figures" / "gallery"
 #: Options of cases in the gallery, whose defaults run long or show little.
-SHORTER: dict[str, str] = {}
+SHORTER = {"draping": "--mesh 31x31", "solar_array": "--t-end 2.5"}
 
 #: Modules of all public names, by their full names.
 PLACES = {

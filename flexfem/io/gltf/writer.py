@@ -21,8 +21,8 @@ from numpy.typing import NDArray
 
 from flexfem._checks import InputError
 from flexfem._files import replace_file
+from flexfem.io.gltf.container import GltfFile
 from flexfem.io.view.beams import BeamLayer
-from flexfem.io.view.gltf_file import GltfFile
 from flexfem.io.view.instants import evenly
 from flexfem.io.view.layers import MeshLayer, RigidLayer
 from flexfem.io.view.motion import quaternions
