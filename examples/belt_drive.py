@@ -106,7 +106,7 @@ def main(*, smoke: bool) -> None:
     found, (own, _) = still.history["frequency"], small_motions()
     print("frequencies", *(f"{f:.3f}" for f in found), "Hz, by small motions",
           *(f"{f:.3f}" for f in own))  # fmt: skip
-    assert np.allclose(found, own, rtol=1e-4)  # PULL * bend left out: BEND % less
+    assert np.allclose(found, own, rtol=1e-4)  # without PULL * bend 20 % less
     options = ff.RunOptions(dt=5e-4, t_end=0.01 if smoke else TIME, quiet=True, every=10,
                             output=None if smoke else "results/belt_drive")  # fmt: skip
     history = ff.simulate(build(), options, case="belt_drive").history

@@ -43,7 +43,7 @@ class Drawing:
 DRAWINGS = {
     "blade": Drawing(folder="mode_02"),
     "campbell": Drawing(script="plot_campbell"),
-    "spin_up": Drawing(script="plot_history"),
+    "spin_up": Drawing("--columns u2,theta1", script="plot_history"),
     "tutorial_4_rotor": Drawing(script="plot_campbell"),
     "formalisms": Drawing("--columns lagrange_x,hamilton_x", script="plot_history"),
     "manipulator_deployment": Drawing("--columns u2,theta1", script="plot_history"),
@@ -84,7 +84,8 @@ def _draw(folder: Path, drawing: Drawing) -> Path:
 def _shrink(drawn: Path, target: Path) -> None:
     """Keep a picture in few colours."""
     small = Image.fromarray(imread(drawn)[..., :3])
-    small.thumbnail([int(n) for n in _SIZE.split("x")])
+    width, _, height = _SIZE.partition("x")
+    small.thumbnail((int(width), int(height)))
     few = small.quantize(_COLOURS, dither=Image.Dither.NONE)
     target.parent.mkdir(exist_ok=True)
     few.save(target, optimize=True)
