@@ -57,7 +57,7 @@ def test_every_case_and_example_is_in_the_gallery() -> None:
     }
     assert {path.stem for path in GALLERY.glob("*.png")} == listed == set(sentences())
     assert all(said.endswith(".") and len(said) > 20 for said in sentences().values())
-    assert sum(path.stat().st_size for path in SOURCES.rglob("*.png")) < 2.1e6
+    assert sum(path.stat().st_size for path in SOURCES.rglob("*.png")) < 2.0e6
 
 
 def test_every_picture_is_shown_and_can_be_made() -> None:
