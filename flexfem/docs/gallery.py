@@ -44,6 +44,7 @@ DRAWINGS = {
     "blade": Drawing(folder="mode_02"),
     "campbell": Drawing(script="plot_campbell"),
     "spin_up": Drawing("--columns u2,theta1", script="plot_history"),
+    "tuned_damper": Drawing("--columns deflection", script="plot_history"),
     "tutorial_4_rotor": Drawing(script="plot_campbell"),
     "formalisms": Drawing("--columns lagrange_x,hamilton_x", script="plot_history"),
     "manipulator_deployment": Drawing("--columns u2,theta1", script="plot_history"),
