@@ -4,7 +4,8 @@
 The motors' gains act implicitly, so that light shanks need no small steps. The ground is one force
 for all feet: it presses on a foot as a spring and damper, and rubs by regularised Coulomb friction.
 
-Run: ``python examples/quadruped.py``, ``--smoke`` for a few steps.
+Run: ``python examples/quadruped.py``, then ``flexfem view results/quadruped``; ``--smoke`` for a
+few steps.
 """
 
 import sys
@@ -107,13 +108,25 @@ def build() -> ff.Model:
     return model
 
 
+def sag() -> float:
+    """How far (m) the standing trunk sinks: by the ground, and by the knees' motors."""
+    foot = (8.0 + 4.0 * (0.6 + 0.15)) * 9.81 / 4.0
+    lever = THIGH * np.sin(leg_angles(0.0, HEIGHT)[0])
+    return float(foot / GROUND + (foot - 0.5 * 0.15 * 9.81) * lever**2 / PROPORTIONAL)
+
+
 def main(*, smoke: bool) -> None:
     """Let it trot."""
-    options = ff.RunOptions(dt=2e-3, t_end=0.02 if smoke else 4.0, quiet=True)
-    history = ff.simulate(build(), options).history
-    way = history["trunk_at_x"][-1]
+    options = ff.RunOptions(dt=2e-3, t_end=0.02 if smoke else 4.0, quiet=True, every=10,
+                            output=None if smoke else "results/quadruped")  # fmt: skip
+    history = ff.simulate(build(), options, case="quadruped").history
+    way, standing = history["trunk_at_x"][-1], np.searchsorted(history["t"], 0.5)
     print(f"it has walked {way:.2f} m in {history['t'][-1]:.0f} s, its trunk between "
           f"{history['trunk_at_z'].min():.3f} and {history['trunk_at_z'].max():.3f} m")  # fmt: skip
+    if not smoke:
+        found = HEIGHT - history["trunk_at_z"][standing]
+        print(f"before it has sunk by {1e3 * found:.2f} mm, in closed form {1e3 * sag():.2f} mm")
+        assert abs(found / sag() - 1.0) < 0.03  # the ground alone is a quarter of it
 
 
 if __name__ == "__main__":

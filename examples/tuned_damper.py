@@ -78,6 +78,9 @@ def main(*, smoke: bool) -> None:
     damping = math.sqrt(RATIO * (4.0 + 3.0 * RATIO) / (8.0 * (1.0 + RATIO) * (2.0 + RATIO)))
     print(f"after {best.nfev} runs: tuning {best.x[0]:.3f}, damping {best.x[1]:.3f}; "
           f"the closed form gives {tuning:.3f} and {damping:.3f}")  # fmt: skip
+    if not smoke:
+        values = dict(zip(("tuning", "damping"), best.x.tolist(), strict=True))
+        CASE.run(**values, quiet=True, output="results/tuned_damper")
 
 
 if __name__ == "__main__":

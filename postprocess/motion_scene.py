@@ -171,7 +171,7 @@ def fit_camera(plotter: Any, scene: Scene) -> None:
     spans = [max(float(np.ptp(s)), 0.05 * radius) for s in (x, y)]
     width, height = scene.size
     # Share of the window for the motion: the scalar bar stands right, the title above.
-    scale = 0.5 * max(spans[1] / 0.82, spans[0] * height / width / 0.8)
+    scale = 0.5 * max(spans[1] / 0.82, spans[0] * height / width / 0.77)
     focus = centre + scale * (0.16 * width / height * right + 0.06 * up)
     camera = plotter.camera
     camera.parallel_projection = True

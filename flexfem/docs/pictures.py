@@ -7,6 +7,7 @@ runs the tutorials, and the script of the walk, from the source tree and puts sm
 ``figures/``.
 """
 
+import os
 import re
 import shutil
 import subprocess
@@ -74,9 +75,20 @@ def main(results: Path) -> None:
     for name, (case, (script, *options)) in PICTURES.items():
         folder = results / case
         if not (folder / "summary.json").exists():
-            _python(*_program(case), "--output", folder)
-        _python(ROOT / "postprocess" / f"{script}.py", folder, *options)
-        shutil.copyfile(folder / _DRAWN[script], FIGURES / f"{name}.png")
+            python(*_program(case), "--output", folder)
+        shutil.copyfile(draw(script, folder, *options), FIGURES / f"{name}.png")
+
+
+def draw(script: str, results: Path, *options: object) -> Path:
+    """Draw a picture of results by a script in ``postprocess/``; returns its file."""
+    python(ROOT / "postprocess" / f"{script}.py", results, *options)
+    return results / _DRAWN[script]
+
+
+def python(*arguments: object, folder: Path = ROOT) -> None:
+    """Run Python in a folder."""
+    found = {**os.environ, "PYTHONPATH": str(ROOT)}
+    subprocess.run([sys.executable, *map(str, arguments)], check=True, cwd=folder, env=found)
 
 
 def _program(case: str) -> tuple[object, ...]:
@@ -89,9 +101,5 @@ def _program(case: str) -> tuple[object, ...]:
     return "-c", found[1]
 
 
-def _python(*arguments: object) -> None:
-    subprocess.run([sys.executable, *map(str, arguments)], check=True)
-
-
 if __name__ == "__main__":
-    main(Path(sys.argv[1]) if len(sys.argv) > 1 else ROOT / "results")
+    main(Path(sys.argv[1]).absolute() if len(sys.argv) > 1 else ROOT / "results")

@@ -5,7 +5,16 @@ import re
 
 import pytest
 
-from flexfem.docs.extensions.topics import PLACES, SOURCES, arguments_of, cases_of, names_of
+from flexfem.docs.extensions.topics import (
+    GALLERY,
+    PLACES,
+    SOURCES,
+    arguments_of,
+    cases_of,
+    examples,
+    names_of,
+    sentences,
+)
 from flexfem.docs.pictures import PICTURES
 from flexfem.resources import shipped_files
 from tests.cases.examples import assert_printed, complete_examples, run_in_turn
@@ -37,6 +46,18 @@ def test_every_tutorial_has_its_page() -> None:
     assert {page.stem for page in (SOURCES / "tutorials").glob("tutorial_*.md")} == tutorials
     index = (SOURCES / "tutorials" / "index.md").read_text()
     assert set(re.findall(r"^tutorial_\w+$", index, re.MULTILINE)) == tutorials
+
+
+def test_every_case_and_example_is_in_the_gallery() -> None:
+    """With a sentence and a picture; all pictures of the pages together are small."""
+    listed = {
+        name
+        for kind in arguments_of("gallery")
+        for name in (examples() if kind == "examples" else cases_of(kind))
+    }
+    assert {path.stem for path in GALLERY.glob("*.png")} == listed == set(sentences())
+    assert all(said.endswith(".") and len(said) > 20 for said in sentences().values())
+    assert sum(path.stat().st_size for path in SOURCES.rglob("*.png")) < 2.0e6
 
 
 def test_every_picture_is_shown_and_can_be_made() -> None:

@@ -38,8 +38,8 @@ def execute(argv: Sequence[str], prog: str) -> int:
     )  # fmt: skip
     parser.add_argument(
         "--gltf", action="store_true",
-        help="instead of pages view.glb, an animated glTF file of what moves in frames: beams, "
-        "rigid bodies, joints, obstacles",
+        help="instead of pages view.glb, an animated glTF file; where shells, solids or cables "
+        "deform with 101 instants at most by default",
     )  # fmt: skip
     parser.add_argument(
         "--gallery", type=file, metavar="FILE",
@@ -79,9 +79,9 @@ def _serve(options: argparse.Namespace) -> int:
 
 def _make(options: argparse.Namespace) -> list[Path]:
     """Make the pages, and print what they leave out."""
+    from flexfem.io.gltf.writer import write_gltf
     from flexfem.io.view.document import write_view
     from flexfem.io.view.gallery import write_gallery
-    from flexfem.io.view.gltf import write_gltf
 
     if options.gallery and options.gltf:
         raise UsageError("argument --gallery: links pages, not glTF files")

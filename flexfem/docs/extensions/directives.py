@@ -19,7 +19,14 @@ import flexfem
 from flexfem.analyses.analysis import Analysis
 from flexfem.case import Case
 from flexfem.cli import command, commands
-from flexfem.docs.extensions.topics import PLACES, cases_of, names_of
+from flexfem.docs.extensions.topics import (
+    PLACES,
+    SHORTER,
+    cases_of,
+    examples,
+    names_of,
+    sentences,
+)
 from flexfem.model.structure.structure import Structure
 from flexfem.options import Option
 
@@ -133,6 +140,27 @@ def _described(name: str, case: Case) -> str:
     return "\n".join(parts) + "\n"
 
 
+class Gallery(FromPackage):
+    """A picture, a sentence and the command of each example, or of each case of an analysis."""
+
+    def text(self, arguments: Sequence[str]) -> str:
+        """See :meth:`FromPackage.text`."""
+        (kind,) = arguments
+        shown = list(examples() if kind == "examples" else cases_of(kind))
+        said = sentences()
+        entries = (_entry(name, said[name], examples=kind == "examples") for name in shown)
+        return ".. container:: gallery\n\n" + "\n".join(entries)
+
+
+def _entry(name: str, said: str, *, examples: bool) -> str:
+    options = f" {SHORTER[name]}" if name in SHORTER else ""
+    command = f"python examples/{name}.py" if examples else f"flexfem run {name}{options}"
+    title = f"**{name}**" if examples else f":ref:`{name} <case-{name}>`"
+    lines = [f".. figure:: /figures/gallery/{name}.png", f"   :alt: {name}\n",
+             f"   {title}\n", f"   {_plain(said)}\n", f"   ``{command}``\n"]  # fmt: skip
+    return "".join(f"   {line}\n" for text in lines for line in text.split("\n"))
+
+
 def _option_table(options: Iterable[Option]) -> str:
     """Options with their admissible values, as a list table."""
     rows = ["\n.. list-table::", "   :header-rows: 1", "   :widths: 22 48 14 16\n"]
@@ -212,6 +240,7 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.connect("autodoc-process-signature", _plain_defaults)
     app.add_directive("public-names", PublicNames)
     app.add_directive("cases", Cases)
+    app.add_directive("gallery", Gallery)
     app.add_directive("analysis-options", AnalysisOptions)
     app.add_directive("command-help", CommandHelp)
     return {"parallel_read_safe": True, "parallel_write_safe": True}

@@ -4,6 +4,7 @@
 Nothing here needs Sphinx.
 """
 
+import ast
 import re
 from collections.abc import Iterable
 from pathlib import Path
@@ -15,7 +16,10 @@ from flexfem.cli.case_run import load_case
 from flexfem.resources import shipped_files
 
 SOURCES = Path(__file__).parents[1]
-
+#: Examples, and pictures of them and of the cases.
+EXAMPLES, GALLERY = SOURCES.parents[1] / "examples", SOURCES / "figures" / "gallery"
+#: Options of cases in the gallery, whose defaults run long or show little.
+SHORTER = {"draping": "--mesh 31x31", "solar_array": "--t-end 2.5"}
 
 #: Modules of all public names, by their full names.
 PLACES = {
@@ -56,6 +60,21 @@ def cases_of(analysis: str) -> dict[str, Case]:
     if not found:
         raise ValueError(f"no case has the analysis '{analysis}'")
     return dict(sorted(found.items(), key=lambda item: (not item[0].startswith("tutorial"), item)))
+
+
+def examples() -> dict[str, str]:
+    """What each example says of itself in its first line."""
+    found = {}
+    for path in sorted(EXAMPLES.glob("*.py")):
+        said = ast.get_docstring(ast.parse(path.read_text(encoding="utf-8")))
+        found[path.stem] = (said or "").partition("\n")[0]
+    return found
+
+
+def sentences() -> dict[str, str]:
+    """One sentence on every example and every case."""
+    cases = {name: load_case(name).summary for name in shipped_files("cases")}
+    return {**examples(), **{name: f"{said[0].upper()}{said[1:]}." for name, said in cases.items()}}
 
 
 def arguments_of(directive: str) -> list[str]:

@@ -15,9 +15,10 @@ from numpy.typing import NDArray
 
 from flexfem._checks import InputError
 from flexfem.io.scene_file import SceneFile
-from flexfem.io.view.layers import Description, Framed, Layer
+from flexfem.io.view.layers import Description, Layer
 from flexfem.io.view.normals import shade, triangulated
 from flexfem.io.view.packing import Pack
+from flexfem.io.view.shapes import Framed
 from flexfem.io.vtu.beam_fields import BeamFields
 from flexfem.io.vtu.beam_skin import BeamSkin, SkinSection
 from flexfem.io.vtu.beam_writer import drawn_walls

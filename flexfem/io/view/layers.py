@@ -12,7 +12,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from typing import Any
 
 import numpy as np
@@ -21,15 +21,15 @@ from numpy.typing import NDArray
 from flexfem._checks import InputError
 from flexfem.io.scene_file import SceneFile
 from flexfem.io.view.fields import column, columns, store_field, unit
-from flexfem.io.view.motion import Anchors, store_frames, store_points
+from flexfem.io.view.motion import Anchors, store_points
 from flexfem.io.view.normals import shade, triangulated
 from flexfem.io.view.packing import Pack
+from flexfem.io.view.shapes import Deforming, Framed
 from flexfem.io.vtu.reader import Grid
 
 __all__ = [
     "CableLayer",
     "ChangedShapeError",
-    "Framed",
     "Layer",
     "MeshLayer",
     "ReactionLayer",
@@ -122,42 +122,6 @@ class Layer(ABC):
         """Numbers (n,) into a list of names, and this list."""
         found, index = np.unique(numbers, return_inverse=True)
         return index.astype(np.uint32), [self.scene.body(self.series, int(k)) for k in found]
-
-
-@dataclass(frozen=True)
-class Framed:
-    """A surface whose vertices are fixed in moving frames.
-
-    Attributes:
-        local: (v, 3) places of the vertices in their frames, m; normal: (v, 3) unit vectors there.
-        frame: (v,) frames; cell: (v,) elements, or parts of what is rigid.
-        triangles: (t, 3) vertices.
-        places: (n, 3) of the frames at each instant, m; turns: (n, 3, 3) their rotations.
-        bodies: numbers of the elements' names; names: of the bodies.
-    """
-
-    local: FloatArray
-    normal: FloatArray
-    frame: IntArray
-    cell: IntArray
-    triangles: IntArray
-    places: Sequence[FloatArray]
-    turns: Sequence[FloatArray]
-    bodies: IntArray
-    names: Sequence[str]
-
-    def store(self, pack: Pack) -> Description:
-        """Keep all of it."""
-        normal = np.rint(np.clip(self.normal, -1.0, 1.0) * 127.0)
-        return {
-            "kind": "frames", "local": pack.store(self.local.astype(np.float32)),
-            "normal": pack.store(normal.astype(np.int8)),
-            "frame": pack.store(self.frame.astype(np.uint32)),
-            "cell": pack.store(self.cell.astype(np.uint32)),
-            "triangles": pack.store(self.triangles.astype(np.uint32)),
-            "bodies": pack.store(self.bodies.astype(np.uint32)), "names": list(self.names),
-            "motion": store_frames(pack, self.places, self.turns),
-        }  # fmt: skip
 
 
 class RigidLayer(Layer):
@@ -289,8 +253,21 @@ class MeshLayer(Layer):
             "fields": self._stored_fields(pack),
         }]  # fmt: skip
 
+    def deforming(self) -> Deforming:
+        """What is drawn, and its motion."""
+        cells, position = np.unique(self._owner, return_inverse=True)
+        bodies, names, _ = self._named(cells)
+        return Deforming(
+            self._about, self._places, self._source, self._cells, position, bodies, names
+        )
+
     def _owners(self, pack: Pack, cells: IntArray) -> Description:
-        """Names of the joints or bodies that cells belong to."""
+        """Names of the joints or bodies that cells belong to, for a page."""
+        bodies, names, kinds = self._named(cells)
+        return {"bodies": pack.store(bodies), "names": names, "kinds": kinds}
+
+    def _named(self, cells: IntArray) -> tuple[IntArray, list[str], list[str]]:
+        """Numbers (n,) of cells' joints or bodies, and names and kinds of these."""
         data = self._shape.cell_data
         number = data.get("joint", data.get("body", np.zeros(len(self._shape.cells), np.int32)))
         bodies, names = self._names(number[cells])
@@ -298,7 +275,7 @@ class MeshLayer(Layer):
         if "joint" in data:
             named = [self.scene.joint(int(k)) for k in np.unique(number[cells])]
             kinds, names = [kind for kind, _ in named], [name for _, name in named]
-        return {"bodies": pack.store(bodies), "names": names, "kinds": kinds}
+        return bodies, names, kinds
 
 
 class CableLayer(MeshLayer):

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Normals of surfaces that move rigidly, smooth but for sharp edges, computed once."""
+"""Normals of surfaces, smooth but for edges that are sharp at the first instant."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-__all__ = ["Shaded", "shade", "triangulated"]
+__all__ = ["Shaded", "shade", "triangulated", "vertex_normals"]
 
 type FloatArray = NDArray[np.floating[Any]]
 type IntArray = NDArray[np.integer[Any]]
@@ -69,6 +69,16 @@ def shade(points: FloatArray, triangles: IntArray) -> Shaded:
     key = np.column_stack([corner, np.rint(normal * 1000.0).astype(np.int64)])
     _, index, inverse = np.unique(key, axis=0, return_index=True, return_inverse=True)
     return Shaded(corner[index], normal[index], inverse.reshape(-1, 3))
+
+
+def vertex_normals(points: FloatArray, triangles: IntArray) -> FloatArray:
+    """Unit normals (v, 3) of vertices: the mean of their triangles by area."""
+    a, b, c = (points[triangles[:, i]].astype(float) for i in range(3))
+    area = np.cross(b - a, c - a)
+    sums = np.zeros((len(points), 3))
+    np.add.at(sums, triangles, area[:, None])
+    size = np.linalg.norm(sums, axis=1, keepdims=True)
+    return sums / np.where(size > 0.0, size, 1.0)
 
 
 def _pairs(corner: IntArray) -> tuple[IntArray, IntArray]:

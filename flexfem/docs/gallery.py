@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Make the pictures of the gallery: one of every case and example.
+
+    python -m flexfem.docs.gallery [RESULTS_DIR] [NAME ...]
+
+runs those without results, as the gallery says, and puts small pictures into ``figures/gallery/``.
+All of them take three quarters of an hour.
+"""
+
+import shlex
+import shutil
+import sys
+import tempfile
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from imageio.v3 import imread
+from PIL import Image
+
+from flexfem.docs.extensions.topics import EXAMPLES, GALLERY, SHORTER, sentences
+from flexfem.docs.pictures import ROOT, draw, python
+
+#: Size of pictures, and number of their colours.
+_SIZE, _COLOURS = "480x320", 64
+
+
+@dataclass(frozen=True)
+class Drawing:
+    """How a picture is drawn, where the usual way does not show what matters.
+
+    Attributes:
+        options: of the script.
+        script: in ``postprocess/``.
+        folder: part of the results, as a mode.
+    """
+
+    options: str = ""
+    script: str = "render"
+    folder: str = "."
+
+
+DRAWINGS = {
+    "blade": Drawing(folder="mode_02"),
+    "campbell": Drawing(script="plot_campbell"),
+    "spin_up": Drawing("--columns u2,theta1", script="plot_history"),
+    "tuned_damper": Drawing("--columns deflection", script="plot_history"),
+    "tutorial_4_rotor": Drawing(script="plot_campbell"),
+    "formalisms": Drawing("--columns lagrange_x,hamilton_x", script="plot_history"),
+    "manipulator_deployment": Drawing("--columns u2,theta1", script="plot_history"),
+    "steady_turn": Drawing("--from 19 --interval 0.6"),
+    "flying_spaghetti": Drawing("--to 8"),
+}
+
+
+def main(results: Path, names: Sequence[str]) -> None:
+    """Run those without results, and draw them."""
+    for name in names or sentences():
+        folder = results / name
+        if not (folder / "summary.json").exists():
+            _run(name, folder)
+        drawn = _draw(folder, DRAWINGS.get(name, Drawing()))
+        _shrink(drawn, GALLERY / f"{name}.png")
+
+
+def _run(name: str, folder: Path) -> None:
+    """Run a case or an example; the latter leaves its results where it is run."""
+    example = EXAMPLES / f"{name}.py"
+    if not example.exists():
+        options = shlex.split(SHORTER.get(name, ""))
+        python(ROOT / "cases" / f"{name}.py", *options, "--output", folder)
+        return
+    with tempfile.TemporaryDirectory() as place:
+        python(example, folder=Path(place))
+        shutil.move(Path(place) / "results" / name, folder)
+
+
+def _draw(folder: Path, drawing: Drawing) -> Path:
+    """Draw a picture; returns its file."""
+    size = ("--size", _SIZE, "--no-animation") if drawing.script == "render" else ()
+    options = shlex.split(drawing.options)
+    return draw(drawing.script, folder / drawing.folder, *options, *size)
+
+
+def _shrink(drawn: Path, target: Path) -> None:
+    """Keep a picture in few colours."""
+    small = Image.fromarray(imread(drawn)[..., :3])
+    width, _, height = _SIZE.partition("x")
+    small.thumbnail((int(width), int(height)))
+    few = small.quantize(_COLOURS, dither=Image.Dither.NONE)
+    target.parent.mkdir(exist_ok=True)
+    few.save(target, optimize=True)
+
+
+if __name__ == "__main__":
+    main(Path(sys.argv[1]).absolute() if len(sys.argv) > 1 else ROOT / "results", sys.argv[2:])
