@@ -3,29 +3,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, field
-
 from mpi4py import MPI
 
 import numpy as np
 
 from flexfem import _checks
 from flexfem._checks import InputError
-from flexfem._faults import current
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import CampbellOptions
-from flexfem.core.status import Status
-from flexfem.io.summary import remove_summary
-from flexfem.io.tables.history import HistoryWriter
-from flexfem.launch import StopSignals
 from flexfem.model.model import Model
 from flexfem.simulation.equilibria.operating_point import OperatingPoint
-from flexfem.simulation.modes import checks, doubts, modes_at
-from flexfem.simulation.run.failure_reasons import modes_hint, with_hint
-from flexfem.simulation.run.guard import agreed, guarded, refuse
-from flexfem.simulation.run.interruption import Agreement, interruption
-from flexfem.simulation.run.outcome import Outcome, Results, conclude
+from flexfem.simulation.modes import modes_at
+from flexfem.simulation.run.guard import guarded
+from flexfem.simulation.run.outcome import Outcome, Results
+from flexfem.simulation.speed_sweep import SpeedSweep
 from flexfem.solvers.modal.mode_shapes import Modes
 from flexfem.solvers.modal.tracking import follow, whirl
 
@@ -36,8 +27,6 @@ _PURE = 0.9
 #: Modes computed beyond those requested, as a multiple: in rotating axes the order changes with
 #: speed.
 _MORE = 2
-#: Begin of the status of a run that a signal has ended.
-_INTERRUPTED = "interrupted after the spin"
 _VALUES = ("frequency", "fixed", "damping", "whirl")
 
 
@@ -82,27 +71,7 @@ def sweep_spin(
         point = OperatingPoint(model, options, comm)
         point.check_count("CampbellOptions", options.modes)
         _check_columns(model, options)
-        agreement = Agreement(comm)
-        with StopSignals() as signals:
-            sweep = _sweep(point, options, lambda: agreement.on(signals))
-            signal = agreement.on(signals) if sweep.reason.startswith(_INTERRUPTED) else 0
-        if not sweep.speeds:
-            refuse(faults, comm)
-        columns, table = _table(sweep, options.modes)
-        with faults.files():
-            _write(options, columns, sweep.speeds, table, comm)
-        history: dict[str, FloatArray] = {}
-        if comm.rank == 0 and len(sweep.speeds):
-            history = {"t": np.array(sweep.speeds)} | dict(
-                zip(columns, table.T.copy(), strict=True)
-            )
-        summary = point.summary(case, sweep.reason)
-        if sweep.speeds:
-            summary["checks"] = checks([modes.first(options.modes) for modes in sweep.modes])
-        outcome = conclude(summary, history, results, options, comm)
-        if signal:
-            raise interruption(signal, sweep.reason, outcome=outcome)
-        return outcome
+        return _SpinSweep(point, options).run(faults, case, results, comm)
 
 
 def _check_columns(model: Model, options: CampbellOptions) -> None:
@@ -117,90 +86,45 @@ def _check_columns(model: Model, options: CampbellOptions) -> None:
         raise InputError(f"column '{taken}' of a probe: the analysis has one of this name")
 
 
-def _write(
-    options: CampbellOptions, columns: list[str], speeds: list[float], table: FloatArray,
-    comm: MPI.Intracomm,
-) -> None:  # fmt: skip
-    """Write the table (collective)."""
-    if options.output is None:
-        return
-    remove_summary(options.output / "summary.json", comm)
-    writer = HistoryWriter(options.output / "history.csv", columns, comm)
-    for speed, row in zip(speeds, table, strict=True):
-        writer.write(speed, row)
-    writer.close()
+class _SpinSweep(SpeedSweep):
+    """Modes at all speeds, with the senses of their whirls."""
 
+    def __init__(self, point: OperatingPoint, options: CampbellOptions) -> None:
+        """See :class:`SpeedSweep`."""
+        super().__init__(point, options)
+        self._senses = list[FloatArray]()
 
-@dataclass
-class _Sweep:
-    """Speeds reached, modes, senses of whirl and columns of probes at each, and how it ended."""
+    def found(self) -> Modes:
+        """See :meth:`SpeedSweep.found`."""
+        count = self.options.modes
+        return modes_at(self.point, self.options, min(_MORE * count, self.point.freedoms - count))
 
-    speeds: list[float] = field(default_factory=list)
-    modes: list[Modes] = field(default_factory=list)
-    senses: list[FloatArray] = field(default_factory=list)
-    states: list[dict[str, float]] = field(default_factory=list)
-    reason: str = "ok"
+    def required(self, modes: Modes) -> int:
+        """See :meth:`SpeedSweep.required`: those that are missing at a speed are nan there."""
+        return min(len(modes), self.options.modes)
 
+    def keep(self, speed: float, modes: Modes) -> dict[str, float]:
+        """See :meth:`SpeedSweep.keep`."""
+        sign = -1.0 if speed < 0.0 else 1.0
+        self._senses.append(whirl(modes, sign * self.point.rotation(speed).axis))
+        return {}
 
-def _sweep(
-    point: OperatingPoint, options: CampbellOptions, stopped: Callable[[], int]
-) -> _Sweep:  # fmt: skip
-    """Modes at all speeds in order (collective)."""
-    sweep = _Sweep()
-    for speed in np.linspace(options.spin, options.spin_end, options.speeds).tolist():
-        failure = _step(point, options, speed, sweep)
-        if failure:
-            sweep.reason = failure
-            return sweep
-        if stopped() and len(sweep.speeds) < options.speeds:
-            sweep.reason = f"{_INTERRUPTED} {speed:.6g} rad/s"
-            return sweep
-    return sweep
-
-
-def _step(point: OperatingPoint, options: CampbellOptions, speed: float, sweep: _Sweep) -> str:
-    """Add the results at a speed; the reason of a failure, else empty (collective)."""
-    status = point.settle(speed)
-    state = point.columns() if status is Status.OK else {}
-    if error := agreed(current(), point.system.comm):  # a user-defined function
-        return f"{error} at the spin {speed:.6g} rad/s"
-    if status is not Status.OK:
-        text = f"{point.failure(status)} at the spin {speed:.6g} rad/s"
-        return with_hint(text, modes_hint(status, speed))
-    more = min(_MORE * options.modes, point.freedoms - options.modes)
-    modes = modes_at(point, options, more)
-    if len(modes) == 0:
-        text = f"no mode converged at the spin {speed:.6g} rad/s"
-        return with_hint(text, "request fewer modes, or more speeds")
-    kept = modes.first(options.modes)
-    doubt = doubts(kept, len(kept), options.accuracy)
-    if doubt != "ok" and sweep.reason == "ok":
-        sweep.reason = f"at the spin {speed:.6g} rad/s {doubt}"
-    sign = -1.0 if speed < 0.0 else 1.0
-    sweep.speeds.append(speed)
-    sweep.modes.append(modes)
-    sweep.senses.append(whirl(modes, sign * point.rotation(speed).axis))
-    sweep.states.append(state)
-    return ""
-
-
-def _table(sweep: _Sweep, count: int) -> tuple[list[str], FloatArray]:
-    """Names of the columns, and one row for each speed."""
-    if not sweep.speeds:
-        return ["mode_1_frequency"], np.zeros((0, 1))
-    found, speeds = sweep.modes, sweep.speeds
-    numbers = follow(found, len(found[-1]))
-    table = np.full((len(speeds), len(numbers[-1]), len(_VALUES)), np.nan)
-    for k, (modes, number) in enumerate(zip(found, numbers, strict=True)):
-        for i in np.flatnonzero(number >= 0):
-            j = number[i]
-            f, sense = modes.frequencies[j], sweep.senses[k][j]
-            table[k, i] = f, _fixed(f, sense, speeds[k]), modes.damping[j], sense
-    # the lowest at the first speed; those that are not found at all speeds come last
-    table = table[:, np.argsort(table[0, :, 0], kind="stable")[:count]]
-    columns = [f"{name}_{value}" for name in _names(table[-1]) for value in _VALUES]
-    states = np.array([list(state.values()) for state in sweep.states])
-    return [*columns, *sweep.states[0]], np.hstack([table.reshape(len(speeds), -1), states])
+    def table(self) -> tuple[list[str], FloatArray]:
+        """See :meth:`SpeedSweep.table`."""
+        found, speeds = self.modes, self.speeds
+        numbers = follow(found, len(found[-1]))
+        table = np.full((len(speeds), len(numbers[-1]), len(_VALUES)), np.nan)
+        for k, (modes, number) in enumerate(zip(found, numbers, strict=True)):
+            for i in np.flatnonzero(number >= 0):
+                j = number[i]
+                f, sense = modes.frequencies[j], self._senses[k][j]
+                table[k, i] = f, _fixed(f, sense, speeds[k]), modes.damping[j], sense
+        # the lowest at the first speed; those that are not found at all speeds come last
+        table = table[:, np.argsort(table[0, :, 0], kind="stable")[: self.options.modes]]
+        columns = [f"{name}_{value}" for name in _names(table[-1]) for value in _VALUES]
+        states = np.array([list(state.values()) for state in self.states])
+        values = table.reshape(len(speeds), -1)
+        return [*columns, *self.states[0]], np.hstack([values, states])
 
 
 def _fixed(frequency: float, sense: float, speed: float) -> float:

@@ -3,25 +3,22 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field, replace
+from dataclasses import replace
 
 from mpi4py import MPI
 
 import numpy as np
 
 from flexfem import _checks
-from flexfem._faults import current
 from flexfem._types import FloatArray, IntArray
 from flexfem.analyses.modes import RotorOptions
-from flexfem.core.status import Status
-from flexfem.io.summary import remove_summary
-from flexfem.io.tables.history import HistoryWriter
 from flexfem.model.model import Model
 from flexfem.simulation.equilibria.rotor_point import RotorPoint
-from flexfem.simulation.modes import checks, doubts, modes_at
-from flexfem.simulation.run.failure_reasons import modes_hint, with_hint
-from flexfem.simulation.run.guard import agreed, guarded, refuse
-from flexfem.simulation.run.outcome import Outcome, Results, conclude
+from flexfem.simulation.modes import modes_at
+from flexfem.simulation.run.failure_reasons import with_hint
+from flexfem.simulation.run.guard import guarded
+from flexfem.simulation.run.outcome import Outcome, Results
+from flexfem.simulation.speed_sweep import SpeedSweep
 from flexfem.solvers.modal.mode_errors import ComplexArray
 from flexfem.solvers.modal.mode_shapes import Modes
 from flexfem.solvers.modal.multiblade_shares import SHARES, shares
@@ -74,108 +71,81 @@ def sweep_rotor(
         InputError: a mistake in the model or the options, blades that are not alike, or forces that
             depend on the azimuth.
         TypeError: the options are those of another analysis.
+        FunctionError: a function of the model failed at a later speed than the first; the speeds
+            before are written (a RuntimeError).
         OSError: the results cannot be written.
+        KeyboardInterrupt: SIGINT, SIGTERM or SIGHUP came; the speeds so far are written.
     """
     _checks.instance("sweep_rotor", "options", options, RotorOptions)
     comm = comm or MPI.COMM_WORLD
     with guarded(options, comm) as faults:
         point = RotorPoint(model, options, comm)
         point.check_count("RotorOptions", options.modes)
-        sweep = _sweep(point, options)
-        if not sweep.speeds:
-            refuse(faults, comm)
-        columns, table = _table(sweep, options.modes)
-        with faults.files():
-            _write(options, columns, sweep.speeds, table, comm)
-        history: dict[str, FloatArray] = {}
-        if comm.rank == 0 and sweep.speeds:
-            history = {"t": np.array(sweep.speeds)}
-            history |= dict(zip(columns, table.T.copy(), strict=True))
-        summary = point.summary(case, sweep.reason)
-        if sweep.speeds:
-            summary["checks"] = checks([modes.first(options.modes) for modes in sweep.modes])
-            summary["checks"] |= {"azimuth": sweep.azimuth}
-        return conclude(summary, history, results, options, comm)
+        return _RotorSweep(point, options).run(faults, case, results, comm)
 
 
-def _write(
-    options: RotorOptions, columns: list[str], speeds: list[float], table: FloatArray,
-    comm: MPI.Intracomm,
-) -> None:  # fmt: skip
-    """Write the table (collective)."""
-    if options.output is None:
-        return
-    remove_summary(options.output / "summary.json", comm)
-    writer = HistoryWriter(options.output / "history.csv", columns, comm)
-    for speed, row in zip(speeds, table, strict=True):
-        writer.write(speed, row)
-    writer.close()
+class _RotorSweep(SpeedSweep):
+    """Modes that oscillate at all speeds, with the shares of their energies."""
 
+    point: RotorPoint
+    options: RotorOptions
 
-@dataclass
-class _Sweep:
-    """Results at the speeds reached, and how the sweep ended.
+    def __init__(self, point: RotorPoint, options: RotorOptions) -> None:
+        """See :class:`SpeedSweep`."""
+        super().__init__(point, options)
+        self._parts = list[FloatArray]()
 
-    Attributes:
-        azimuth: relative change of eigenvalues at another azimuth, at the last speed.
-    """
+    def found(self) -> Modes:
+        """See :meth:`SpeedSweep.found`: those nearest to the target, without those of states."""
+        point, options = self.point, self.options
+        states = point.system.comm.allreduce(point.linearization.states.count)
+        more = min(options.modes + states + 2, point.freedoms - options.modes)
+        found = modes_at(point, options, more)
+        values = found.eigenvalues
+        chosen = np.flatnonzero(np.abs(values.imag) > _STILL * np.abs(values))
+        taken = _nearest(values[chosen], point.linearization.eigenvalues_of_states())
+        return _of(found, np.delete(chosen, taken))
 
-    speeds: list[float] = field(default_factory=list)
-    modes: list[Modes] = field(default_factory=list)
-    parts: list[FloatArray] = field(default_factory=list)
-    states: list[dict[str, float]] = field(default_factory=list)
-    reason: str = "ok"
-    azimuth: float = 0.0
+    def required(self, modes: Modes) -> int:
+        """See :meth:`SpeedSweep.required`."""
+        return self.options.modes
 
+    def keep(self, speed: float, modes: Modes) -> dict[str, float]:
+        """See :meth:`SpeedSweep.keep`."""
+        self._parts.append(shares(modes))
+        return {"torque": self.point.torque, "variation": self.point.variation}
 
-def _sweep(point: RotorPoint, options: RotorOptions) -> _Sweep:
-    """Modes at all speeds in order (collective)."""
-    sweep = _Sweep()
-    for speed in np.linspace(options.spin, options.spin_end, options.speeds).tolist():
-        failure = _step(point, options, speed, sweep)
-        if failure:
-            sweep.reason = failure
-            return sweep
-    sweep.azimuth = _change_with_azimuth(point, options, sweep.modes[-1])
-    if sweep.azimuth > options.variation and sweep.reason == "ok":
-        sweep.reason = with_hint(
-            f"eigenvalues change by {sweep.azimuth:.1e} with the azimuth of the rotor",
-            "bodies that rotate must have the symmetry of the blades",
-        )
-    return sweep
+    def finish(self) -> dict[str, float]:
+        """See :meth:`SpeedSweep.finish`: eigenvalues at another azimuth of the rotor."""
+        values = self.modes[-1].eigenvalues[: self.options.modes]
+        self.point.rotate()
+        gaps = np.abs(self.found().eigenvalues[:, np.newaxis] - values).min(axis=0, initial=np.inf)
+        change = float((gaps / np.abs(values)).max(initial=0.0))
+        if change > self.options.variation and self.reason == "ok":
+            self.reason = with_hint(
+                f"eigenvalues change by {change:.1e} with the azimuth of the rotor",
+                "bodies that rotate must have the symmetry of the blades",
+            )
+        return {"azimuth": change}
 
-
-def _step(point: RotorPoint, options: RotorOptions, speed: float, sweep: _Sweep) -> str:
-    """Add the results at a speed; the reason of a failure, else empty (collective)."""
-    status = point.settle(speed)
-    state = point.columns() if status is Status.OK else {}
-    if error := agreed(current(), point.system.comm):  # a user-defined function
-        return f"{error} at the speed {speed:.6g} rad/s"
-    if status is not Status.OK:
-        text = f"{point.failure(status)} at the speed {speed:.6g} rad/s"
-        return with_hint(text, modes_hint(status, speed))
-    modes = _oscillating(point, options)
-    if len(modes) == 0:
-        return f"no mode that oscillates was found at the speed {speed:.6g} rad/s"
-    doubt = doubts(modes.first(options.modes), options.modes, options.accuracy)
-    if doubt != "ok" and sweep.reason == "ok":
-        sweep.reason = f"at the speed {speed:.6g} rad/s {doubt}"
-    sweep.speeds.append(speed)
-    sweep.modes.append(modes)
-    sweep.parts.append(shares(modes))
-    sweep.states.append({"torque": point.torque, "variation": point.variation} | state)
-    return ""
-
-
-def _oscillating(point: RotorPoint, options: RotorOptions) -> Modes:
-    """Modes nearest to the target that oscillate, without those of states alone (collective)."""
-    states = point.system.comm.allreduce(point.linearization.states.count)
-    more = min(options.modes + states + 2, point.freedoms - options.modes)
-    found = modes_at(point, options, more)
-    values = found.eigenvalues
-    chosen = np.flatnonzero(np.abs(values.imag) > _STILL * np.abs(values))
-    taken = _nearest(values[chosen], point.linearization.eigenvalues_of_states())
-    return _of(found, np.delete(chosen, taken))
+    def table(self) -> tuple[list[str], FloatArray]:
+        """See :meth:`SpeedSweep.table`."""
+        found = self.modes
+        numbers = follow(found, len(found[-1]))
+        order = np.argsort(found[-1].frequencies, kind="stable")
+        table = np.full((len(found), len(order), len(_VALUES)), np.nan)
+        for k, (modes, number, parts) in enumerate(zip(found, numbers, self._parts, strict=True)):
+            for i in np.flatnonzero(number >= 0):
+                j = number[i]
+                table[k, i] = modes.frequencies[j], modes.damping[j], *parts[j, : len(_VALUES) - 2]
+        whole = np.isfinite(table[:, order, 0]).all(axis=0)
+        order = np.concatenate([order[whole], order[~whole]])[: self.options.modes]
+        order = order[np.argsort(table[-1, order, 0], kind="stable")]
+        names = _names(self._parts[-1][order])
+        columns = [f"{name}_{value}" for name in names for value in _VALUES]
+        states = np.array([list(state.values()) for state in self.states])
+        values = table[:, order].reshape(len(found), -1)
+        return [*columns, *self.states[0]], np.hstack([values, states])
 
 
 def _nearest(values: ComplexArray, others: ComplexArray) -> list[int]:
@@ -196,36 +166,6 @@ def _of(modes: Modes, chosen: IntArray) -> Modes:
         momenta=modes.momenta[chosen], masses=modes.masses[chosen],
         residuals=modes.residuals[chosen], doubtful=modes.doubtful[chosen],
     )  # fmt: skip
-
-
-def _change_with_azimuth(point: RotorPoint, options: RotorOptions, modes: Modes) -> float:
-    """Relative change of the first eigenvalues at another azimuth (collective)."""
-    values = modes.eigenvalues[: options.modes]
-    point.rotate()
-    other = _oscillating(point, options).eigenvalues
-    gaps = np.abs(other[:, np.newaxis] - values).min(axis=0, initial=np.inf)
-    return float((gaps / np.abs(values)).max(initial=0.0))
-
-
-def _table(sweep: _Sweep, count: int) -> tuple[list[str], FloatArray]:
-    """Names of the columns, and one row for each speed."""
-    if not sweep.speeds:
-        return ["torque"], np.zeros((0, 1))
-    numbers = follow(sweep.modes, len(sweep.modes[-1]))
-    order = np.argsort(sweep.modes[-1].frequencies, kind="stable")
-    table = np.full((len(sweep.speeds), len(order), len(_VALUES)), np.nan)
-    for k, (modes, number, parts) in enumerate(zip(sweep.modes, numbers, sweep.parts, strict=True)):
-        for i in np.flatnonzero(number >= 0):
-            j = number[i]
-            table[k, i] = modes.frequencies[j], modes.damping[j], *parts[j, : len(_VALUES) - 2]
-    whole = np.isfinite(table[:, order, 0]).all(axis=0)
-    order = np.concatenate([order[whole], order[~whole]])[:count]
-    order = order[np.argsort(table[-1, order, 0], kind="stable")]
-    names = _names(sweep.parts[-1][order])
-    columns = [f"{name}_{value}" for name in names for value in _VALUES]
-    states = np.array([list(state.values()) for state in sweep.states])
-    values = table[:, order].reshape(len(sweep.speeds), -1)
-    return [*columns, *sweep.states[0]], np.hstack([values, states])
 
 
 def _names(parts: FloatArray) -> list[str]:
