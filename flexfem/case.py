@@ -149,7 +149,10 @@ class Case:
             for name, choices in self.presets.items()
         }
         given = self.others.get(analysis, {})
-        options = [replace(one, default=given.get(one.name, one.default)) for one in self.options]
+        options = [
+            replace(one, default=given[one.name]) if one.name in given else one
+            for one in self.options
+        ]
         case = Case(
             self.name, self.summary, self.build, options, analysis=analysis,
             smoke=_only(own, self.smoke), presets=presets, description=self.description,
