@@ -21,7 +21,8 @@ pytestmark = pytest.mark.serial
 ROOT = Path(__file__).parents[2]
 SPAGHETTI = ROOT / "cases" / "flying_spaghetti.py"
 
-# From checkpoint to checkpoint with every model of the restart tests.
+# From checkpoint to checkpoint with models of the restart tests, whose rows and bodies are divided
+# in another way by another number of ranks.
 STAGE = """\
 import importlib.util, sys
 from pathlib import Path
@@ -30,7 +31,8 @@ import flexfem as ff
 spec = importlib.util.spec_from_file_location("models", sys.argv[1])
 models = importlib.util.module_from_spec(spec)
 spec.loader.exec_module(models)
-for name, (build, values) in models.MODELS.items():
+for name in ("flying_spaghetti", "bouncing", "sliding", "sheet", "heated"):
+    build, values = models.MODELS[name]
     steps = round(values["t_end"] / values["dt"])
     first, last = (int(float(part) * steps) for part in sys.argv[3:])
     folder = Path(sys.argv[2]) / name
@@ -64,7 +66,7 @@ def test_other_numbers_of_ranks(tmp_path: Path, run: Callable[..., object]) -> N
         ended = run(ranks, script, models, tmp_path / folder, first, last, timeout=600)
         assert (ended.returncode, ended.stderr) == (0, "")
     folders = sorted((tmp_path / "full").iterdir())
-    assert len(folders) == 10
+    assert len(folders) == 5
     for reference in folders:
         assert_same(tmp_path / "part" / reference.name, reference)
 

@@ -92,17 +92,14 @@ def test_a_script_of_the_user_runs_on_all_ranks_and_from_checkpoints(
     assert whole["touch_closed"].max() > 3.0
     assert abs(whole["energy_balance"]).max() <= 0.01
     checkpoint = min((tmp_path / "one").rglob("*.h5"))
-    runs = {
-        "three": history(3, "three"),
-        "again": history(2, "again", "--restart", checkpoint),
-    }
-    for name, table in runs.items():
-        count = len(table["t"])
-        for column, values in whole.items():
-            scale = max(abs(values).max(), 1.0)
-            np.testing.assert_allclose(
-                table[column], values[-count:], atol=1e-9 * scale, err_msg=f"{name} {column}"
-            )
+    table = history(3, "three", "--restart", checkpoint)
+    count = len(table["t"])
+    assert count == len(whole["t"]) - 60
+    for column, values in whole.items():
+        scale = max(abs(values).max(), 1.0)
+        np.testing.assert_allclose(
+            table[column], values[-count:], atol=1e-9 * scale, err_msg=column
+        )
     for name in ("energy_lines", "energy_triangles"):
         assert (tmp_path / "one" / f"{name}.pvd").is_file()
         texts = [file.read_bytes() for file in (tmp_path / "three" / name).glob("*.vtu")]

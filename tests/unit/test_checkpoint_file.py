@@ -194,7 +194,6 @@ def test_error_of_one_rank_is_raised_on_all(shared_tmp_path: Path, monkeypatch: 
     assert_whole(shared_tmp_path, 1)
 
 
-@pytest.mark.three_ranks
 def test_killed_write_leaves_the_former_checkpoint(shared_tmp_path: Path) -> None:
     """Whatever a killed process left under the temporary name is no obstacle."""
     path = shared_tmp_path / "c.h5"
@@ -207,7 +206,6 @@ def test_killed_write_leaves_the_former_checkpoint(shared_tmp_path: Path) -> Non
     assert_whole(shared_tmp_path, 2)
 
 
-@pytest.mark.three_ranks
 def test_header_survives_as_json(shared_tmp_path: Path) -> None:
     header = {"dt": 0.1 + 0.2, "name": 'Beam "träger"', "grid": [1e-300, 7]}
     write_checkpoint(shared_tmp_path / "c.h5", COMM, header, *scattered())

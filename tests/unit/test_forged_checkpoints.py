@@ -113,7 +113,6 @@ def test_what_is_left_alone_goes_on(written: Path, shared_tmp_path: Path) -> Non
     assert ff.simulate(falling(), options).status == "ok"
 
 
-@pytest.mark.three_ranks
 def test_a_pipe_is_not_waited_for(shared_tmp_path: Path) -> None:
     """Nor is a device read."""
     pipe, device = shared_tmp_path / "pipe", shared_tmp_path / "device"
@@ -127,7 +126,6 @@ def test_a_pipe_is_not_waited_for(shared_tmp_path: Path) -> None:
     assert refused(shared_tmp_path, shared_tmp_path).endswith("': Is a directory")
 
 
-@pytest.mark.three_ranks
 def test_what_the_library_never_ends_with(
     written: Path, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -144,7 +142,6 @@ def test_what_the_library_never_ends_with(
     assert_on_page(text)
 
 
-@pytest.mark.three_ranks
 def test_what_the_library_crashes_on(
     written: Path, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -200,7 +200,6 @@ def test_time_grows_with_the_size_of_a_file(tmp_path) -> None:
     assert calls[1] < 5.0 * calls[0]
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize("name", ["pipe.msh", "pipe.inp", "pipe.bdf", "pipe.vtk", "pipe.vtu"])
 def test_pipes_are_not_waited_for(name, shared_tmp_path) -> None:
     """The same on all ranks: nobody ever writes into it."""

@@ -156,7 +156,6 @@ def test_forged_files_are_refused_by_all_ranks(kind: str, shared_tmp_path: Path)
     assert "\n" not in str(caught.value)
 
 
-@pytest.mark.three_ranks
 def test_what_the_library_never_ends_with(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:
@@ -171,7 +170,6 @@ def test_what_the_library_never_ends_with(
         ff.load_reduced_body(path)
 
 
-@pytest.mark.three_ranks
 def test_a_pipe_is_not_waited_for(shared_tmp_path: Path) -> None:
     if COMM.rank == 0:
         os.mkfifo(shared_tmp_path / "rod.h5")
@@ -180,7 +178,6 @@ def test_a_pipe_is_not_waited_for(shared_tmp_path: Path) -> None:
         ff.load_reduced_body(shared_tmp_path / "rod.h5")
 
 
-@pytest.mark.three_ranks
 def test_a_folder_that_is_not_there_leaves_nothing(shared_tmp_path: Path) -> None:
     body = replace(two_masses(), recovery=None)
     with pytest.raises(OSError, match="No such file"):
