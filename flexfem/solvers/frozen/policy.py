@@ -72,15 +72,15 @@ class _Attempt:
         return success, change
 
     def observe(
-        self, iteration: int, size: float, contraction: float, strains: PartStrains
+        self, iteration: int, size: float, motion: float, contraction: float, strains: PartStrains
     ) -> None:
         """See ``Observer``; the decision is the same on all ranks.
 
         The error of kept factors of the multipliers' system after a step is of second order in its
-        size (m, rad), and is corrected by refinement.
+        motion (m, rad), however large the multipliers' step is, and is corrected by refinement.
         """
         frozen, tolerance = self._frozen, self._tolerance
-        near = size <= _NEAR if self.refine else contraction < _WELL and size * size <= tolerance
+        near = size <= _NEAR if self.refine else contraction < _WELL and motion**2 <= tolerance
         self._keep_interface = frozen.keepable and near
         if iteration < 2 or (iteration == 2 and size <= _CLOSE * tolerance):
             return

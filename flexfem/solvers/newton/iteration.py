@@ -28,8 +28,9 @@ __all__ = [
 #: Solves for the steps of blocks (stored there) and multipliers (returned), with success; given
 #: the strains of each part whose stresses the matrix takes.
 LinearStep = Callable[[Shifts, PartStrains], tuple[bool, FloatArray]]
-#: Called after an iteration with its number, size and contraction, and the strains of the next.
-Observer = Callable[[int, float, float, PartStrains], None]
+#: Called after an iteration with its number, its size and that of its motion alone, m or rad, its
+#: contraction, and the strains of the next.
+Observer = Callable[[int, float, float, float, PartStrains], None]
 #: Solves with the matrix of the last step, given the blocks' residuals (stored there) and rows.
 SolveAgain = Callable[[FloatArray], bool]
 
@@ -108,7 +109,7 @@ def iterate(
         converged = size <= options.tolerance
         contraction = size / previous if previous > 0.0 else 0.0
         if observe is not None:
-            observe(iteration, size, contraction, strains)
+            observe(iteration, size, sizes[0], contraction, strains)
         if converged:
             return Status.OK
         if size > max(_DIVERGENCE * max(previous, before), _NOISE * options.tolerance):
