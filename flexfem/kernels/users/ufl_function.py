@@ -8,6 +8,8 @@ from collections.abc import Callable, Sequence
 from types import ModuleType
 from typing import Any
 
+from mpi4py import MPI
+
 import basix.ufl
 import numpy as np
 import ufl
@@ -21,12 +23,9 @@ from ufl.variable import Label
 from flexfem._types import FloatArray
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.ffcx import compile_arguments, tabulate
-from flexfem.kernels.ffcx_options import kernel_folder, quick_compiler
+from flexfem.kernels.ffcx_options import compile_options, quick_compiler
 
 __all__ = ["UFLFunction", "uses_ufl"]
-
-#: Seconds that a process waits for another one that compiles the same function.
-_PATIENCE = 120
 
 
 def uses_ufl(function: Callable[..., Any]) -> bool:
@@ -68,7 +67,6 @@ class UFLFunction:
             ValueError: they depend on something else than the arguments.
         """
         from ffcx.codegeneration.jit import compile_expressions
-        from ffcx.options import FFCX_DEFAULT_OPTIONS
 
         # FFCx needs an argument in each, which constant values and derivatives do not have
         vectors = [ufl.as_vector([self.x[0], *values]) for values in lists]
@@ -77,13 +75,14 @@ class UFLFunction:
             for one in extract_type(vector, Terminal):
                 if not isinstance(one, known) and one != self._constant:
                     raise ValueError(f"depends on {one}, which is none of its arguments")
+        # every rank for itself, as laws are called: processes wait for one another's files
+        options = compile_options(MPI.COMM_SELF, compile_arguments(batched=False))
         with quick_compiler():
             compiled, self._module, _ = compile_expressions(
                 [(vector, np.zeros((1, 1))) for vector in vectors],
-                options={name: option[1] for name, option in FFCX_DEFAULT_OPTIONS.items()},
-                cache_dir=kernel_folder(), timeout=_PATIENCE,
-                cffi_extra_compile_args=compile_arguments(batched=False),
-            )  # fmt: skip
+                options=options["form_compiler_options"],
+                **options["jit_options"],
+            )
         cast = self._module.ffi.cast
         self.sizes = [len(values) for values in lists]
         self.addresses = [int(cast("uintptr_t", e.tabulate_tensor_float64)) for e in compiled]
