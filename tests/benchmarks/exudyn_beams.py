@@ -60,6 +60,15 @@ class SquareSection:
         transverse = self.density * self.side**4 / 12.0
         return [2.0 * transverse, transverse, transverse]
 
+    @property
+    def data(self) -> Any:
+        """Exudyn's section."""
+        found = exu.BeamSection()
+        found.massPerLength = self.mass_per_length
+        found.inertia = np.diag(self.rotary_inertia)
+        found.stiffnessMatrix = np.diag(self.stiffness)
+        return found
+
 
 @dataclass(frozen=True)
 class BeamLine:
@@ -71,37 +80,34 @@ class BeamLine:
 
 def add_beam(
     mbs: Any,
-    section: SquareSection,
+    section: Any,
     start: np.ndarray,
     end: np.ndarray,
     n_elements: int,
     gravity: np.ndarray,
+    rotation: tuple[float, ...] = (1.0, 0.0, 0.0, 0.0),
 ) -> BeamLine:
-    """Add a straight line of three-dimensional two-node elements along +X, with its weight.
+    """Add a straight line of three-dimensional two-node elements, with its weight.
 
     Args:
         mbs: Exudyn main system.
-        section: Cross-section.
+        section: Cross-section, as an ``exudyn.BeamSection``.
         start: First end in m, shape (3,).
         end: Second end in m, shape (3,).
         n_elements: Number of elements of equal length.
         gravity: Acceleration in m/s^2, shape (3,).
+        rotation: Euler parameters of the sections' axes, of which the first is along the line.
 
     Returns:
         The node and element numbers.
     """
-    data = exu.BeamSection()
-    data.massPerLength = section.mass_per_length
-    data.inertia = np.diag(section.rotary_inertia)
-    data.stiffnessMatrix = np.diag(section.stiffness)
-    identity = [1.0, 0.0, 0.0, 0.0]
     points = np.linspace(start, end, n_elements + 1)
-    nodes = [mbs.AddNode(eii.NodeRigidBodyEP(referenceCoordinates=[*p, *identity])) for p in points]
+    nodes = [mbs.AddNode(eii.NodeRigidBodyEP(referenceCoordinates=[*p, *rotation])) for p in points]
     length = float(np.linalg.norm(end - start)) / n_elements
     elements = []
     for pair in itertools.pairwise(nodes):
         item = eii.ObjectBeamGeometricallyExact(
-            nodeNumbers=list(pair), length=length, sectionData=data
+            nodeNumbers=list(pair), length=length, sectionData=section
         )
         beam = mbs.AddObject(item)
         marker = mbs.AddMarker(eii.MarkerBodyMass(bodyNumber=beam))

@@ -56,7 +56,7 @@ def build(links: int, elements: int) -> tuple[Any, int]:
     lines = []
     for i in range(links):
         ends = LINK_LENGTH * np.array([[i, 0, 0], [i + 1, 0, 0]], dtype=float)
-        line = add_beam(mbs, SECTION, ends[0], ends[1], elements, GRAVITY)
+        line = add_beam(mbs, SECTION.data, ends[0], ends[1], elements, GRAVITY)
         start, end = (
             mbs.AddMarker(eii.MarkerNodePosition(nodeNumber=n))
             for n in (line.nodes[0], line.nodes[-1])

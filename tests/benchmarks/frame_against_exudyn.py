@@ -13,7 +13,6 @@ import argparse
 import json
 import sys
 import time
-from itertools import pairwise
 from pathlib import Path
 from typing import Any
 
@@ -46,7 +45,7 @@ def section_axes(start: np.ndarray, end: np.ndarray) -> np.ndarray:
 
 def build() -> tuple[Any, int]:
     """Exudyn's assembled system and the number of the corner's node."""
-    from exudyn_beams import eii, exu
+    from exudyn_beams import add_beam, eii, exu
 
     container = exu.SystemContainer()
     mbs = container.AddSystem()
@@ -58,19 +57,9 @@ def build() -> tuple[Any, int]:
     corner = -1
     for member, (a, b) in zip(model.beams, listed, strict=True):
         R = section_axes(scale * a, scale * b)
-        x, y, z, w = Rotation.from_matrix(R).as_quat()
-        points = np.linspace(scale * a, scale * b, 3)
-        nodes = [
-            mbs.AddNode(eii.NodeRigidBodyEP(referenceCoordinates=[*point, w, x, y, z]))
-            for point in points
-        ]
-        data, length = section_data(member.section), float(np.linalg.norm(points[1] - points[0]))
-        for pair in pairwise(nodes):
-            beam = eii.ObjectBeamGeometricallyExact(
-                nodeNumbers=list(pair), length=length, sectionData=data
-            )
-            marker = mbs.AddMarker(eii.MarkerBodyMass(bodyNumber=mbs.AddObject(beam)))
-            mbs.AddLoad(eii.LoadMassProportional(markerNumber=marker, loadVector=GRAVITY))
+        data = section_data(member.section)
+        x, y, z, w = Rotation.from_matrix(R).as_quat().tolist()
+        nodes = add_beam(mbs, data, scale * a, scale * b, 2, GRAVITY, (w, x, y, z)).nodes
         for place, node in ((a, nodes[0]), (b, nodes[-1])):
             # axes of all markers are those of space
             upright = exu.HT(rotation=R.T, translation=np.zeros(3))

@@ -64,7 +64,7 @@ def _exudyn_rods(ex: Any, mbs: Any, n_elements: int, nodes_per_element: int) -> 
     for start, length in zip(starts, LENGTHS, strict=True):
         if nodes_per_element == 0:
             ends = np.array([[start, 0, 0], [start + length, 0, 0]])
-            rods.append(ex.add_beam(mbs, section, ends[0], ends[1], n_elements, weight).nodes)
+            rods.append(ex.add_beam(mbs, section.data, ends[0], ends[1], n_elements, weight).nodes)
             continue
         stride = nodes_per_element - 1
         points = np.linspace(start, start + length, n_elements * stride + 1)
