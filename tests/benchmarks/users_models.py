@@ -81,6 +81,7 @@ MODELS: dict[str, tuple[Callable[[], object], float, int]] = {
     "excavator": (example("hydraulic_excavator"), 4e-3, 250),
     "robot arm": (example("robot_arm"), 2e-3, 250),
     "quadruped": (example("quadruped"), 2e-3, 250),
+    "belt drive": (example("belt_drive"), 5e-4, 500),
     "turbine": (turbine, 0.05, 200),
     "shell": (shell, 1e-3, 5),
 }
