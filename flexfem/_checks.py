@@ -237,6 +237,21 @@ def instance(owner: str, what: str, value: object, kinds: type | tuple[type, ...
         raise TypeError(f"{owner}: {what} must be a {' or '.join(names)}, got {show(value)}")
 
 
+def count(owner: str, what: str, value: Any, least: int) -> int:
+    """Return a whole number that is no truth value.
+
+    Raises:
+        TypeError: `value` is none.
+        ValueError: it is less than `least`, or has more than 64 bits.
+    """
+    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
+        raise TypeError(f"{owner}: {what} must be a whole number, got {show(value)}")
+    if value < least:
+        raise ValueError(f"{owner}: {what} must be at least {least}, got {show(value)}")
+    countable(owner, what, int(value))
+    return int(value)
+
+
 def countable(owner: str, what: str, value: int) -> None:
     """Check that arrays can be counted by a whole number.
 

@@ -125,6 +125,15 @@ def number(
     return checked(check, default=default, as_given=as_given, none=none, kw_only=kw_only)
 
 
+def whole_number(*, least: int = 0, default: Any = MISSING) -> Any:
+    """Declare a whole number that is at least `least`."""
+
+    def check(owner: str, what: str, value: Any) -> int:
+        return _checks.count(owner, what, value, least)
+
+    return checked(check, default=default)
+
+
 def vector(*, default: Any = MISSING, nonzero: bool = False, as_given: bool = False) -> Any:
     """Declare a vector of three numbers, ``nonzero`` for a direction."""
 

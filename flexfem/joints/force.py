@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
-from flexfem._fields import checked, choice, declared, flag, function
+from flexfem._fields import checked, choice, declared, flag, function, whole_number
 from flexfem._types import FloatArray
 from flexfem.core.joint import Joint
 from flexfem.core.laws import ElementLaw, Ends, element
@@ -39,12 +39,6 @@ def _markers(owner: str, what: str, value: Any) -> tuple[Attachment, ...]:
     for k, marker in enumerate(value):
         _checks.instance(owner, f"{what}[{k}]", marker, (Marker, Ground))
     return tuple(value)
-
-
-def _count(owner: str, what: str, value: Any) -> int:
-    """Check a whole number that is not negative."""
-    (number,) = _checks.indices(owner, what, [value], np.iinfo(np.int64).max, 1).ravel()
-    return int(number)
 
 
 def _derivatives(owner: str, what: str, value: Any) -> Callable[..., Any] | str:
@@ -125,10 +119,10 @@ class Force(Joint):
     b: Attachment = field(init=False)
     markers: tuple[Attachment, ...] = checked(_markers)
     law: Callable[..., Any] = function("t, ends, z", default=None)
-    states: int = checked(_count, default=0)
+    states: int = whole_number(default=0)
     initial: npt.ArrayLike | None = checked(_numbers, default=None)
     parameters: npt.ArrayLike | None = checked(_numbers, default=None)
-    each: int | None = checked(_count, default=None)
+    each: int | None = whole_number(least=1, default=None)
     every: str = choice(("iteration", "step"), default="iteration")
     compiled: bool = flag(default=False)
     jacobian: Callable[..., Any] | str | None = checked(_derivatives, default=None)
@@ -143,7 +137,7 @@ class Force(Joint):
                 f"{self.owner}: markers must be at most {_MOST} that all depend on one another, "
                 f"got {count}; give each, the number of those that do"
             )
-        if self.each is not None and (not 0 < self.each <= _MOST or count % self.each):
+        if self.each is not None and (self.each > _MOST or count % self.each):
             raise ValueError(
                 f"{self.owner}: each must be a number from 1 to {_MOST} that divides the "
                 f"{count} markers, got {self.each}"

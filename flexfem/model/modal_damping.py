@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._faults import FAILURES, ReturnError, located
-from flexfem._fields import Given, checked, declared
+from flexfem._fields import Given, checked, declared, whole_number
 from flexfem._types import FloatArray
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.bodies.shell import Shell
@@ -34,17 +34,6 @@ def _checked(owner: str, what: str, value: Any) -> FloatArray:
         got = _checks.show(np.asarray(value).tolist())
         raise ValueError(f"{owner}: {what} must be numbers from 0 to below 1, got {got}")
     return ratios
-
-
-def _modes(owner: str, what: str, value: Any) -> int | None:
-    """Return a checked number of modes, or None."""
-    if value is None:
-        return None
-    if isinstance(value, bool) or not isinstance(value, (int, np.integer)):
-        raise TypeError(f"{owner}: {what} must be a whole number, got {_checks.show(value)}")
-    if value < 1:
-        raise ValueError(f"{owner}: {what} must be at least 1, got {value}")
-    return int(value)
 
 
 def _bodies(owner: str, what: str, value: Any) -> tuple[str, ...] | None:
@@ -99,7 +88,7 @@ class ModalDamping:
         npt.ArrayLike | Callable[[float], float], FloatArray | Callable[[float], float]
     ] = checked(_ratio)
     _: KW_ONLY
-    modes: int | None = checked(_modes, default=None)
+    modes: int | None = whole_number(least=1, default=None)
     bodies: tuple[str, ...] | None = checked(_bodies, default=None)
 
     def __post_init__(self) -> None:

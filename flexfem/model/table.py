@@ -9,7 +9,9 @@ import numpy as np
 from flexfem.model.bodies.base import Body
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.bodies.shell import Shell
+from flexfem.model.contact import Contact
 from flexfem.model.controller import Controller
+from flexfem.model.modal_damping import ModalDamping
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.structure.structure import Structure
 
@@ -34,6 +36,8 @@ def model_table(model: Structure) -> str:
         ("other bodies", model.other_bodies),
         ("point masses", model.point_masses),
         ("joints", model.joints),
+        ("contacts", model.of(Contact)),
+        ("damping of modes", model.of(ModalDamping)),
         ("loads", model.loads),
         ("probes", model.of(AnyProbe)),
         ("controllers", model.of(Controller)),
@@ -70,6 +74,11 @@ def _details(model: Structure, thing: Any) -> str:
         return f"{_line(model, thing)}, {thing.section.mass_per_length:.4g} kg/m"
     if isinstance(thing, Body):
         return thing.details
+    if isinstance(thing, Contact):
+        surfaces = [type(surface).__name__ for surface in thing.surfaces]
+        return f"{', '.join(thing.slaves)} - {', '.join([*thing.masters, *surfaces])}"
+    if isinstance(thing, ModalDamping):
+        return f"{thing.count} modes"
     if isinstance(thing, Controller):
         return f"{', '.join(thing.inputs)} -> {', '.join(thing.outputs)}"
     if hasattr(thing, "columns"):

@@ -18,8 +18,11 @@ from flexfem.mesh.library import build_mesh
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.model.bodies.basic import Beam, PointMass, RigidBody
 from flexfem.model.bodies.shapes import Box, Cylinder, Sphere
+from flexfem.model.contact import Contact
+from flexfem.model.modal_damping import ModalDamping
 from flexfem.model.model import Model
 from flexfem.model.probes.base import MarkerState, PositionProbe, Probe
+from flexfem.model.rigid_surface import RigidPlane
 from tests.unit.executed import executed_lines
 
 pytestmark = pytest.mark.serial
@@ -74,6 +77,13 @@ def test_printed_table(model):
         line.split() == ["slide", "Spherical", "second:slider_pin", "-", "slider"] for line in lines
     )
     assert any("middle_x, middle_y, middle_z" in line for line in lines)
+    model.add(
+        Contact("floor", "rod_1", surfaces=RigidPlane(Ground()), radius=0.01),
+        ModalDamping("air", 0.02, modes=3),
+    )
+    lines = str(model).splitlines()
+    assert "    floor  Contact  rod_1 - RigidPlane" in lines
+    assert "    air  ModalDamping  3 modes" in lines
     assert max(len(line) for line in lines) < 100
     for i in range(100):
         model.add(RigidBody(f"body_{i}", 1.0, (1, 1, 1)))

@@ -282,10 +282,7 @@ def _formulation(
         formulation = "se3" if curve is None else "nurbs"
     _checks.word(owner, "formulation", formulation, FORMULATIONS)
     if degree is not None:
-        if isinstance(degree, bool) or not isinstance(degree, (int, np.integer)):
-            raise TypeError(f"{owner}: degree must be a whole number, got {_checks.show(degree)}")
-        if degree < 1:
-            raise ValueError(f"{owner}: degree must be at least 1, got {degree}")
+        degree = _checks.count(owner, "degree", degree, 1)
     if formulation == "se3":
         for what, value in (("curve", curve), ("degree", degree)):
             if value is not None:
@@ -294,7 +291,7 @@ def _formulation(
                 )
         return formulation, None
     if curve is None:
-        return formulation, _DEGREE if degree is None else int(degree)
+        return formulation, _DEGREE if degree is None else degree
     _checks.instance(owner, "curve", curve, NurbsCurve)
     if group is not None:
         raise ValueError(f'{owner}: give a curve or a group, got group "{group}" as well')

@@ -56,13 +56,7 @@ class Choice:
                 f"{owner}: give one of modes, frequency and participation, got {given}"
             )
         if number is not None:
-            if not isinstance(number, (int, np.integer)) or isinstance(number, bool):
-                raise TypeError(
-                    f"{owner}: modes must be a whole number, got {_checks.show(number)}"
-                )
-            if number < 0:
-                raise ValueError(f"{owner}: modes must not be negative, got {number}")
-            return cls(number=int(number))
+            return cls(number=_checks.count(owner, "modes", number, 0))
         if frequency is not None:
             return cls(frequency=_checks.number(owner, "frequency", frequency, positive=True))
         part = _checks.number(owner, "participation", participation, positive=True)
