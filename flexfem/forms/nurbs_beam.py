@@ -187,13 +187,15 @@ def _joined(*parts: Expr) -> Expr:
     ])  # fmt: skip
 
 
-def _coefficients(mesh: ufl.Mesh, law: LawExpressions | None) -> dict[str, ufl.Coefficient]:
+def _coefficients(
+    mesh: ufl.Mesh, law: LawExpressions | None, damped: int
+) -> dict[str, ufl.Coefficient]:
     material = ("stiffness", 21) if law is None else ("parameters", max(law.count, 1))
     return {
         "unknowns": constant_field(mesh, POINT),
         "rates": constant_field(mesh, POINT),
         "start": constant_field(mesh, 6),
-        "damping": constant_field(mesh),
+        "damping": constant_field(mesh, 6) if damped > 1 else constant_field(mesh),
         material[0]: constant_field(mesh, material[1]),
         "change": constant_field(mesh, POINT),
         "rate_change": constant_field(mesh, POINT),
@@ -201,19 +203,25 @@ def _coefficients(mesh: ufl.Mesh, law: LawExpressions | None) -> dict[str, ufl.C
 
 
 def _stress(
-    fields: dict[str, ufl.Coefficient], strain: Expr, rate: Expr, damped: bool,
+    fields: dict[str, ufl.Coefficient], strain: Expr, rate: Expr, damped: int,
     law: LawExpressions | None,
 ) -> Expr:  # fmt: skip
     """Stress resultants (6,)."""
     if law is not None:
         return law.stress(strain, rate, fields["parameters"])
-    if damped:
+    stiffness = symmetric(fields["stiffness"])
+    if damped == 1:
         strain += fields["damping"] * rate
-    return symmetric(fields["stiffness"]) * strain
+    stress = stiffness * strain
+    if damped > 1:
+        root = fields["damping"]
+        viscous = stiffness * ufl.as_vector([root[i] * rate[i] for i in range(6)])
+        stress += ufl.as_vector([root[i] * viscous[i] for i in range(6)])
+    return stress
 
 
 def _matrices(
-    kind: type[_Kinematics], fields: dict[str, ufl.Coefficient], damped: bool, viscous: bool,
+    kind: type[_Kinematics], fields: dict[str, ufl.Coefficient], damped: int, viscous: bool,
     law: LawExpressions | None,
 ) -> list[Expr]:  # fmt: skip
     """Derivatives (11, 11) of the force by the unknowns and, with viscosity, by their rates."""
@@ -238,18 +246,19 @@ def _matrices(
 
 @cache
 def nurbs_forms(
-    damped: bool, law: LawExpressions | None = None, vectors: bool = False
+    damped: int, law: LawExpressions | None = None, vectors: bool = False
 ) -> NurbsForms:
     """Build the forms of a material.
 
     Args:
-        damped: with stiffness-proportional damping; without it the kernels are shorter.
+        damped: how many numbers the stiffness-proportional damping has: none, for which kernels are
+            shorter, 1, or 6, the roots of those of each strain.
         law: the law of the section, None for the linear one of a stiffness matrix.
         vectors: with relative rotation vectors in place of quaternions.
     """
     mesh, kind = interval_mesh(), _kind(vectors)
-    fields = _coefficients(mesh, law)
-    viscous = damped or (law is not None and law.dissipation is not None)
+    fields = _coefficients(mesh, law, damped)
+    viscous = damped > 0 or (law is not None and law.dissipation is not None)
     at = kind.of(fields["unknowns"])
     strain, rate = _joined(*at.strain()) - fields["start"], at.rate(fields["rates"])
     force = at.force(_stress(fields, strain, rate, damped, law))
@@ -284,7 +293,7 @@ def strain_form(vectors: bool = False) -> NurbsStrain:
     """Form that writes strains (6,) and their rates (6,)."""
     mesh = interval_mesh()
     names = ("unknowns", "rates", "start")
-    fields = {name: f for name, f in _coefficients(mesh, None).items() if name in names}
+    fields = {name: f for name, f in _coefficients(mesh, None, 0).items() if name in names}
     at = _kind(vectors).of(fields["unknowns"])
     strain, rate = _joined(*at.strain()) - fields["start"], at.rate(fields["rates"])
     entries = [part[i] for part in (strain, rate) for i in range(6)]

@@ -59,20 +59,27 @@ class Line:
 
     def cuts(self, element: int, lengths: FloatArray) -> list[float]:
         """Coordinates of an element's ends, 0 and 1, and between them of given arc lengths."""
-        arc, found = self.arc[element], [0.0]
-        whole = float(arc.sum())
-        for s in np.sort(lengths) - self.starts[element]:
-            if _CUT * whole < s < (1.0 - _CUT) * whole:
-                xi = float(s / whole)
-                for _ in range(_STEPS):
-                    value, slope, _ = arc_length(arc, xi)
-                    xi -= float((value - s) / slope)
-                found.append(xi)
-        return [*found, 1.0]
+        return arc_cuts(self.arc[element], lengths - self.starts[element])
 
     def keys(self, element: int) -> list[NodeKey]:
         """Nodes of one element."""
         return [(self.kind, int(node)) for node in self.nodes[element]]
+
+
+def arc_cuts(arc: FloatArray, lengths: FloatArray) -> list[float]:
+    """Coordinates of an element's ends, 0 and 1, and between them of arc lengths from its start.
+
+    ``arc`` are the coefficients of the arc length in powers of the coordinate.
+    """
+    whole, found = float(arc.sum()), [0.0]
+    for s in np.sort(lengths):
+        if _CUT * whole < s < (1.0 - _CUT) * whole:
+            xi = float(s / whole)
+            for _ in range(_STEPS):
+                value, slope, _ = arc_length(arc, xi)
+                xi -= float((value - s) / slope)
+            found.append(xi)
+    return [*found, 1.0]
 
 
 @dataclass(frozen=True, eq=False)

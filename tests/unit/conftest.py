@@ -214,7 +214,7 @@ class OneNurbs(OneBeam):
         numbers = np.zeros(count, dtype=np.int64)
         cells = NurbsCells(
             nodes, numbers, numbers, weights[nodes][..., np.newaxis] * powers,
-            np.full(count, damping), vectors,
+            np.full((count, 1), damping), vectors,
         )  # fmt: skip
         self.comm, self.most, self.gravity = MPI.COMM_SELF, MPI.MAX, np.zeros(3)
         self.create(points, turns, [cells], [section], inertial)

@@ -209,7 +209,7 @@ def _inertia_force(beam, velocity: np.ndarray) -> np.ndarray:
 @pytest.mark.parametrize("degree", [1, 2, 3, 4])
 def test_every_initial_shape_is_free_of_stress(one_nurbs, degree):
     beam = _curved(one_nurbs, degree)
-    strain, _ = beam.beams.resultants_at(beam.block.frames, np.linspace(0.0, 1.0, 5))
+    strain, _ = beam.beams.points_at(np.linspace(0.0, 1.0, 5)).resultants(beam.block.frames)
     # round-off; the curvature of the line or of its frames taken for strain is of order 1
     assert beam.largest(strain) <= 1e-14
     assert beam.largest(beam.residual()) <= 1e-13
@@ -225,11 +225,11 @@ def test_superposed_rigid_motion_changes_neither_strain_nor_local_force(
     beam = _curved(one_nurbs, degree, vectors=vectors)
     beam.disturb(rng)
     places = np.linspace(0.0, 1.0, 4)
-    strain = beam.beams.resultants_at(beam.block.frames, places)[0]
+    strain = beam.beams.points_at(places).resultants(beam.block.frames)[0]
     force, stored = beam.residual(), beam.energy()
     rigid = se3.exp(np.array([7.0, -4.0, 2.0, 1.9, -0.8, 1.7]))
     beam.block.frames[:] = se3.compose(rigid, beam.block.frames)
-    moved = beam.beams.resultants_at(beam.block.frames, places)[0]
+    moved = beam.beams.points_at(places).resultants(beam.block.frames)[0]
     # round-off, which grows with the distance; interpolated total rotations change it by 1e-2
     assert beam.largest(moved - strain) <= 1e-13 * 20.0
     # inertia too: without gravity the local residual does not depend on the orientation
@@ -269,7 +269,7 @@ def test_strains_are_those_of_the_interpolated_line(one_nurbs, vectors, rng):
         gamma = np.einsum("qji,qj->qi", R, ends[0][0] - ends[1][0]) / speed
         kappa = so3.log(np.swapaxes(ends[1][1], -1, -2) @ ends[0][1]) / speed
         both.append(np.concatenate([gamma, kappa], axis=1))
-    strain, resultant = beam.beams.resultants_at(beam.block.frames, xi)
+    strain, resultant = beam.beams.points_at(xi).resultants(beam.block.frames)
     # differences are good to 1e-9; derivatives by xi, or the left curvature, are off by 0.1
     np.testing.assert_allclose(strain[0], both[0] - both[1], atol=1e-8)
     np.testing.assert_allclose(resultant[0], strain[0] @ SECTION.stiffness, rtol=1e-12)
@@ -378,7 +378,7 @@ def _arc(one_nurbs, degree: int, count: int, smooth: bool):
         curve = curve.insert(np.repeat(np.unique(curve.knots)[1:-1], degree - 1))
     parts, frames = curve.elements, control_frames(curve)
     numbers = np.zeros(count, dtype=np.int64)
-    data = NurbsCells(parts.nodes, numbers, numbers, parts.shape, np.zeros(count))
+    data = NurbsCells(parts.nodes, numbers, numbers, parts.shape, np.zeros((count, 1)))
     beam = _straight(one_nurbs, 1, 1, 1.0)
     beam.create(frames[:, :3], so3.log(se3.rotation(frames)), [data], [SIMPLE])
     np.testing.assert_allclose(beam.beams.lengths, parts.lengths, rtol=1e-12)
@@ -576,7 +576,7 @@ def test_viscosity_takes_the_power_that_the_residual_says(one_nurbs, section, rn
     places = 0.5 * (np.polynomial.legendre.leggauss(2)[0] + 1.0)
     for sign in (1.0, -1.0):
         block.frames[:] = se3.retract(frames, sign * eps * block.velocity)
-        sides.append(beam.beams.resultants_at(block.frames, places)[0].reshape(-1, 6))
+        sides.append(beam.beams.points_at(places).resultants(block.frames)[0].reshape(-1, 6))
     # differences are good to 1e-9; rates that are not objective are off by the spin
     np.testing.assert_allclose(rate, (sides[0] - sides[1]) / (2.0 * eps), atol=1e-7)
 

@@ -2,11 +2,12 @@
 """The family of NURBS beams: all beams of a model that follow a NURBS curve.
 
 The physics is in ``flexfem.forms.nurbs_beam``. Elements are grouped by degree, interpolation and
-material; one call of a compiled loop treats all elements of a group. Cells of the family are
-counted group by group.
+material, those whose section varies apart; one call of a compiled loop treats all elements of a
+group. Cells of the family are counted group by group.
 """
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import pairwise
 
 from mpi4py import MPI
@@ -16,12 +17,13 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.runs import starts
-from flexfem.families.beam_nurbs.group import NurbsCells, NurbsGroup, NurbsKernels
+from flexfem.families.beam_nurbs.group import NurbsGroup, NurbsKernels
+from flexfem.families.beam_nurbs.points import AlongBeam, NurbsCells, PointSet
 from flexfem.families.common.section_groups import materials
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 from flexfem.materials.section import Section
 
-__all__ = ["NurbsBeams", "NurbsCells"]
+__all__ = ["NurbsBeams", "NurbsCells", "NurbsPoints"]
 
 
 class NurbsBeams:
@@ -33,6 +35,7 @@ class NurbsBeams:
         connectivity: (m_g, k_g) nodes of the cells of each group.
         body: (m,) number of each cell's beam.
         lengths: (m,) arc lengths at the start, m.
+        strained, timed: see :class:`flexfem.layout.elements.StrainedElements`.
         law_owner: name, in messages, of the first section with a user-defined law; None without
             one.
     """
@@ -48,23 +51,27 @@ class NurbsBeams:
         sections: Sequence[Section],
         owners: Sequence[str],
         start: FloatArray,
+        along: Mapping[int, AlongBeam] | None = None,
     ) -> None:
         """Compile the kernels (collective) and prepare the elements.
 
         Args:
             comm: communicator.
             data: constant data of this rank's elements, one object for each degree and
-                interpolation; the same ones on all ranks.
+                interpolation, and for sections that vary; the same ones on all ranks.
             sections: the sections of the model.
             owners: names of the sections in messages.
             start: (n, 12) frames of this rank's nodes at the start.
+            along: what varies along beams, by their numbers, the same on all ranks; nothing by
+                default.
 
         Raises:
             ValueError: a section's law is not usable; on all ranks.
         """
         named = zip(sections, owners, strict=True)
         self.law_owner = next((owner for s, owner in named if s.law is not None), None)
-        damped = comm.allreduce(any(np.any(d.damping > 0.0) for d in data), op=MPI.LOR)
+        some = comm.allreduce(any(np.any(d.damping > 0.0) for d in data), op=MPI.LOR)
+        damped = data[0].damping.shape[1] if some else 0
         # all laws are checked before the long compilation of the first
         kinds = sorted({cells.vectors for cells in data})
         found = [
@@ -72,12 +79,15 @@ class NurbsBeams:
             for numbers, material in materials(comm, sections, owners, damped)
         ]
         self.groups: list[NurbsGroup] = []
+        beams = dict(along or {})
+        self.strained = any(beam.strained for beam in beams.values())
+        self.timed = any(beam.timed for beam in beams.values())
         rows, first = [np.empty(0, dtype=np.int64)], 0
         for cells in data:
             for numbers, material, kernels in found:
                 at = np.flatnonzero(np.isin(cells.section, numbers))
                 part = _part(cells, at, numbers)
-                self.groups.append(NurbsGroup(kernels[cells.vectors], part, material, start))
+                self.groups.append(NurbsGroup(kernels[cells.vectors], part, material, start, beams))
                 rows.append(first + at)
             first += len(cells.nodes)
         self.rows: IntArray = np.concatenate(rows)
@@ -90,6 +100,17 @@ class NurbsBeams:
         self.lengths: FloatArray = np.concatenate([np.empty(0), *(g.lengths for g in self.groups)])
         ends = starts([len(group.data.nodes) for group in self.groups])
         self._parts = [slice(a, b) for a, b in pairwise(ends)]
+
+    def set_initial_strains(self, t: float, fraction: float = 1.0) -> None:
+        """See :class:`flexfem.layout.elements.StrainedElements`."""
+        for group in self.groups:
+            group.set_initial_strains(t, fraction)
+
+    def eigenstates(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.layout.elements.StrainedElements`."""
+        found = [np.empty((2, 0, 6)), *(np.stack(g.eigenstate(frames)) for g in self.groups)]
+        stress, rest = np.concatenate(found, axis=1)
+        return stress, rest
 
     @property
     def connectivity(self) -> list[IndexArray]:
@@ -164,26 +185,27 @@ class NurbsBeams:
             frames: (n, 12) frames of the nodes.
             chosen: (m,) cells, all of them when None.
         """
-        strain, resultant = self.resultants_at(frames, np.array([0.5]), chosen)
+        strain, resultant = self.points_at(np.array([0.5]), chosen).resultants(frames)
         return strain[:, 0], resultant[:, 0]
 
-    def resultants_at(
-        self, frames: FloatArray, xi: FloatArray, chosen: IntArray | None = None
-    ) -> tuple[FloatArray, FloatArray]:
-        """Strains and stress resultants (m, q, 6) at points of the cells, see :meth:`resultants`.
+    def points_at(self, xi: FloatArray, chosen: IntArray | None = None) -> "NurbsPoints":
+        """Points whose strains and resultants are asked for, also several times.
 
         Args:
-            frames: (n, 12) frames of the nodes.
             xi: (q,) or (m, q) coordinates of points in the chosen cells, 0 to 1.
             chosen: (m,) cells, all of them when None.
+
+        Raises:
+            TypeError: a function of the section fails there as :meth:`AlongBeam.stiffness` does.
+            ValueError: as above.
         """
         cells = np.arange(len(self.lengths)) if chosen is None else chosen
         places = np.broadcast_to(xi, (len(cells), xi.shape[-1]))
-        strain, resultant = np.empty((2, *places.shape, 6))
+        found = []
         for part, group in zip(self._parts, self.groups, strict=True):
             to = np.flatnonzero((part.start <= cells) & (cells < part.stop))
-            strain[to], resultant[to] = group.response(frames, cells[to] - part.start, places[to])
-        return strain, resultant
+            found.append((to, group, group.points_at(cells[to] - part.start, places[to])))
+        return NurbsPoints(places.shape, found)
 
     def stretches(self, frames: FloatArray) -> FloatArray:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
@@ -220,13 +242,24 @@ class NurbsBeams:
             group.add_motion(block, chosen[part], motion)
 
 
+class NurbsPoints:
+    """Points in some cells at which strains and stress resultants are evaluated."""
+
+    def __init__(
+        self, shape: tuple[int, ...], parts: Sequence[tuple[IntArray, NurbsGroup, PointSet]]
+    ) -> None:
+        """Take points of groups, each with the numbers of their cells among the m chosen ones."""
+        self._shape, self._parts = shape, parts
+
+    def resultants(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Strains and stress resultants (m, q, 6), see :meth:`NurbsBeams.resultants`."""
+        strain, resultant = np.empty((2, *self._shape, 6))
+        for to, group, points in self._parts:
+            strain[to], resultant[to] = group.response(frames, points)
+        return strain, resultant
+
+
 def _part(data: NurbsCells, rows: IntArray, numbers: Sequence[int]) -> NurbsCells:
     """Some elements, with sections counted within the given ones."""
-    return NurbsCells(
-        data.nodes[rows],
-        data.body[rows],
-        np.searchsorted(numbers, data.section[rows]),
-        np.ascontiguousarray(data.shape[rows]),
-        data.damping[rows],
-        data.vectors,
-    )
+    part = data.take(rows)
+    return replace(part, section=np.searchsorted(numbers, part.section))

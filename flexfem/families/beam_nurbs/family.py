@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from dataclasses import replace
 from itertools import groupby
 from typing import TYPE_CHECKING, Any, override
 
@@ -14,12 +15,14 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.families.beam_nurbs.along import whole_arcs
 from flexfem.families.beam_nurbs.curves import NurbsLines
 from flexfem.families.beam_nurbs.elements import NurbsBeams, NurbsCells
 from flexfem.families.beam_nurbs.loads import nurbs_line_forces, nurbs_node_forces
+from flexfem.families.beam_nurbs.masses import ElementMasses
 from flexfem.families.beam_nurbs.sensors import CurveStrainSensor
 from flexfem.families.common.beam_family import BeamFamily
-from flexfem.families.common.block_nodes import distributed, section_owners
+from flexfem.families.common.block_nodes import distributed
 from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import Sensor, one_width
 from flexfem.layout.inner_forces import InnerForces
@@ -28,6 +31,7 @@ from flexfem.layout.lines import Line
 from flexfem.layout.mesh_facts import MeshFacts, beam_facts
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.materials.section_wall import SectionWall
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.probes.measured import StrainProbe
@@ -48,6 +52,11 @@ class NurbsBeamFamily(BeamFamily):
         """Lay out the beams."""
         self.curves = NurbsLines.of(serial.model)
         super().__init__(serial, kind, self.curves)
+
+    @property
+    @override
+    def walls(self) -> list[tuple[tuple[SectionWall, ...], ...]]:
+        return list(self.curves.walls)
 
     @override
     def fingerprint(self) -> Mapping[str, Any]:
@@ -72,7 +81,7 @@ class NurbsBeamFamily(BeamFamily):
         beam = self.curves.index(body.name)
         centroids = self.curves.frames[self.curves.nodes(beam), :3].mean(axis=1)
         lengths = np.asarray(self.curves.parts[beam].lengths)
-        return beam_facts(body, body.uniform, lengths, centroids)
+        return beam_facts(body, self.curves.middle_section(beam), lengths, centroids)
 
     @override
     def patches(self) -> IntArray:
@@ -106,8 +115,8 @@ class NurbsBeamFamily(BeamFamily):
             "nurbs_beams", comm, frames, curves.velocities[ids], ids, index_map, inertial=True
         )
         data = _cells(curves, chosen, block)
-        owners = section_owners(curves.beams, curves.sections)
-        return block, NurbsBeams(comm, data, curves.sections, owners, frames)
+        along = dict(zip(curves.numbers.tolist(), curves.along, strict=True))
+        return block, NurbsBeams(comm, data, curves.sections, curves.owners, frames, along)
 
     @override
     def forces(
@@ -136,18 +145,40 @@ def _owners_of_nodes(curves: NurbsLines, ranks: Sequence[IntArray]) -> IntArray:
 def _cells(curves: NurbsLines, chosen: Sequence[IntArray], block: FrameBlock) -> list[NurbsCells]:
     """Elements of this rank by kind; every rank has the same kinds, maybe without elements."""
     data = []
-    for (_, vectors), group in groupby(curves.by_kind(), curves.kind):
+    width = max(np.size(beam.damping) for beam in curves.beams)
+    for (_, vectors, varies), group in groupby(curves.by_kind(), curves.kind):
         beams = list(group)
         counts = [len(chosen[b]) for b in beams]
         nodes = np.concatenate([curves.nodes(b)[chosen[b]] for b in beams])
-        data.append(
-            NurbsCells(
-                nodes=block.local_index(nodes),
-                body=np.repeat(curves.numbers[beams], counts),
-                section=np.repeat(curves.section[beams], counts),
-                shape=np.concatenate([curves.parts[b].shape[chosen[b]] for b in beams]),
-                damping=np.repeat([curves.beams[b].damping for b in beams], counts),
-                vectors=vectors,
-            )
+        damping = [np.broadcast_to(curves.beams[b].damping, (width,)) for b in beams]
+        cells = NurbsCells(
+            nodes=block.local_index(nodes),
+            body=np.repeat(curves.numbers[beams], counts),
+            section=np.repeat(curves.section[beams], counts),
+            shape=np.concatenate([curves.parts[b].shape[chosen[b]] for b in beams]),
+            damping=np.repeat(damping, counts, axis=0),
+            vectors=vectors,
+            arc=_arcs([whole_arcs(curves.parts[b])[chosen[b]] for b in beams]),
         )
+        data.append(_with_sections(cells, curves, beams, chosen) if varies else cells)
     return data
+
+
+def _arcs(parts: Sequence[FloatArray]) -> FloatArray:
+    """Polynomials (m, a) of several beams, filled up to the largest number of coefficients."""
+    width = max(arc.shape[1] for arc in parts)
+    filled = [np.pad(arc, ((0, 0), (0, width - arc.shape[1]))) for arc in parts]
+    return np.concatenate(filled)
+
+
+def _with_sections(
+    cells: NurbsCells, curves: NurbsLines, beams: Sequence[int], chosen: Sequence[IntArray]
+) -> NurbsCells:
+    """Elements of beams along which the section varies, with what they take of it."""
+    own = [(curves.varying[b], chosen[b]) for b in beams]
+    found = [(varying, rows) for varying, rows in own if varying is not None]
+    return replace(
+        cells,
+        stiffness=np.concatenate([varying.stiffness[rows] for varying, rows in found]),
+        masses=ElementMasses.joined([varying.masses.take(rows) for varying, rows in found]),
+    )

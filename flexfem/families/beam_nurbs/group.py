@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """NURBS elements of one degree and one material: their data and the calls of the kernels."""
 
-from dataclasses import dataclass
+from collections.abc import Mapping
 
 from mpi4py import MPI
 
@@ -15,47 +15,24 @@ from flexfem.families.beam_nurbs.kernels import (
     FACTORS,
     ElementKernel,
     action,
-    constant_data,
     element_kernel,
     forces,
     strains,
 )
-from flexfem.families.beam_nurbs.masses import NurbsMasses
-from flexfem.families.beam_nurbs.motion import MassiveElements, add_element_motion
-from flexfem.families.beam_nurbs.tables import Points, gauss, masses, points
+from flexfem.families.beam_nurbs.masses import ElementMasses, NurbsMasses
+from flexfem.families.beam_nurbs.points import AlongBeam, NurbsCells, PointSet
+from flexfem.families.beam_nurbs.tables import gauss, masses, points
 from flexfem.families.beam_nurbs.tangent import tangent
 from flexfem.families.common.section_groups import Material, symmetric
 from flexfem.forms.nurbs_beam import nurbs_forms, strain_form
 from flexfem.kernels.by_hand import ByHand
-from flexfem.kernels.driver import Cells, plain_cells
+from flexfem.kernels.driver import Cells
 from flexfem.kernels.form_kernels import compile_forms
 from flexfem.kernels.records import Float2D, Record
 
-__all__ = ["NurbsCells", "NurbsGroup", "NurbsKernels"]
+__all__ = ["NurbsGroup", "NurbsKernels"]
 
-_ALL, _NO_TWISTS, _NO_CHANGES = slice(None), np.empty((0, 6)), np.empty((0, 36))
-
-
-@dataclass(frozen=True)
-class NurbsCells:
-    """Constant data of elements of one degree p, k = p + 1.
-
-    Attributes:
-        nodes: (m, k) control points.
-        body: (m,) number of the beam.
-        section: (m,) number of the section.
-        shape: (m, k, k) coefficients in powers of xi, from 0 to 1 in the element, of the weighted
-            shape functions; the rational ones are these over their sum.
-        damping: (m,) stiffness-proportional damping, s.
-        vectors: True if they interpolate relative rotation vectors, False for quaternions.
-    """
-
-    nodes: IntArray
-    body: IntArray
-    section: IntArray
-    shape: FloatArray
-    damping: FloatArray
-    vectors: bool = False
+_NO_TWISTS, _NO_CHANGES = np.empty((0, 6)), np.empty((0, 36))
 
 
 class NurbsKernels:
@@ -98,14 +75,14 @@ class NurbsGroup:
 
     Attributes:
         data: constant data of the elements; sections count those of the material.
-        cells: the same in the format of the kernel driver; own data are the damping.
         lengths: (m,) arc lengths at the start, m.
         point_lengths: (m, q) arc length that each quadrature point stands for, m.
     """
 
     def __init__(
-        self, kernels: NurbsKernels, data: NurbsCells, material: Material, start: FloatArray
-    ) -> None:
+        self, kernels: NurbsKernels, data: NurbsCells, material: Material, start: FloatArray,
+        along: Mapping[int, AlongBeam],
+    ) -> None:  # fmt: skip
         """Prepare the elements.
 
         Args:
@@ -113,64 +90,65 @@ class NurbsGroup:
             data: constant data of this rank's elements.
             material: their material.
             start: (n, 12) frames of this rank's nodes at the start.
+            along: by number of the beam, what varies along it.
         """
         self.data, self._material, self._kernels, self._start = data, material, kernels, start
-        k = data.nodes.shape[1]
-        # as many points as the degree: exact enough for its order, and slender elements do not lock
-        place, weights = gauss(k - 1)
-        at = points(data.shape, data.nodes, start, place, weights)
-        self.point_lengths = at.lengths
+        self._along, k = along, data.nodes.shape[1]
         self._made: dict[tuple[str, int], ElementKernel] = {}
         self._moved = _Moved(frames=start, velocity=_NO_TWISTS, by_velocity=_NO_CHANGES)
-        self._points, self._starts = at, self._start_strains(at)
-        self.cells = self._with_points(at, self._starts)
-        integrals, inertias = (
-            masses(data.shape, data.nodes, start),
-            symmetric(material.data[:, :21]),
-        )
-        self.lengths = integrals.lengths
-        self._inertia = NurbsMasses(data.nodes, integrals, inertias, data.section, len(start))
-        self._massive = MassiveElements(
-            nodes=data.nodes, products=integrals.products, weights=integrals.weights,
-            section=data.section, inertias=inertias,
-        )  # fmt: skip
+        self._instant = 0.0, 1.0
+        # as many points as the degree: exact enough for its order, and slender elements do not lock
+        self._points = self._point_set(data, *gauss(k - 1), data.stiffness)
+        self.point_lengths = self._points.at.lengths
+        integrals = masses(data.shape, data.nodes, start)
+        self.lengths, own = integrals.lengths, data.masses
+        if own is None:
+            inertias = symmetric(material.data[:, :21])
+            own = ElementMasses.uniform(integrals, inertias, data.section)
+        self._inertia = NurbsMasses(data.nodes, own, len(start))
+
+    def _point_set(
+        self, data: NurbsCells, xi: FloatArray, weights: FloatArray,
+        stiffness: FloatArray | None = None,
+    ) -> PointSet:  # fmt: skip
+        """Points (q,) or (m, q) in some elements, with weights (q,)."""
+        at = points(data.shape, data.nodes, self._start, xi, weights)
+        found = PointSet(data, xi, at, self._material, self._along, stiffness)
+        rest = np.zeros((len(self._start), 6))
+        found.begin(self._strains(found, self._start, rest)[:, :, :6], self._instant)
+        return found
+
+    def set_initial_strains(self, t: float, fraction: float) -> None:
+        """See :class:`flexfem.layout.elements.StrainedElements`."""
+        self._instant = t, fraction
+        self._points.set_initial_strains(self._instant)
+
+    def eigenstate(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Stresses, and strains without stress times lengths (m q, 6), at the quadrature points."""
+        resultant, _ = self._points.response(self._present(frames))
+        resting = self._points.rest * self.point_lengths[:, :, np.newaxis]
+        return resultant.reshape(-1, 6), resting.reshape(-1, 6)
 
     def _kernel(self, name: str, points: int | None = None) -> ElementKernel:
         """A kernel at some points, the quadrature points by default; compiled at the first call."""
-        k = self.data.nodes.shape[1]
+        data, k = self.data, self.data.nodes.shape[1]
         q = k - 1 if points is None else points
         if (name, q) not in self._made:
             results = {"residual": 6 * k, "tangent": 36 * k * k, "action": 6 * k, "strain": 12 * q}
             by_hand, record, more = _KERNELS[name]
+            stiffness = 0 if data.stiffness is None else 21
+            widths = data.damping.shape[1], self._material.data.shape[1], stiffness
             self._made[name, q] = element_kernel(
                 by_hand, getattr(self._kernels, name), (k, q, results[name]), record, more,
-                section=self._material.data.shape[1], vectors=self.data.vectors,
+                widths=widths, vectors=data.vectors,
             )  # fmt: skip
         return self._made[name, q]
 
-    def _with_points(
-        self, at: Points, starts: FloatArray, chosen: IntArray | slice = _ALL
-    ) -> Cells:
-        """Chosen elements with points in them, whose strains (m, q, 6) at the start are given."""
-        data = self.data
-        return plain_cells(
-            data.damping[chosen, np.newaxis], data.nodes[chosen].astype(np.int32),
-            constant_data(at, starts), data.section[chosen], self._material.data,
-        )  # fmt: skip
-
-    def _start_strains(self, at: Points, chosen: IntArray | slice = _ALL) -> FloatArray:
-        """Strains (m, q, 6) of the initial configuration at points, with none subtracted."""
-        rest, nothing = np.zeros((len(self._start), 6)), np.zeros((*at.lengths.shape, 6))
-        cells = self._with_points(at, nothing, chosen)
-        return self._strains(cells, at, self._start, rest)[:, :, :6]
-
-    def _strains(
-        self, cells: Cells, at: Points, frames: FloatArray, velocity: FloatArray
-    ) -> FloatArray:
-        """Strains and their rates (m, q, 12) at the points of some elements."""
-        m, q = at.lengths.shape
+    def _strains(self, points: PointSet, frames: FloatArray, velocity: FloatArray) -> FloatArray:
+        """Strains and their rates (m, q, 12) at points of some elements."""
+        m, q = points.at.lengths.shape
         found = np.empty((m, 12 * q))
-        self._kernel("strain", q).write(cells, self._at(frames, velocity), found)
+        self._kernel("strain", q).write(points.cells, self._at(frames, velocity), found)
         return found.reshape(m, q, 12)
 
     def _at(
@@ -183,7 +161,7 @@ class NurbsGroup:
 
     def _point_strains(self, frames: FloatArray, velocity: FloatArray) -> FloatArray:
         """Strains and their rates (m, q, 12) at the quadrature points."""
-        return self._strains(self.cells, self._points, frames, velocity)
+        return self._strains(self._points, frames, velocity)
 
     def _present(self, frames: FloatArray) -> FloatArray:
         """Strains (m, q, 6) at the quadrature points."""
@@ -191,10 +169,10 @@ class NurbsGroup:
 
     def _cells_at(self, block: FrameBlock, strains: FloatArray | None) -> Cells:
         """Elements for whose initial strains the present strains are the given ones."""
+        own = self._points
         if strains is None:
-            return self.cells
-        starts = self._starts + self._present(block.frames) - strains
-        return self._with_points(self._points, starts)
+            return own.cells
+        return own.resting_at(own.rest + self._present(block.frames) - strains)
 
     def continued_strains(self, frames: FloatArray, steps: FloatArray) -> FloatArray:
         """Strains (m, q, 6) continued linearly along local twists ``steps`` of the nodes.
@@ -207,12 +185,11 @@ class NurbsGroup:
 
     def integrated_stresses(self, strains: FloatArray) -> FloatArray:
         """Stress resultants (m, q, 6) of strains (m, q, 6) times the lengths of the points."""
-        resultant, _ = self._material.response(strains.reshape(-1, 6), self._point_sections)
-        return resultant.reshape(strains.shape) * self.point_lengths[:, :, np.newaxis]
+        return self._points.response(strains)[0] * self.point_lengths[:, :, np.newaxis]
 
     def unstressed(self) -> FloatArray:
         """Zero strains (m, q, 6), for which the stresses are zero."""
-        return np.zeros_like(self._starts)
+        return np.zeros_like(self._points.rest)
 
     def add_residual(
         self, block: FrameBlock, gravity: FloatArray, scale: float,
@@ -262,24 +239,20 @@ class NurbsGroup:
             self._kernel("action").add(cells, block.nodes, scale, block.residual)
         self._inertia.add_action(block, gravity, scale)
 
-    def response(
-        self, frames: FloatArray, at: IntArray, xi: FloatArray
-    ) -> tuple[FloatArray, FloatArray]:
-        """Strains and resultants (m, q, 6) of the given elements in section axes.
+    def points_at(self, at: IntArray, xi: FloatArray) -> PointSet:
+        """Points (q,) or (m, q), 0 to 1, in the elements of given numbers (m,)."""
+        return self._point_set(self.data.take(at), xi, np.ones(xi.shape[-1]))
+
+    def response(self, frames: FloatArray, points: PointSet) -> tuple[FloatArray, FloatArray]:
+        """Strains and resultants (m, q, 6) at points of :meth:`points_at`, in section axes.
 
         Args:
             frames: (n, 12) frames of the nodes.
-            at: (m,) numbers of the elements.
-            xi: (q,) or (m, q) coordinates of points in them, 0 to 1.
+            points: the points.
         """
-        data, ones = self.data, np.ones(xi.shape[-1])
-        there = points(data.shape[at], data.nodes[at], self._start, xi, ones)
-        cells = self._with_points(there, self._start_strains(there, at), at)
-        rest = np.zeros((len(frames), 6))
-        strain = self._strains(cells, there, frames, rest)[:, :, :6]
-        section = np.repeat(self.data.section[at], strain.shape[1])
-        resultant, _ = self._material.response(strain.reshape(-1, 6), section)
-        return strain, resultant.reshape(strain.shape)
+        points.set_initial_strains(self._instant)
+        strain = self._strains(points, frames, np.zeros((len(frames), 6)))[:, :, :6]
+        return strain, points.response(strain)[0]
 
     def stretches(self, frames: FloatArray) -> FloatArray:
         """Least stretch (m,) at the quadrature points, along the normal of the section."""
@@ -289,13 +262,8 @@ class NurbsGroup:
 
     def energies(self, frames: FloatArray) -> FloatArray:
         """Strain energies (m,) of the elements, J."""
-        strain = self._present(frames)
-        _, energy = self._material.response(strain.reshape(-1, 6), self._point_sections)
-        return (energy.reshape(self.point_lengths.shape) * self.point_lengths).sum(axis=1)
-
-    @property
-    def _point_sections(self) -> IntArray:
-        return np.repeat(self.data.section, self.point_lengths.shape[1])
+        _, energy = self._points.response(self._present(frames))
+        return (energy * self.point_lengths).sum(axis=1)
 
     @property
     def viscous(self) -> bool:
@@ -306,10 +274,8 @@ class NurbsGroup:
         """Viscous stress resultants and strain rates (m q, 6) at the quadrature points."""
         both = self._point_strains(block.frames, block.velocity)
         strain, rate = (np.ascontiguousarray(h) for h in np.split(both.reshape(-1, 12), 2, axis=1))
-        damping = np.repeat(self.data.damping, self.point_lengths.shape[1])[:, np.newaxis]
-        stress = self._material.viscous_stress(strain, rate, self._point_sections, damping)
-        return stress, rate
+        return self._points.viscous_stress(strain, rate), rate
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) elements, see ``flexfem.core.nodes.motion``."""
-        add_element_motion(self._massive.memory, chosen, block.nodes.memory, motion)
+        self._inertia.add_motion(block, chosen, motion)

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled loops for the inertia and the weight of NURBS elements.
+"""Compiled loops for the inertia, the weight and the momenta of NURBS elements.
 
 The kinetic energy is that of masses that move with the interpolated inertial velocities of the
 control points, ``1/2 sum_IJ m_IJ (R_I V_I) . (R_J V_J)`` with the constants ``m_IJ``, the integral
@@ -11,17 +11,20 @@ centres are eccentric, velocities, accelerations and forces are those of the cen
 
 import numpy as np
 
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_kernels import Nodes, step_rates_into
+from flexfem.core.nodes.motion import ANGULAR, KINETIC, add_motion, centre_into
 from flexfem.core.nodes.step_kernels import add, turn, turn_back
 from flexfem.kernels.compiled import inlined, kernel, subroutine
-from flexfem.kernels.records import Float3D, Int1D, Int2D, Memory, Record, unpack
+from flexfem.kernels.records import Float3D, Float4D, Int1D, Int2D, Memory, Record, unpack
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
 
 __all__ = [
+    "MassiveElements",
     "NodalMasses",
     "accelerations_into",
+    "add_element_motion",
     "add_inertia",
     "add_inertia_action",
     "add_inertia_tangent",
@@ -305,3 +308,49 @@ def add_inertia_tangent(
         for i in range(6):
             for j in range(6):
                 values[c, (6 * I + i) * width + 6 * I + j] += scale * own[u, i, j]
+
+
+class MassiveElements(Record):
+    """Masses of m elements with k nodes each.
+
+    Attributes:
+        nodes: (m, k) control points.
+        masses: (m, k, k) consistent masses, kg.
+        inertias: (m, k, 6, 6) inertia of each node if all masses were lumped, in local axes.
+    """
+
+    nodes: Int2D
+    masses: Float3D
+    inertias: Float4D
+
+
+@kernel
+def add_element_motion(
+    elements: Memory, chosen: BoolArray, nodes: Memory, motion: FloatArray
+) -> None:
+    """Add energy and momenta of the chosen elements to ``motion``.
+
+    See ``flexfem.core.nodes.motion``.
+    """
+    own, state = unpack(MassiveElements, elements), unpack(Nodes, nodes)
+    cells, frames, velocity = own.nodes, state.frames, state.velocity
+    count, k = cells.shape
+    p, way, speed, x, u = np.empty(6), np.empty(3), np.empty(3), np.empty((k, 3)), np.empty((k, 3))
+    for c in range(count):
+        if not chosen[c]:
+            continue
+        for I in range(k):  # noqa: E741
+            H, v, M = frames[cells[c, I]], velocity[cells[c, I]], own.inertias[c, I]
+            add_motion(H, v, M, 1.0, p, motion)
+            centre_into(H, v, M, x[I], u[I])
+        # from masses at the nodes to masses along the line
+        for I in range(k):  # noqa: E741
+            for J in range(I):
+                mass = own.masses[c, I, J]
+                for i in range(3):
+                    way[i] = x[I, i] - x[J, i]
+                    speed[i] = u[I, i] - u[J, i]
+                    motion[KINETIC] -= 0.5 * mass * speed[i] * speed[i]
+                for i in range(3):
+                    i1, i2 = (i + 1) % 3, (i + 2) % 3
+                    motion[ANGULAR + i] -= mass * (way[i1] * speed[i2] - way[i2] * speed[i1])

@@ -59,16 +59,17 @@ __all__ = [
     "place",
     "points_of",
     "put_point",
+    "put_starts",
     "strains",
 ]
 
 #: Constants: corners for the kernel of a point, which does not depend on them, and its address,
 #: which is below 2^53 and so exact; numbers of nodes and points, 1 for relative rotation vectors,
-#: first nodal coefficient.
-_ADDRESS, _NODES, _POINTS, VECTORS, _NODAL = 6, 7, 8, 9, 10
+#: first nodal coefficient, number of entries of its own stiffness that each point has.
+_ADDRESS, _NODES, _POINTS, VECTORS, _NODAL, _STIFF = 6, 7, 8, 9, 10, 11
 #: Then the first coefficients of what the kernel of a point takes, -1 for what it does not, and two
 #: factors of the tangent.
-_UNKNOWNS, RATES, _START, _CHANGE, _RATE_CHANGE, FACTORS = 11, 12, 13, 16, 17, 18
+_UNKNOWNS, RATES, _START, _MATERIAL, _CHANGE, _RATE_CHANGE, FACTORS = 12, 13, 14, 16, 17, 18, 19
 #: Numbers for each node before those of its position, rotation, twists, and of the work space:
 #: relative rotation, place, rate of the place and dual force, then changes, then a point's force.
 _POSITION, _ROTATION, VELOCITY, _TURN, _VELOCITY_CHANGE, BY_VELOCITY = 0, 3, 12, 18, 24, 30
@@ -108,7 +109,7 @@ class ElementKernel:
 
 def element_kernel(
     kernel: ByHand, point: Kernel, sizes: tuple[int, int, int], record: type[Record],
-    more: Sequence[str] = (), *, section: int, vectors: bool,
+    more: Sequence[str] = (), *, widths: tuple[int, int, int], vectors: bool,
 ) -> ElementKernel:  # fmt: skip
     """A kernel of elements that calls one of points.
 
@@ -118,10 +119,10 @@ def element_kernel(
         sizes: numbers of nodes, points and results.
         record: class of the record of the nodes.
         more: nodal data that it takes beside position, rotation and velocity.
-        section: number of data of a section.
+        widths: numbers of data of an element, of its section, and of a point's own stiffness.
         vectors: True for relative rotation vectors, see ``maps``.
     """
-    k, q, results = sizes
+    (k, q, results), (damping, section, stiffness) = sizes, widths
     *at, first = point.offsets.tolist()
     at += [-1] * (7 - len(at))  # the form of strains has the first three
     names = {"position", "rotation", "velocity", *more} - (_OF_RATES if at[1] < 0 else set())
@@ -132,21 +133,31 @@ def element_kernel(
     call = cell_kernel(
         Kernel(kernel.address(), offsets, (kernel, point), LANES), results, positions,
         {name: (kind, record.word(field)) for name, (kind, field, _) in nodal.items()},
-        {"damping": (0, 1)}, {"material": (21, section - 21)},
+        {"damping": (0, damping)}, {"material": (21, section - 21)},
         np.array([(i, j) for i in range(k) for j in (0, 3)]),
     )  # fmt: skip
-    constants = [*LINE[0], point.address, k, q, vectors, first, *at, 0.0, 0.0]
+    constants = [*LINE[0], point.address, k, q, vectors, first, stiffness, *at, 0.0, 0.0]
     return ElementKernel(call, np.array(constants, dtype=np.float64))
 
 
-def constant_data(at: Points, starts: FloatArray) -> FloatArray:
+def constant_data(at: Points, starts: FloatArray, stiffness: FloatArray) -> FloatArray:
     """Constant data of elements with some points, a row for each call of a kernel.
 
-    For each point these are the shape functions of all nodes, their derivatives, the weight, and
-    the strain at the start, which is one of ``starts`` (m, q, 6).
+    For each point these are the shape functions of all nodes, their derivatives, the weight, the
+    strain without stress, which is one of ``starts`` (m, q, 6), and the upper triangle of its own
+    stiffness, ``stiffness`` (m, q, 21), or (m, q, 0) where sections have it.
     """
-    pieces = at.values, at.slopes, at.lengths[..., np.newaxis], starts
+    pieces = at.values, at.slopes, at.lengths[..., np.newaxis], starts, stiffness
     return in_rows(lanes(np.concatenate(pieces, axis=2)))
+
+
+def put_starts(data: FloatArray, nodes: int, starts: FloatArray) -> None:
+    """Write other strains without stress (m, q, 6) to :func:`constant_data` of elements."""
+    split = lanes(starts)
+    batches, q = split.shape[:2]
+    if batches:
+        first = 2 * nodes + 1
+        data.reshape(batches, q, -1, LANES)[:, :, first : first + 6] = split
 
 
 @inlined
@@ -158,8 +169,8 @@ def nodal(coefficients: FloatArray, constants: FloatArray, before: int, count: i
 
 @inlined
 def points_of(constants: FloatArray, coordinates: FloatArray) -> FloatArray:
-    """Constant data (q, 2 k + 7, L) of the points."""
-    count = 2 * int(constants[_NODES]) + 7
+    """Constant data (q, 2 k + 7 + stiffness, L) of the points."""
+    count = 2 * int(constants[_NODES]) + 7 + int(constants[_STIFF])
     return shaped(coordinates, 0, (int(constants[_POINTS]), count))
 
 
@@ -226,13 +237,16 @@ def put_point(
     coefficients: FloatArray, constants: FloatArray, at: FloatArray, places: FloatArray,
     rates: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the unknowns of one point of each element, their rates and the strain at the start."""
+    """Write a point's unknowns, their rates, its strain without stress and its own stiffness."""
+    own = 2 * places.shape[0] + 1
     _put(coefficients, constants, _UNKNOWNS, at, places)
     _put(coefficients, constants, RATES, at, rates)
     if constants[_START] >= 0.0:
         for i in range(6):
-            start = load(at, 2 * places.shape[0] + 1 + i)
-            store(coefficients, int(constants[_START]) + i, start)
+            store(coefficients, int(constants[_START]) + i, load(at, own + i))
+    if constants[_MATERIAL] >= 0.0:
+        for i in range(int(constants[_STIFF])):
+            store(coefficients, int(constants[_MATERIAL]) + i, load(at, own + 6 + i))
 
 
 @inlined

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.families.beam_nurbs.elements import NurbsBeams
+from flexfem.families.beam_nurbs.elements import NurbsBeams, NurbsPoints
 from flexfem.layout.element_places import holds
 from flexfem.layout.lines import ElementPlace
 from flexfem.layout.numbered_model import NumberedModel
@@ -32,16 +32,16 @@ class CurveStrainSensor:
         place = ElementPlace.on(
             serial.line(probe.beam), *element_at_fraction(curve, probe.fraction)
         )
-        self._beams, self._xi = beams, np.array([place.xi])
-        self._cells = np.empty(0, dtype=np.int64)
+        self._points: NurbsPoints | None = None
         if holds(block, place):
-            self._cells = np.array([_cell(beams, block.local_index(place.nodes))])
+            cells = np.array([_cell(beams, block.local_index(place.nodes))])
+            self._points = beams.points_at(np.array([place.xi]), cells)
 
     def update(self) -> FloatArray:
         """See :class:`flexfem.layout.family.Sensor`."""
-        if not len(self._cells):
+        if self._points is None:
             return np.zeros(12)
-        both = self._beams.resultants_at(self._part.block.frames, self._xi, self._cells)
+        both = self._points.resultants(self._part.block.frames)
         values: FloatArray = np.concatenate(both, axis=2)[0, 0]
         return values
 

@@ -15,11 +15,12 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.families.beam_se3.along import Places, present_strains
+from flexfem.families.beam_se3.along import present_strains
 from flexfem.families.beam_se3.elements import SE3Beams
 from flexfem.families.beam_se3.loads import se3_line_forces, se3_node_forces
 from flexfem.families.beam_se3.mesh import BeamMesh
 from flexfem.families.beam_se3.sensors import BeamElongation, StrainSensor
+from flexfem.families.common.along import Places
 from flexfem.families.common.beam_family import BeamFamily
 from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import Sensor

@@ -10,16 +10,9 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.inertia import inertia_about
-from flexfem.families.beam_se3.along import (
-    Places,
-    Walls,
-    cell_sections,
-    end_walls,
-    initial_strains,
-    rest_twists,
-    twists_at,
-)
+from flexfem.families.beam_se3.along import cell_sections, initial_strains, rest_twists
 from flexfem.families.beam_se3.elements import BeamCells, node_frames
+from flexfem.families.common.along import Places, Walls, end_walls, twists_at
 from flexfem.families.common.initial_velocities import initial_velocities
 from flexfem.lie import se3
 from flexfem.materials.section import Section
@@ -65,8 +58,8 @@ class _Cells:
         if _varies(beam):
             _check_chain(beam, nodes)
             arcs[1:] = np.cumsum(_lengths(frames))
-            frames = _twisted(frames, twists_at(beam, arcs))
-        if _strained(beam):
+            frames = _twisted(frames, twists_at(beam, arcs, float(arcs[-1])))
+        if beam.strained:
             rest = rest_twists(beam, arcs, _twists(frames))
         walls: list[Walls]
         if isinstance(beam.section, Section):
@@ -122,7 +115,7 @@ class BeamMesh:
         nodes = nodes.reshape(-1, 2).astype(np.int64)
         sections, number = _numbered(beams, parts)
         frames = np.concatenate([part.frames for part in parts])
-        rest, strained = _twists(frames), np.repeat([_strained(beam) for beam in beams], counts)
+        rest, strained = _twists(frames), np.repeat([beam.strained for beam in beams], counts)
         rest[strained] = np.concatenate([part.rest for part in parts])
         cells = BeamCells(
             cells=nodes,
@@ -209,12 +202,7 @@ def _dampings(beams: Sequence[Beam], counts: Sequence[int]) -> FloatArray:
 
 def _varies(beam: Beam) -> bool:
     """Return True if a beam needs the arc lengths of its nodes."""
-    return beam.varies or beam.twist is not None or _strained(beam)
-
-
-def _strained(beam: Beam) -> bool:
-    """Return True if a beam has initial strains."""
-    return beam.rest_curvature is not None or beam.prestrain is not None
+    return beam.varies or beam.twist is not None or beam.strained
 
 
 def _check_chain(beam: Beam, cells: IntArray) -> None:

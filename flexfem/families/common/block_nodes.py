@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Distribution of a block's nodes over the ranks, and names of sections in messages."""
+"""Distribution of a block's nodes over the ranks."""
 
-from collections.abc import Sequence
 from typing import Any
 
 from mpi4py import MPI
@@ -9,10 +8,8 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import IntArray
-from flexfem.materials.section import Section
-from flexfem.model.bodies.basic import Beam
 
-__all__ = ["distributed", "section_owners"]
+__all__ = ["distributed"]
 
 #: of the messages that set up the exchange of ghosts
 _TAG = 1201
@@ -37,9 +34,3 @@ def distributed(comm: MPI.Intracomm, owner: IntArray, touched: IntArray) -> tupl
         comm, len(mine), number[ghosts].astype(np.int64), owner[ghosts].astype(np.int32), _TAG
     )
     return ids, index_map
-
-
-def section_owners(beams: Sequence[Beam], sections: Sequence[Section]) -> list[str]:
-    """Return the name of each section in messages: the first beam that has it."""
-    first = {id(b.section): f'Beam "{b.name}"' for b in reversed(beams)}
-    return [first[id(section)] for section in sections]

@@ -16,8 +16,8 @@ from flexfem.materials.section import Section
 from flexfem.materials.shell_section import ShellSection
 
 __all__ = [
-    "LawMaterial", "LinearMaterial", "Material", "grouped", "materials", "symmetric",
-    "viscous_factors",
+    "LawMaterial", "LinearMaterial", "Material", "about_centres", "grouped", "materials",
+    "symmetric", "upper_triangles", "viscous_factors",
 ]  # fmt: skip
 
 _UPPER = np.triu_indices(6)
@@ -83,7 +83,8 @@ def materials(
     for law, numbers in grouped(sections).items():
         own = [sections[i] for i in numbers]
         if law is None:
-            found.append((numbers, LinearMaterial(own, damped)))
+            stiffness = np.array([s.stiffness for s in own])
+            found.append((numbers, LinearMaterial(stiffness, _inertias(own), damped)))
         else:
             found.append((numbers, LawMaterial(comm, law, own, [owners[i] for i in numbers])))
     return found
@@ -117,9 +118,18 @@ def viscous_factors(damping: FloatArray) -> FloatArray:
     return damping if damping.shape[1] == 1 else np.sqrt(damping)
 
 
-def _data(sections: Sequence[Section], material: FloatArray) -> FloatArray:
-    inertia = np.array([s.inertia[_UPPER] for s in sections])
-    return np.ascontiguousarray(np.concatenate([inertia, material], axis=1))
+def upper_triangles(matrices: FloatArray) -> FloatArray:
+    """Upper triangles (..., 21) of symmetric matrices (..., 6, 6)."""
+    return matrices[..., *_UPPER]
+
+
+def _inertias(sections: Sequence[Section]) -> FloatArray:
+    return np.array([s.inertia for s in sections])
+
+
+def _data(inertias: FloatArray, material: FloatArray) -> FloatArray:
+    both = np.concatenate([upper_triangles(inertias), material], axis=1)
+    return np.ascontiguousarray(both)
 
 
 class LinearMaterial:
@@ -127,11 +137,11 @@ class LinearMaterial:
 
     law: LawExpressions | None
 
-    def __init__(self, sections: Sequence[Section], damped: int) -> None:
-        """Collect the matrices."""
-        self._matrices = np.array([s.stiffness for s in sections])
+    def __init__(self, stiffness: FloatArray, inertias: FloatArray, damped: int) -> None:
+        """Take the matrices (s, 6, 6)."""
+        self._matrices = stiffness
         self.law, self.damped, self.viscous = None, damped, damped > 0
-        self.data = _data(sections, self._matrices[:, *_UPPER])
+        self.data = _data(inertias, upper_triangles(stiffness))
 
     def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
         """See :class:`Material`."""
@@ -166,7 +176,7 @@ class LawMaterial:
         laws = [s.law for s in sections if s.law is not None]
         self._law = LawValues(comm, law, laws, owners)
         self.law, self.damped, self.viscous = law, 0, law.dissipation is not None
-        self.data = _data(sections, self._law.parameters)
+        self.data = _data(_inertias(sections), self._law.parameters)
 
     def response(self, strain: FloatArray, sections: IntArray) -> tuple[FloatArray, FloatArray]:
         """See :class:`Material`."""

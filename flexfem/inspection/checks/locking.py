@@ -41,11 +41,13 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         return
     curves = family.curves
     for beam, share in stiffened(curves, excess(curves, se3.position(curves.frames), _BENT)):
-        parts = curves.parts[curves.index(beam.name)]
+        index = curves.index(beam.name)
+        parts = curves.parts[index]
+        depth = _thinnest(curves.middle_section(index))
         yield Finding(
             "locking", owner_of(beam),
             f"smooth elements of degree {parts.nodes.shape[1] - 1} that are up to "
-            f"{parts.lengths.max() / _thinnest(beam.uniform):.2g} times as long as thick lock: it "
+            f"{parts.lengths.max() / depth:.2g} times as long as thick lock: it "
             f"is too stiff, by about {percent(share)} % once it has bent by half a "
             "radian",
             "take its curve with_continuity(0), more elements or a higher degree",
@@ -95,11 +97,12 @@ def excess(
         cells: elements of each beam, all without.
     """
     found = np.zeros((len(curves.beams), 2))
-    for index, beam in enumerate(curves.beams):
-        parts = curves.parts[index]
+    for index, parts in enumerate(curves.parts):
         chosen = np.arange(len(parts.nodes)) if cells is None else cells[index]
         own = points[curves.first_node[index] : curves.first_node[index + 1]]
-        found[index] = curve_excess(parts, own, _thinnest(beam.uniform), bent, chosen)
+        found[index] = curve_excess(
+            parts, own, _thinnest(curves.middle_section(index)), bent, chosen
+        )
     return found
 
 

@@ -4,7 +4,7 @@
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.families.beam_nurbs.curves import elements_on_rank
+from flexfem.families.beam_nurbs.curves import elements_on_rank, segments
 from flexfem.families.beam_nurbs.elements import NurbsBeams
 from flexfem.families.beam_nurbs.family import NurbsBeamFamily
 from flexfem.io.vtu.beam_fields import BeamFields
@@ -13,9 +13,6 @@ from flexfem.lie import se3
 from flexfem.system.system import BlockPart
 
 __all__ = ["CurveSampler"]
-
-#: Segments of an element of degree two and more; linear elements are straight.
-_SEGMENTS = 4
 
 
 class CurveSampler:
@@ -26,39 +23,41 @@ class CurveSampler:
         assert isinstance(part.family, NurbsBeamFamily)
         curves, beams = part.family.curves, part.elements
         assert isinstance(beams, NurbsBeams)
-        self._block, self._beams = part.block, beams
+        self._block = part.block
         chosen = elements_on_rank(curves, part.block)
         family = np.argsort(beams.rows)  # numbers of the cells in the order of the beams
         none = np.empty(0, dtype=np.int64)
         self._points: list[ElementPlaces] = []
-        segments, bodies, sections = [none.reshape(0, 2)], [none], [none]
-        cells: dict[int, list[IntArray]] = {1: [none], _SEGMENTS: [none]}
+        ends, bodies, sections = [none.reshape(0, 2)], [none], [none]
+        cells: dict[int, list[IntArray]] = {}
         count = first = 0
         for beam in curves.by_kind():
             mine, nodes = chosen[beam], curves.nodes(beam)[chosen[beam]]
-            number = 1 if nodes.shape[1] == 2 else _SEGMENTS
+            number = segments(nodes.shape[1])
             element, xi, pieces = _sample(mine, number)
             local, shape = part.block.local_index(nodes), curves.parts[beam].shape[mine]
             self._points.append(
                 ElementPlaces(local[element], shape[element], xi, curves.element(beam))
             )
-            segments.append(count + pieces)
+            ends.append(count + pieces)
             bodies.append(np.full(len(pieces), curves.numbers[beam]))
-            sections.append(np.full(len(pieces), first_section + curves.section[beam]))
-            cells[number].append(family[first : first + len(mine)])
+            sections.append(first_section + curves.drawn(beam, mine))
+            cells.setdefault(number, []).append(family[first : first + len(mine)])
             count, first = count + len(xi), first + len(mine)
-        self._segments = np.concatenate(segments)
+        self._segments = np.concatenate(ends)
         self._body, self._section = np.concatenate(bodies), np.concatenate(sections)
-        self._cells = {number: np.concatenate(rows) for number, rows in cells.items()}
+        self._middles = [
+            beams.points_at((np.arange(number) + 0.5) / number, np.concatenate(rows))
+            for number, rows in cells.items()
+        ]
         self._start = self._motion(part.block.start_frames)[0]
 
     def fields(self) -> BeamFields:
         """State of the points and segments."""
         frames, twists = self._motion(self._block.frames)
         rotation, strains, resultants = se3.rotation(frames), [], []
-        for number, cells in self._cells.items():
-            middle = (np.arange(number) + 0.5) / number
-            found = self._beams.resultants_at(self._block.frames, middle, cells)
+        for points in self._middles:
+            found = points.resultants(self._block.frames)
             strains.append(found[0].reshape(-1, 6))
             resultants.append(found[1].reshape(-1, 6))
         return BeamFields(

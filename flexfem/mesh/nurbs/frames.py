@@ -95,8 +95,9 @@ def control_rotations(curve: "NurbsCurve", orientation: Orientation = None) -> F
 
 
 def control_frames(
-    curve: "NurbsCurve", orientation: Orientation = None, vectors: bool = False
-) -> FloatArray:
+    curve: "NurbsCurve", orientation: Orientation = None, vectors: bool = False,
+    twists: FloatArray | None = None,
+) -> FloatArray:  # fmt: skip
     """Return frames of the control points whose interpolation gives the section frames.
 
     In an element rotations are interpolated by the sum of the control points' unit quaternions,
@@ -108,6 +109,8 @@ def control_frames(
         curve: The curve.
         orientation: As for `section_rotations`.
         vectors: True if relative rotation vectors are interpolated.
+        twists: Angles of the section axes about e1 at the Greville abscissae, shape (n,), radians;
+            None for zero.
 
     Returns:
         Frames [x, R row by row], shape (n, 12), x the control points.
@@ -116,7 +119,11 @@ def control_frames(
         TypeError: as for `section_rotations`.
         ValueError: as for `section_rotations`, or the frames rotate too much inside an element.
     """
+    from flexfem.lie import so3
+
     wanted = control_rotations(curve, orientation)
+    if twists is not None:
+        wanted = wanted @ so3.exp(np.outer(twists, np.eye(3)[0]))
     rotations = wanted if curve.degree == 1 else _control_points(curve, wanted, vectors)
     return np.concatenate([curve.points, rotations.reshape(-1, 9)], axis=1)
 

@@ -87,8 +87,9 @@ class Beam:
     Attributes:
         name: Unique name in the model.
         section: Stiffness and inertia: a :class:`Section`, a :class:`SectionTable`, or a function
-            of s that returns a Section. Elements take means of stiffness and inertia over their
-            length; parts on both sides of a jump of a table deform one after the other.
+            of s that returns a Section. Two-node elements take means of stiffness and inertia over
+            their length, isogeometric ones the stiffness at their quadrature points and integrals
+            of the inertia; parts on both sides of a jump of a table deform one after the other.
         group: Line group of the model's mesh; None for that of the beam's name, or with a curve.
         curve: Curve of a beam that needs no mesh; its elements are its knot spans.
         degree: Degree of the curve through the nodes of the group with the formulation "nurbs", 3
@@ -159,8 +160,6 @@ class Beam:
             formulation=formulation,
             interpolation=_interpolation(owner, formulation, self.interpolation),
         )
-        if formulation != "se3":
-            _check_uniform(owner, self)
 
     @property
     def varies(self) -> bool:
@@ -172,6 +171,11 @@ class Beam:
         """Section of a beam along which it does not vary."""
         assert isinstance(self.section, Section)
         return self.section
+
+    @property
+    def strained(self) -> bool:
+        """True if it has initial strains: a rest curvature or a prestrain."""
+        return self.rest_curvature is not None or self.prestrain is not None
 
     @property
     def timed(self) -> bool:
@@ -300,22 +304,6 @@ def _formulation(
             f"{owner}: the degree is that of the curve (NurbsCurve.elevate raises it), got {degree}"
         )
     return formulation, None
-
-
-def _check_uniform(owner: str, beam: Beam) -> None:
-    """Raise for what elements along curves do not have."""
-    found = {
-        "a section that varies": beam.varies,
-        "a twist": beam.twist is not None,
-        "a rest curvature": beam.rest_curvature is not None,
-        "a prestrain": beam.prestrain is not None,
-        "one damping for each strain": np.ndim(beam.damping) > 0,
-    }
-    for what, given in found.items():
-        if given:
-            raise ValueError(
-                f'{owner}: {what} needs the formulation "se3", got "{beam.formulation}"'
-            )
 
 
 def _interpolation(owner: str, formulation: str, given: str | None) -> str | None:
