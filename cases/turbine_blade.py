@@ -16,7 +16,8 @@ forces ``root_n1, root_n2, root_n3`` (N) and moments ``root_m1, root_m2, root_m3
 Expected (BeamDyn, one element of order 10, the same sections): ``tip_x`` 3.215, 6.279, 8.422,
 10.223, 11.547, 12.886, 13.887, 14.310, 16.186, 17.668 m at 0.05, 0.10, ... 0.50 s; here 1.9 % off
 in the mean. Frequencies: ``--analysis modes --force 0``, 0.506 Hz in flap and 0.693 Hz in edge.
-Run: ``mpirun -n 2 python cases/turbine_blade.py --elements 80``.
+Run: ``mpirun -n 2 python cases/turbine_blade.py --elements 80``; isogeometric elements:
+``--formulation nurbs --degree 3 --elements 40``.
 """
 
 import sys
@@ -50,14 +51,19 @@ def drawn(table: ff.SectionTable) -> ff.SectionTable:
     return replace(table, outlines=np.stack([y, z], axis=-1))
 
 
-def build(*, blade: str, elements: int, force: float, damping: float) -> ff.Model:
-    """Model with elements of equal length along the blade."""
+def build(
+    *, blade: str, elements: int, formulation: str, degree: int, force: float, damping: float
+) -> ff.Model:
+    """Model with elements of equal length along the blade, NURBS ones of the given degree."""
     data = read(blade)
     mesh = data.mesh("blade", elements)
     model, start = ff.Model("turbine_blade", mesh=mesh), mesh.points[-1]
     root, tip = ff.Marker("blade", "start"), ff.Marker("blade", "end")
     model.add(
-        data.beam("blade", section=drawn(data.sections), damping=damping * data.damping),
+        data.beam(
+            "blade", section=drawn(data.sections), damping=damping * data.damping,
+            formulation=formulation, degree=degree if formulation == "nurbs" else None,
+        ),
         ff.Rigid("clamp", ff.Ground(), root),
         ff.PointForce("wind", tip, (-force, 0.0, 0.0)),
         ff.Probe(
@@ -77,6 +83,8 @@ CASE = ff.Case(
     options=(
         ff.Option("blade", str, "iea15_blade.yaml", "windIO file or primary file of BeamDyn"),
         ff.Option("elements", int, 80, "beam elements along the blade", minimum=2),
+        ff.Option("formulation", str, "se3", "of the beam", choices=("se3", "nurbs")),
+        ff.Option("degree", int, 3, "of NURBS elements", minimum=1),
         ff.Option("force", float, -200e3, "at the tip in flap, against X", unit="N"),
         ff.Option("damping", float, 0.0, "factor of the damping in the file", minimum=0.0),
     ),

@@ -15,7 +15,7 @@ from tests.unit.particle_body import bar
 
 pytestmark = pytest.mark.serial
 STEEL = ff.Material(2.1e11, 0.3, 7850.0)
-FAMILIES = ("se3", "varying", "nurbs", "rotation_free", "director", "floating")
+FAMILIES = ("se3", "varying", "nurbs", "varying_nurbs", "rotation_free", "director", "floating")
 #: velocity, acceleration and stiffness: no term dominates
 MOVING = {"velocity": 12.0, "acceleration": 7e3, "scale": 0.3}
 
@@ -26,15 +26,16 @@ def _model(family: str, damping: float) -> ff.Model:
         model = ff.Model("one")
         model.add(ff.FloatingBody("body", bar(modes=4)))
         return model
-    if family in ("se3", "varying", "nurbs"):
+    if family in ("se3", "varying", "nurbs", "varying_nurbs"):
         mesh = ff.LineMesh.straight({"body": ((0.0, 0.0, 0.0), (1.0, 0.0, 0.0))}, elements=3)
-        model, degree = ff.Model("one", mesh=mesh), 3 if family == "nurbs" else None
+        model, degree = ff.Model("one", mesh=mesh), 3 if "nurbs" in family else None
         section = ff.Section.rectangle(0.03, 0.02, STEEL)
-        if family == "varying":
+        if "varying" in family:
             model.add(
                 ff.Beam("body", lambda s: ff.Section.circle(0.04 - 0.02 * s, STEEL),
                         twist=lambda s: s, prestrain=1e-2 * np.ones(6),
-                        damping=damping * np.arange(1.0, 7.0))
+                        damping=damping * np.arange(1.0, 7.0),
+                        formulation="nurbs" if degree else "se3", degree=degree)
             )  # fmt: skip
         else:
             model.add(

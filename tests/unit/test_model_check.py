@@ -218,6 +218,19 @@ def arch(elements: int, continuity: int = 2) -> ff.Model:
     return model
 
 
+def stepped(times: int) -> ff.Model:
+    """A bar of two thicknesses along a smooth curve with a repeated knot between them."""
+    thin, thick = ff.Section.circle(0.02, STEEL), ff.Section.circle(0.03, STEEL)
+    table = ff.SectionTable.of([0.0, 0.5, 0.5, 1.0], [thick, thick, thin, thin], relative=True)
+    line = ff.NurbsCurve.line((0, 0, 0), (1, 0, 0), elements=5, degree=3)
+    model = ff.Model()
+    model.add(
+        DOWN, ff.Beam("rod", table, curve=line.insert(times * [0.5 * line.knots[-1]])),
+        ff.Rigid("wall", ff.Ground(), START),
+    )  # fmt: skip
+    return model
+
+
 def row(width: float, rows: int = 1, element: str = "director") -> ff.Model:
     """A clamped strip of 1 m length."""
     model = ff.Model(surface=ff.SurfaceMesh.rectangle("sheet", (1.0, width), (8, rows)))
@@ -328,6 +341,9 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     ),
     "smooth elements": (
         "locking", "lock: it is too stiff, by about 2 %", lambda: arch(20), lambda: arch(40), None
+    ),
+    "jumps of sections": (
+        "jumps", "its section jumps at s = 0.5 m", lambda: stepped(2), lambda: stepped(3), None
     ),
     "corners between them": (
         "locking", "up to 58 times as long as thick", lambda: arch(20), lambda: arch(20, 0), None

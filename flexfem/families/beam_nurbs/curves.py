@@ -17,7 +17,7 @@ from flexfem.core.runs import starts
 from flexfem.families.beam_nurbs.along import CurveSection, VaryingSection, whole_arcs
 from flexfem.families.beam_nurbs.points import arcs_at
 from flexfem.families.beam_nurbs.tables import gauss
-from flexfem.families.common.along import Walls, end_walls, twists_at
+from flexfem.families.common.along import Walls, end_walls, refuse_large_twists, twists_at
 from flexfem.families.common.initial_velocities import initial_velocities
 from flexfem.layout.lines import Line
 from flexfem.materials.section import Section
@@ -249,6 +249,7 @@ def _frames(beam: Beam, curve: NurbsCurve) -> FloatArray:
     if beam.twist is not None or isinstance(beam.section, SectionTable):
         arcs = curve.arc_length(greville(curve.degree, curve.knots))
         twists = twists_at(beam, arcs, curve.length)
+        refuse_large_twists(beam, twists[curve.elements.nodes])
     try:
         return control_frames(curve, beam.orientation, beam.vectors, twists)
     except ValueError as error:

@@ -12,7 +12,13 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.inertia import inertia_about
 from flexfem.families.beam_se3.along import cell_sections, initial_strains, rest_twists
 from flexfem.families.beam_se3.elements import BeamCells, node_frames
-from flexfem.families.common.along import Places, Walls, end_walls, twists_at
+from flexfem.families.common.along import (
+    Places,
+    Walls,
+    end_walls,
+    refuse_large_twists,
+    twists_at,
+)
 from flexfem.families.common.initial_velocities import initial_velocities
 from flexfem.lie import se3
 from flexfem.materials.section import Section
@@ -58,7 +64,9 @@ class _Cells:
         if _varies(beam):
             _check_chain(beam, nodes)
             arcs[1:] = np.cumsum(_lengths(frames))
-            frames = _twisted(frames, twists_at(beam, arcs, float(arcs[-1])))
+            twists = twists_at(beam, arcs, float(arcs[-1]))
+            refuse_large_twists(beam, np.stack([twists[:-1], twists[1:]], axis=1))
+            frames = _twisted(frames, twists)
         if beam.strained:
             rest = rest_twists(beam, arcs, _twists(frames))
         walls: list[Walls]

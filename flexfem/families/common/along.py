@@ -24,6 +24,7 @@ __all__ = [
     "end_walls",
     "present_prestrains",
     "prestrains",
+    "refuse_large_twists",
     "rest_curvatures",
     "table_stiffness",
     "twists_at",
@@ -149,6 +150,22 @@ def twists_at(beam: Beam, arcs: FloatArray, length: float) -> FloatArray:
         else:
             angles += section.twist_at(places)
     return angles
+
+
+def refuse_large_twists(beam: Beam, angles: FloatArray) -> None:
+    """Check the angles (m, k) of the section axes at the nodes of all elements, rad.
+
+    Rotations relative to the node in the middle are unique up to half a turn.
+
+    Raises:
+        ValueError: an angle is not below that.
+    """
+    turns = np.abs(angles - angles[:, angles.shape[1] // 2, np.newaxis]).max(axis=1)
+    if turns.max() >= np.pi:
+        raise ValueError(
+            f"{owner_of(beam)}: its twist turns by {turns.max():.3g} rad inside element "
+            f"{int(np.argmax(turns))}, use more elements"
+        )
 
 
 def rest_curvatures(beam: Beam, at: FloatArray) -> FloatArray:
