@@ -101,7 +101,8 @@ def test_what_varies_wrongly_is_refused(make: Callable[[], object], message: str
     assert_on_page(text)
 
 
-def test_a_prestrain_that_fails_in_a_run_ends_it_in_good_order() -> None:
+@pytest.mark.parametrize("formulation", ["se3", "nurbs"])
+def test_a_prestrain_that_fails_in_a_run_ends_it_in_good_order(formulation: str) -> None:
     """Results until then are there; on several ranks nobody waits, as with loads."""
 
     def heat(s: np.ndarray, t: float) -> np.ndarray:
@@ -110,7 +111,7 @@ def test_a_prestrain_that_fails_in_a_run_ends_it_in_good_order() -> None:
     with pytest.raises(
         ff.FunctionError, match=r"prestrain must return shape .*, from heat"
     ) as raised:
-        run(prestrain=heat, dynamics={"t_end": 0.01})
+        run(prestrain=heat, formulation=formulation, dynamics={"t_end": 0.01})
     assert str(raised.value).startswith('Beam "beam": ')
     assert raised.value.outcome.history["t"][-1] == pytest.approx(0.004)
 
