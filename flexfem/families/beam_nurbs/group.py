@@ -118,6 +118,11 @@ class NurbsGroup:
         found.begin(self._strains(found, self._start, rest)[:, :, :6], self._instant)
         return found
 
+    @property
+    def cells(self) -> Cells:
+        """The elements in the format of the kernel driver; own data are the damping."""
+        return self._points.cells
+
     def set_initial_strains(self, t: float, fraction: float) -> None:
         """See :class:`flexfem.layout.elements.StrainedElements`."""
         self._instant = t, fraction
@@ -169,9 +174,9 @@ class NurbsGroup:
 
     def _cells_at(self, block: FrameBlock, strains: FloatArray | None) -> Cells:
         """Elements for whose initial strains the present strains are the given ones."""
-        own = self._points
         if strains is None:
-            return own.cells
+            return self.cells
+        own = self._points
         return own.resting_at(own.rest + self._present(block.frames) - strains)
 
     def continued_strains(self, frames: FloatArray, steps: FloatArray) -> FloatArray:
