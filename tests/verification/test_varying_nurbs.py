@@ -236,7 +236,7 @@ def heated(**given: Any) -> ff.Model:
 @pytest.mark.three_ranks
 def test_a_motion_is_the_same_on_any_number_of_ranks() -> None:
     """One factorisation, a balance of energies, and all columns."""
-    options = ff.RunOptions(dt=1e-3, t_end=8e-3, quiet=True, split_above=1)
+    options = ff.RunOptions(dt=1e-3, t_end=5e-3, quiet=True, split_above=1)
     found = [
         ff.simulate(heated(), options, comm=comm) for comm in (MPI.COMM_SELF, COMM)[: COMM.size]
     ]
