@@ -72,10 +72,10 @@ class BodyFacts:
 
 
 def body_facts(serial: NumberedModel) -> list[BodyFacts]:
-    """Bodies of a model in its order, point masses last."""
+    """Bodies of a model in its order, then its cables with mass, point masses last."""
     facts = dict[str, BodyFacts]()
     for family in serial.families.values():
-        bodies, node_body, fixed = family.bodies, family.body_of_node, family.held.sum(axis=1)
+        bodies, node_body, fixed = family.bodies, family.body_of_node, family.bound.sum(axis=1)
         nodes = np.bincount(node_body, minlength=len(bodies))
         held = np.bincount(node_body, fixed, minlength=len(bodies)).astype(np.int64)
         number, width = {body.name: k for k, body in enumerate(bodies)}, family.held.shape[1]
@@ -86,7 +86,9 @@ def body_facts(serial: NumberedModel) -> list[BodyFacts]:
                 body, family.noun, _masses(inertia, points.mean(axis=0)), np.ptp(points, axis=0),
                 family.elements(body), int(nodes[k]), int(nodes[k]) * width, int(held[k]),
             )  # fmt: skip
-    found = [facts[body.name] for body in serial.model.bodies]
+    # bodies in the order of the model, then cables with mass
+    order = dict.fromkeys([body.name for body in serial.model.bodies]) | facts
+    found = [facts[name] for name in order]
     for mass in serial.model.point_masses:
         at = serial.marker_pose(mass.marker).position
         own = _masses(partial(serial.mass_inertia, mass), at)

@@ -7,6 +7,8 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import field, replace
 from typing import Any
 
+import numpy as np
+
 from flexfem import _checks
 from flexfem._faults import ReturnError
 from flexfem._fields import declared, flag, number
@@ -31,13 +33,15 @@ from flexfem.materials.section import Section
 
 __all__ = ["Cable"]
 
-#: Step of time (s) for the rate of a rest length.
-_STEP = 1e-5
+#: Step of time (s) for the rate of a rest length, and that of five points for both rates of one
+#: with mass; the polynomial through these.
+_STEP, _SPAN = 1e-5, 1e-3
+_THROUGH = np.linalg.inv(np.vander(np.arange(-2.0, 3.0), increasing=True))
 
 
 @declared
 class Cable(Joint):
-    """A massless cable that runs through eyelets and over sheaves, from one end to the other.
+    """A cable that runs through eyelets and over sheaves, from one end to the other.
 
     It pulls with ``EA (L - L_0) / L_0 + c d(L - L_0)/dt`` where it is longer than its rest length
     ``L_0``; L is the length of its straight parts and of those around sheaves. One tension acts
@@ -51,6 +55,11 @@ class Cable(Joint):
     of the cable, whose speed is that of one that does not stretch, and which stretches by the
     tension at the end of its part. Statics and modes leave friction out.
 
+    With ``mass_per_length`` it has inertia and weight. All of it has one stretch, its parts between
+    guides stay straight, and its material flows through guides without friction; see
+    ``families.cable.inertia`` for the equations. Its tension is that of the stretch then, the mean
+    along it; where weight bends a part much a warning says so.
+
     Attributes:
         path: its guides in order: a marker or a Sheave with ``grip`` (a drum) at each end, and
             ``Eyelet`` and ``Sheave`` between.
@@ -63,13 +72,15 @@ class Cable(Joint):
             negative where it hauls in; in place of a rest length that is a function.
         preload: tension at the start, N; in place of a rest length.
         damping: of the whole cable, N s/m.
+        mass_per_length: of the unstretched cable, kg/m.
         tension_only: True if it is slack where it would press.
         closed: True for a belt: the last guide is followed by the first one.
 
     Raises:
         TypeError: an argument has the wrong type.
         ValueError: guides do not suit, two of the stiffnesses, a number that is negative or not
-            positive, preload and rest length, a cable that cannot stretch and would be slack.
+            positive, preload and rest length, a cable that cannot stretch and would be slack; mass
+            with friction, on a Sheave with ``grip``, or of a closed cable.
     """
 
     a: Attachment = field(init=False)
@@ -84,6 +95,7 @@ class Cable(Joint):
     damping: float = number(default=0.0, nonnegative=True)
     tension_only: bool = flag(default=True)
     closed: bool = flag(default=False)
+    mass_per_length: float = number(default=0.0, nonnegative=True)
 
     def __post_init__(self) -> None:
         """Check guides and numbers against one another."""
@@ -93,6 +105,7 @@ class Cable(Joint):
         super().__post_init__()
         self._check_stretch()
         self._check_rest()
+        self._check_mass()
         # of this cable, not of all
         _checks.assign(self, driven=callable(self.rest_length) or self.paid_out is not None)
         if self.closed and any(map(rubs, self.path)) and not any(map(grips, self.path)):
@@ -136,6 +149,22 @@ class Cable(Joint):
             _checks.number(self.owner, "rest_length(0)", self.rest_length(0.0), positive=True)
         else:
             _checks.number(self.owner, "rest_length", self.rest_length, positive=True)
+
+    def _check_mass(self) -> None:
+        """Check that a cable with mass flows through its guides freely."""
+        if not self.mass_per_length:
+            return
+        given = f"{self.owner}: mass_per_length of {self.mass_per_length:g} kg/m"
+        if self.closed:
+            raise ValueError(f"{given} needs closed=False")
+        for k, guide in enumerate(self.path):
+            if isinstance(guide, Sheave) and guide.grip:
+                raise ValueError(
+                    f"{given} needs path[{k}] without grip; a drum at the first end is a marker "
+                    "with a rest_length or paid_out that is a function of time"
+                )
+            if rubs(guide):
+                raise ValueError(f"{given} needs path[{k}] without friction")
 
     @property
     def places(self) -> tuple[tuple[str, Attachment], ...]:
@@ -287,6 +316,27 @@ class Cable(Joint):
                 "be positive"
             )
         return rests, rates
+
+    def rest_with_rates(self, length: float, t: float) -> FloatArray:
+        """Rest length of a cable in one part, m, with its first two rates.
+
+        Args:
+            length: of the cable at the start, m.
+            t: time, s.
+
+        Raises:
+            ReturnError: it is not positive.
+        """
+        rest = self._start_length(length)
+        if not self.driven:
+            return np.array([rest, 0.0, 0.0])
+        middle = max(t, 2.0 * _SPAN)  # a motion need not be defined before the start
+        values = [self._fed(middle + n * _SPAN) for n in range(-2, 3)]
+        # the polynomial through them
+        found = np.polynomial.Polynomial(_THROUGH @ values)
+        at = (t - middle) / _SPAN
+        first, second = found.deriv()(at) / _SPAN, found.deriv(2)(at) / _SPAN**2
+        return np.array([rest + self._fed(t), first, second])
 
     def _fed(self, t: float) -> float:
         """What has been added to the rest length, m."""

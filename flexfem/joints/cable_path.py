@@ -41,6 +41,15 @@ class Around:
     angle: float
     touches: tuple[tuple[int, int], tuple[int, int]]
 
+    @property
+    def lowest(self) -> float:
+        """Lowest angle, rad, of a range of a full turn that has that at the start well inside.
+
+        Where a cable may leave the sheave it is negative.
+        """
+        turns, part = divmod(self.angle, 2.0 * np.pi)
+        return 2.0 * np.pi * turns - (0.5 * np.pi if part < 1.25 * np.pi else 0.0)
+
 
 @dataclass(frozen=True)
 class Part:

@@ -67,7 +67,7 @@ def assemble(
         model.validate()
         serial = NumberedModel(model)
         parts = RigidParts(serial)
-        mechanism = RigidMechanism(serial, parts, [*serial.joints, *also])
+        mechanism = RigidMechanism(serial, parts, [*serial.body_joints, *also])
         moving = np.ones(len(parts), dtype=np.bool_)
         moving[part_numbers(parts, keep, "assemble: keep")] = False
     except ValueError as error:
@@ -121,5 +121,5 @@ def _check_start(model: Model, tolerance: float) -> None:
     """
     serial = NumberedModel(model)
     parts = RigidParts(serial)
-    mechanism = RigidMechanism(serial, parts, serial.joints)
+    mechanism = RigidMechanism(serial, parts, serial.body_joints)
     _check_closed(mechanism, 10.0 * tolerance, "does not hold at t = 0 in the assembled position")

@@ -154,7 +154,7 @@ class _Task:
     ) -> None:  # fmt: skip
         model.validate()
         serial = NumberedModel(model)
-        own = [joint for joint in serial.joints if not any(joint is a for a in actuators)]
+        own = [joint for joint in serial.body_joints if not any(joint is a for a in actuators)]
         for joint in outputs:
             if not joint.driven or any(joint is other for other in own):
                 raise ValueError(f"{joint.owner}: an output is a driven joint outside the model")

@@ -42,8 +42,8 @@ class StartRows:
             ValueError: a slider is not on its line, or a joint has no row.
         """
         self._serial, self._parts = serial, parts
-        self.joints: list[Joint] = list(serial.joints)
-        ends = all_ends(serial)
+        self.joints: list[Joint] = list(serial.body_joints)
+        ends = all_ends(serial)[: len(self.joints)]
         keys = list(dict.fromkeys(key for one in ends for key in one.keys))
         self._table = _table(serial, keys)
         placed = connect_alone(self.joints, ends, self._table)

@@ -11,7 +11,7 @@ from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 if TYPE_CHECKING:
     from flexfem.core.nodes.frame_block import FrameBlock
 
-__all__ = ["DampedElements", "ElementFamily", "StrainedElements"]
+__all__ = ["DampedElements", "ElementFamily", "StrainedElements", "TimedElements"]
 
 
 class ElementFamily(Protocol):
@@ -169,4 +169,17 @@ class DampedElements(Protocol):
         The product of the latter with other strains, as of ``ElementFamily.continued_strains``, is
         the work of the stresses on them, J.
         """
+        ...
+
+
+@runtime_checkable
+class TimedElements(Protocol):
+    """Elements whose mass changes with time."""
+
+    def set_time(self, t: float) -> None:
+        """Set the mass to that of a time, s."""
+        ...
+
+    def powers(self, block: FrameBlock, gravity: FloatArray) -> FloatArray:
+        """Rates (m,) of the energies of all cells by the change of their masses, W."""
         ...

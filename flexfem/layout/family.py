@@ -47,6 +47,7 @@ BUILT_IN = (
     "flexfem.families.rigid.family:RigidBodyFamily",
     "flexfem.families.floating.family:FloatingBodyFamily",
     "flexfem.families.ufl_body.family:UFLBodyFamily",
+    "flexfem.families.cable.family:CableFamily",
 )
 
 #: Methods that every family defines; the others depend on the abilities of its bodies.
@@ -153,6 +154,11 @@ class Family:
         return np.zeros((len(self.frames), width), dtype=np.bool_)
 
     @property
+    def bound(self) -> BoolArray:
+        """(n, width) unknowns that are fixed, or that :meth:`ties` keep, for summaries."""
+        return self.held
+
+    @property
     def placed(self) -> BoolArray:
         """(n,) True for nodes with a position in space; the others are amplitudes of shapes."""
         return np.ones(len(self.frames), dtype=np.bool_)
@@ -183,6 +189,10 @@ class Family:
 
     def joints(self) -> Sequence[Joint]:
         """Joints that the bodies need beside those of the model."""
+        return ()
+
+    def ties(self) -> Sequence[Joint]:
+        """Joints that keep nodes which move with other bodies at markers there."""
         return ()
 
     # -- Facts for summaries and checks ---------------------------------------------------------

@@ -62,6 +62,16 @@ class NumberedModel:
 
     @cached_property
     def joints(self) -> list[Joint]:
+        """Those between bodies, then ties of nodes that move with other bodies.
+
+        Raises:
+            ValueError: as of :attr:`body_joints`.
+        """
+        ties = [joint for family in self.families.values() for joint in family.ties()]
+        return self.body_joints + ties
+
+    @cached_property
+    def body_joints(self) -> list[Joint]:
         """The model's joints, those of lines as their parts, then those that bodies need.
 
         Raises:

@@ -67,7 +67,8 @@ def _sizes(families: Sequence[Family]) -> dict[str, tuple[int, int]]:
     """Number of elements of every body, and the cost of one of them relative to a beam element."""
     costs = {name: cost for family in families for name, cost in family.costs().items()}
     model = families[0].serial.model
-    return {body.name: costs[body.name] for body in model.bodies}
+    # bodies in the order of the model, then cables with mass
+    return {body.name: costs[body.name] for body in model.bodies} | costs
 
 
 def _hosts(families: Sequence[Family], joints: Sequence[Joint]) -> dict[str, str]:

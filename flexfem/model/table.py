@@ -70,7 +70,7 @@ def _details(model: Structure, thing: Any) -> str:
         return _shell(model, thing)
     if isinstance(thing, Beam) and thing.varies:
         return f"{_line(model, thing)}, section varies"
-    if hasattr(thing, "section"):
+    if isinstance(thing, Beam):
         return f"{_line(model, thing)}, {thing.section.mass_per_length:.4g} kg/m"
     if isinstance(thing, Body):
         return thing.details

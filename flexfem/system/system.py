@@ -23,7 +23,7 @@ from flexfem.core.load import Load
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State, counts
-from flexfem.layout.elements import ElementFamily, StrainedElements
+from flexfem.layout.elements import ElementFamily, StrainedElements, TimedElements
 from flexfem.layout.family import Family
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.node_loads import NodeForces, NodeMasses
@@ -219,6 +219,7 @@ class System:
         self._thin = any(p.elements is not None and p.elements.thin for p in self.parts)
         every: list[Any] = [part.elements for part in self.parts]
         self._strained = [e for e in every if isinstance(e, StrainedElements) and e.strained]
+        self._timed = [e for e in every if isinstance(e, TimedElements)]
         kinds = [part.kind for part in self.parts]
         self.part_of_node: IntArray = np.array(
             [kinds.index(int(kind)) for kind in interface.kind], dtype=np.int64
@@ -284,6 +285,8 @@ class System:
         for i, load in enumerate(self._loads):
             self._factors[i] = load.factor(instant)
         self.constraints.set_time(instant)
+        for elements in self._timed:
+            elements.set_time(instant)
         if self.timed:
             self.set_initial_strains()
         for contacts in self.contacts:

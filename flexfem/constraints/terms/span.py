@@ -7,9 +7,8 @@ are its axes times its radii, zero for points. A straight part s between two she
 
 ``F(s) = s + c(s, u) - c(s, v) - (x_b - x_a) = 0``.
 
-Its projections on the planes of both sheaves are tangents there. In one plane the solution is
-``l (l D + D x (v - u)) / D^2`` with ``l = sqrt(D^2 - (v - u)^2)``; Newton's method begins there.
-All is a function of ``D = R_a^T (x_b - x_a)`` and ``m = R_a^T R_b v`` alone, whose derivatives
+Its projections on the planes of both sheaves are tangents there; ``core.curves.tangent_line`` solves
+this. All is a function of ``D = R_a^T (x_b - x_a)`` and ``m = R_a^T R_b v`` alone, whose derivatives
 follow from those of F; ``constraints.terms.relative`` makes those along twists of them.
 """
 
@@ -21,6 +20,7 @@ from flexfem._types import FloatArray
 from flexfem.constraints.terms.angle import wrapped
 from flexfem.constraints.terms.relative import gradient_of_both, hessian_of_both, relative_pose
 from flexfem.constraints.terms.vectors import cross_into, dot, rotate_into
+from flexfem.core.curves.tangent_line import straight_into, turn_into
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import on_demand, subroutine
 
@@ -28,100 +28,6 @@ __all__ = ["KINDS", "evaluate", "hessian"]
 
 SPAN, TOUCH = int(RowKind.SPAN), int(RowKind.TOUCH)
 KINDS = SPAN, TOUCH
-
-#: Newton steps for the straight part, and its change relative to all lengths at convergence.
-_STEPS, _SMALL = 50, 1e-14
-
-
-@subroutine
-def _touch(s: FloatArray, axis: FloatArray, e: FloatArray) -> float:
-    """Unit vector ``e`` from a sheave's centre to where ``s`` touches it; ``|s x n|``, 0: point."""
-    radius = sqrt(dot(axis, axis))
-    e[:] = 0.0
-    if radius == 0.0:
-        return 0.0
-    cross_into(s, axis, e, 0)
-    size: float = sqrt(dot(e, e)) / radius
-    for i in range(3):
-        e[i] /= size * radius
-    return size
-
-
-@subroutine
-def _turn(y: FloatArray, e: FloatArray, size: float, out: FloatArray) -> None:
-    """Change of a touching point for a change ``y`` of ``s x (r n)``; ``size`` is ``|s x n|``."""
-    along = dot(e, y)
-    for i in range(3):
-        out[i] = (y[i] - along * e[i]) / size if size > 0.0 else 0.0
-
-
-@subroutine
-def _matrix(
-    u: FloatArray, m: FloatArray, ends: FloatArray, sizes: FloatArray, A: FloatArray
-) -> None:
-    """Derivative of F by s."""
-    unit, y, c = np.zeros(3), np.empty(3), np.empty(3)
-    for j in range(3):
-        unit[:] = 0.0
-        unit[j] = 1.0
-        for i in range(3):
-            A[i, j] = unit[i]
-        for side in range(2):
-            cross_into(unit, u if side == 0 else m, y, 0)
-            _turn(y, ends[side], sizes[side], c)
-            for i in range(3):
-                A[i, j] += c[i] if side == 0 else -c[i]
-
-
-@subroutine
-def _invert(A: FloatArray, out: FloatArray) -> None:
-    """Inverse of a matrix (3, 3)."""
-    for i in range(3):
-        cross_into(A[(i + 1) % 3], A[(i + 2) % 3], out[i], 0)
-    determinant = dot(A[0], out[0])
-    for i in range(3):
-        for j in range(i):
-            out[i, j], out[j, i] = out[j, i], out[i, j]
-    for i in range(3):
-        for j in range(3):
-            out[i, j] /= determinant
-
-
-@subroutine
-def _start(D: FloatArray, u: FloatArray, m: FloatArray, s: FloatArray) -> None:
-    """The straight part as if both sheaves were in one plane."""
-    w, side = np.empty(3), np.empty(3)
-    for i in range(3):
-        w[i] = m[i] - u[i]
-    cross_into(D, w, side, 0)
-    square = dot(D, D)
-    length = sqrt(max(square - dot(w, w), 0.0))
-    for i in range(3):
-        s[i] = (length * D[i] + side[i]) / square * length
-
-
-@subroutine
-def _straight(
-    D: FloatArray, u: FloatArray, m: FloatArray, s: FloatArray, ends: FloatArray,
-    sizes: FloatArray, inverse: FloatArray,
-) -> None:  # fmt: skip
-    """Solve F = 0; ``inverse`` is that of its derivative, ``s`` not a number without solution."""
-    A, F, ra, rb = np.empty((3, 3)), np.empty(3), sqrt(dot(u, u)), sqrt(dot(m, m))
-    _start(D, u, m, s)
-    for _ in range(_STEPS):
-        sizes[0], sizes[1] = _touch(s, u, ends[0]), _touch(s, m, ends[1])
-        _matrix(u, m, ends, sizes, A)
-        _invert(A, inverse)
-        for i in range(3):
-            F[i] = s[i] + ra * ends[0, i] - rb * ends[1, i] - D[i]
-        change = 0.0
-        for i in range(3):
-            step = dot(inverse[i], F)
-            s[i] -= step
-            change += abs(step)
-        if change <= _SMALL * (sqrt(dot(D, D)) + ra + rb):
-            return
-    s[:] = np.nan
 
 
 @subroutine
@@ -140,7 +46,7 @@ def _first(
             by_m[:] = 0.0
             by_m[k - 3] = 1.0
             cross_into(s, by_m, dy[1, k], 0)
-            _turn(dy[1, k], ends[1], sizes[1], c)
+            turn_into(dy[1, k], ends[1], sizes[1], c)
             for i in range(3):
                 ds[k, i] = dot(inverse[i], c)
         for side in range(2):
@@ -155,7 +61,7 @@ def _bend(
     dy: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """Second change of a touching point along j and k, but for that with the second one of s."""
-    _turn(twist, e, size, out)
+    turn_into(twist, e, size, out)
     if size == 0.0:
         return
     first, second = dy[side, j], dy[side, k]
@@ -188,7 +94,7 @@ def _second(
     for i in range(3):
         dds[i] = dot(inverse[i], other)
     cross_into(dds, u, y, 0)
-    _turn(y, ends[0], sizes[0], c)
+    turn_into(y, ends[0], sizes[0], c)
     for i in range(3):
         ddc[i] += c[i]
 
@@ -253,7 +159,7 @@ def evaluate(
     ds, dy, c, t = np.empty((6, 3)), np.empty((2, 6, 3)), np.empty(3), np.empty(3)
     relative_pose(Ha, Hb, 1, x)
     rotate_into(x, d[1], m, 0)
-    _straight(x[:3], d[0], m, s, ends, sizes, inverse)
+    straight_into(x[:3], d[0], m, s, ends, sizes, inverse)
     _first(d[0], m, s, ends, sizes, inverse, ds, dy)
     if kind == SPAN:
         out[0] = sqrt(dot(s, s))
@@ -266,7 +172,7 @@ def evaluate(
         out[0] = wrapped(angle, memory)
         cross_into(d[0], ends[0], t, 0)
         for k in range(6):
-            _turn(dy[0, k], ends[0], sizes[0], c)
+            turn_into(dy[0, k], ends[0], sizes[0], c)
             f[k] = dot(t, c) / (radius * radius)
     _to_twists(x, d[1], f, by_b)
     gradient_of_both(x, by_b, g)
@@ -281,7 +187,7 @@ def hessian(kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: FloatAr
     t, c, second = np.empty(3), np.empty(3), np.empty(36)
     relative_pose(Ha, Hb, 2, x)
     rotate_into(x, d[1], m, 0)
-    _straight(x[:3], d[0], m, s, ends, sizes, inverse)
+    straight_into(x[:3], d[0], m, s, ends, sizes, inverse)
     _first(d[0], m, s, ends, sizes, inverse, ds, dy)
     length, square = sqrt(dot(s, s)), dot(d[0], d[0])
     cross_into(d[0], ends[0], t, 0)
@@ -289,7 +195,7 @@ def hessian(kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: FloatAr
         if kind == SPAN:
             f[k] = dot(s, ds[k]) / length
         else:
-            _turn(dy[0, k], ends[0], sizes[0], c)
+            turn_into(dy[0, k], ends[0], sizes[0], c)
             f[k] = dot(t, c) / square
     for j in range(6):
         for k in range(j + 1):

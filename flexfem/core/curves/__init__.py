@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Curves through given points."""
+"""Curves through given points, and tangents of circles."""

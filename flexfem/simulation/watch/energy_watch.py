@@ -16,6 +16,7 @@ from flexfem.core.laws import LawKind
 from flexfem.inspection.finding import owner_of
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.simulation.watch.inside_out import InsideOut
+from flexfem.simulation.watch.sagging import SagWatch
 from flexfem.simulation.watch.validity import ValidityWatch
 from flexfem.simulation.watch.wraps import WrapWatch
 from flexfem.system.bounding_box import diagonal, model_box
@@ -67,6 +68,7 @@ class EnergyWatch:
         box = model_box(serial)
         self._drives = DriveChanges(rows, diagonal(box))
         self._validity, self._wraps = ValidityWatch(serial, system, box), WrapWatch(system)
+        self._sags = SagWatch(system)
         mine = len(self._drives.rows) + len(self._drives.wrenches)
         self._driven = bool(system.comm.allreduce(mine))
         self._complete = not system.comm.allreduce(not self._drives.complete, op=MPI.LOR)
@@ -127,6 +129,7 @@ class EnergyWatch:
         self.follow()
         self._count += 1
         self._wraps.look()
+        self._sags.look()
         if self._driven:
             self._drives.notice(self._system.time, self._h)
         if events != self._events:
@@ -204,6 +207,7 @@ class EnergyWatch:
             *self._inside_out(),
             *self._validity.texts(),
             *self._wraps.texts(),
+            *self._sags.texts(),
             *self._turns(),
             *self._jumps(),
             *self._balance(),

@@ -13,6 +13,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.inspection.finding import owner_of
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.simulation.watch.sagging import sagging_cables
 from flexfem.simulation.watch.wraps import lost_sheaves
 from flexfem.system.bounding_box import diagonal, model_box
 from flexfem.system.system import System
@@ -113,4 +114,4 @@ def doubtful_state(serial: NumberedModel, system: System) -> list[str]:
     """Warnings of one state, the accepted one, the same on every rank (collective)."""
     watch = ValidityWatch(serial, system, model_box(serial))
     watch.look()
-    return [*watch.texts(), *lost_sheaves(system)]
+    return [*watch.texts(), *lost_sheaves(system), *sagging_cables(system)]

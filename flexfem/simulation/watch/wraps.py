@@ -31,10 +31,12 @@ class _Place:
     Attributes:
         joint: number of the cable in the model, and of the sheave on it; for the order of texts.
         owner: of the cable in messages.
+        most: angle, rad, up to which its mass follows it; infinite without mass.
     """
 
     joint: tuple[int, int]
     owner: str
+    most: float
 
 
 class WrapWatch:
@@ -49,6 +51,8 @@ class WrapWatch:
                 self._add(i, placed.index, placed.joint)
         self._off: dict[int, tuple[float, float]] = {}
         self._jumped: dict[int, tuple[float, float]] = {}
+        self._wound: dict[int, tuple[float, float]] = {}
+        self._most = np.array([place.most for place in self._places])
         self._last = self._angles()
 
     def _add(self, i: int, index: int, cable: Cable) -> None:
@@ -58,7 +62,11 @@ class WrapWatch:
         terms = [[first[part] + term for part, term in wrap.touches] for wrap in shape.wraps]
         start = np.array([wrap.angle for wrap in shape.wraps])
         self._cables.append((i, np.array(terms, dtype=np.int64).reshape(-1, 2), start))
-        self._places += [_Place((index, w.guide), cable.owner) for w in shape.wraps]
+        mass = cable.mass_per_length > 0.0
+        self._places += [
+            _Place((index, w.guide), cable.owner, w.lowest + 2.0 * np.pi if mass else np.inf)
+            for w in shape.wraps
+        ]
 
     def _angles(self) -> FloatArray:
         """Angles around all sheaves of this rank, rad."""
@@ -74,6 +82,8 @@ class WrapWatch:
         changes, self._last = np.abs(angles - self._last), angles
         for k in np.flatnonzero(angles < -_OFF).tolist():
             self._off.setdefault(k, (t, float(angles[k])))
+        for k in np.flatnonzero(angles > self._most).tolist():
+            self._wound.setdefault(k, (t, float(angles[k])))
         for k in np.flatnonzero(changes > _JUMP).tolist():
             self._jumped.setdefault(k, (t, float(changes[k])))
 
@@ -94,6 +104,13 @@ class WrapWatch:
                     f"{what}the cable has left this sheave at t = {t:.6g} (by {-angle:.3g} rad), "
                     "and is computed as if it were bent round the other way; later results are "
                     "invalid there"
+                )
+            elif k in self._wound:
+                t, angle = self._wound[k]
+                own[place.joint] = (
+                    f"{what}the cable runs round it by {angle:.3g} rad at t = {t:.6g}, but its mass "
+                    f"is that of less than {place.most:.3g} rad, as at the start; later results "
+                    "are invalid"
                 )
         every: dict[tuple[int, int], str] = {}
         for part in self._system.comm.allgather(own):

@@ -11,7 +11,7 @@ from flexfem.core.laws import LawKind
 from flexfem.core.nodes import motion
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.kernels.compiled import kernel
-from flexfem.layout.elements import StrainedElements
+from flexfem.layout.elements import StrainedElements, TimedElements
 from flexfem.model.model import Model
 from flexfem.system.measure.momenta import ChosenBodies
 from flexfem.system.system import System
@@ -51,6 +51,7 @@ class _State:
         stiffness: (r,) of all rows, N/m or N m/rad.
         own_rates: (r,) rates of the targets that dampers see.
         modal, shares: (k,) rates of damped modes, and this rank's share of them in chosen elements.
+        power: of masses that change, W.
     """
 
     loads: FloatArray
@@ -68,6 +69,7 @@ class _State:
     own_rates: FloatArray
     modal: FloatArray
     shares: FloatArray
+    power: float
 
 
 def refresh_rows(system: System) -> None:
@@ -142,6 +144,11 @@ class EnergyMeter:
             if isinstance(part.elements, StrainedElements) and part.elements.timed:
                 self._timed.append((part.elements, part.block))
                 timed.append(cells[part.elements.viscous_at[0]].astype(np.float64))
+        self._growing = [
+            (part.elements, part.block, cells.astype(np.float64))
+            for part, cells in zip(system.parts, self._chosen.cells, strict=True)
+            if isinstance(part.elements, TimedElements)
+        ]
         self._lengths, self._weights = np.concatenate(lengths), np.concatenate(timed)
         self._modal = [] if system.modal_dampers is None else [
             (own, own.products(self._chosen.cells[number]))
@@ -164,6 +171,7 @@ class EnergyMeter:
         self._work += work_of_loads(before.loads, self._state.loads, h) + self._drive(
             before, self._state, h
         )
+        self._work += 0.5 * h * (before.power + self._state.power)
         if self._timed:
             self._work += self._heat(before, self._state)
         self._dissipation += self._loss(before, self._state, h) + self._contact_loss()
@@ -196,7 +204,7 @@ class EnergyMeter:
             rows.of_rows(change * self._working), *rows.stored(),
             rows.of_rows(change) if self._damped else _NONE,
             rows.sums() - rows.targets if self._moves else _NONE, rows.elastic[:, 1].copy(),
-            rows.target_rates.copy(), *self._modal_rates(),
+            rows.target_rates.copy(), *self._modal_rates(), self._power(),
         )  # fmt: skip
 
     def _modal_rates(self) -> tuple[FloatArray, FloatArray]:
@@ -206,6 +214,11 @@ class EnergyMeter:
             return _NONE, _NONE
         rates = dampers.rates()
         return rates, sum((stress @ own.rates() for own, stress in self._modal), 0.0 * rates)
+
+    def _power(self) -> float:
+        """Power of masses that change, of the chosen elements, W."""
+        gravity = self._system.gravity
+        return sum((float(e.powers(b, gravity) @ cells) for e, b, cells in self._growing), 0.0)
 
     def _viscosity(self) -> tuple[FloatArray, FloatArray]:
         """(j, 6) viscous stress of the elements, and the rate of their strain."""

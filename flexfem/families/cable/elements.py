@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Cables with mass of a rank: inertia and weight on nodes at their guides."""
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from flexfem._faults import FAILURES, noted
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.runs import starts
+from flexfem.families.cable.inertia import (
+    Cables,
+    Motion,
+    add_flow_motion,
+    add_forces,
+    tangent_columns,
+)
+from flexfem.families.common.corotating_loops import add_to_nodes, inertial_into, positions_into
+from flexfem.joints.cable import Cable
+from flexfem.joints.cable_guides import Sheave
+from flexfem.joints.cable_path import Path
+from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
+
+__all__ = ["CableMasses"]
+
+#: Mass of every node in matrices, as a part of the cable's. A point on a straight cable moves
+#: without any inertia along it, and so does one on the axis of a sheave: matrices of cables alone
+#: would be singular. Residuals are without it; it changes frequencies by half of this.
+_LITTLE = 1e-9
+
+
+class CableMasses:
+    """Inertia and weight of all cables with mass of this rank; their stretch is that of their rows.
+
+    Attributes:
+        body: (c,) number of each cable in its family.
+
+    The methods of :class:`flexfem.layout.elements.ElementFamily` are described there.
+    """
+
+    law_owner: str | None = None
+    chained = False
+    thin = False
+    stressed = False
+    viscous = False
+
+    def __init__(
+        self, block: FrameBlock, cables: Sequence[Cable], paths: Sequence[Path],
+        nodes: Sequence[IntArray], body: IntArray,
+    ) -> None:  # fmt: skip
+        """Collect the cables.
+
+        Args:
+            block: their nodes.
+            cables: those of this rank.
+            paths: their courses at the start.
+            nodes: local nodes of each: its guides, then points on the axes of its sheaves.
+            body: (c,) their numbers in the family.
+        """
+        self.body, self._cables = body, list(cables)
+        self._lengths = [path.length for path in paths]
+        self._nodes = [np.asarray(own, dtype=np.int32) for own in nodes]
+        shape = len(block.frames), 3
+        self._motion = Motion(
+            points=np.zeros(shape), velocity=np.zeros(shape), acceleration=np.zeros(shape)
+        )
+        guides = [guide for cable in cables for guide in cable.path]
+        sheaves = [guide if isinstance(guide, Sheave) else None for guide in guides]
+        tips = [_tips(cable, own) for cable, own in zip(cables, nodes, strict=True)]
+        centres = [own[: len(cable.path)] for cable, own in zip(cables, nodes, strict=True)]
+        none = np.empty(0, dtype=np.int64)
+        self._own = Cables(
+            start=starts([len(cable.path) for cable in cables]),
+            centre=np.concatenate([none, *centres]),
+            tip=np.concatenate([none, *tips]),
+            radius=np.array([0.0 if one is None else one.radius for one in sheaves]),
+            lowest=np.concatenate([np.zeros(0), *map(_lowest, cables, paths)]),
+            density=np.array([cable.mass_per_length for cable in cables]),
+            rest=np.zeros((len(cables), 3)),
+        )
+        self._powers = np.zeros(len(cables))
+        self._driven = [c for c, cable in enumerate(cables) if cable.driven]
+        for c in range(len(cables)):
+            self._set_rest(c, 0.0)
+
+    def set_time(self, t: float) -> None:
+        """Set the rest lengths to those of a time, s."""
+        for c in self._driven:
+            self._set_rest(c, t)
+
+    def _set_rest(self, c: int, t: float) -> None:
+        """Set the rest length of a cable, not a number where its function fails."""
+        cable = self._cables[c]
+        try:
+            self._own.rest[c] = cable.rest_with_rates(self._lengths[c], t)
+        except FAILURES as error:
+            noted(cable.owner, cable.paid_out or cable.rest_length, error)
+            self._own.rest[c] = np.nan
+
+    @property
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return [(own[np.newaxis], own[np.newaxis]) for own in self._nodes]
+
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        self._read(block)
+        total = np.zeros_like(self._motion.points)
+        add_forces(self._own.memory, self._motion.memory, gravity, scale, total, self._powers)
+        add_to_nodes(block.frames, total, 1.0, block.residual)
+
+    def powers(self, block: FrameBlock, gravity: FloatArray) -> FloatArray:
+        """(c,) what winches add to the energy besides the work of the stretch of each cable, W.
+
+        That is the energy of the material that comes in, and the work against inertia and weight
+        along the cable.
+        """
+        self._read(block)
+        total = np.zeros_like(self._motion.points)
+        add_forces(self._own.memory, self._motion.memory, gravity, 1.0, total, self._powers)
+        return self._powers.copy()
+
+    def values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> FloatArray:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        self._read(block)
+        matrices = [scale * self._matrix(c, gravity, shifts) for c in range(len(self._cables))]
+        return np.concatenate([np.empty(0), *(matrix.ravel() for matrix in matrices)])
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        self._read(block)
+        steps, total = np.empty_like(self._motion.points), np.zeros_like(self._motion.points)
+        inertial_into(block.frames, block.step, steps)
+        for c, own in enumerate(self._nodes):
+            force = self._matrix(c, gravity, shifts) @ steps[own].ravel()
+            total[own] += force.reshape(-1, 3)
+        add_to_nodes(block.frames, total, scale, block.residual)
+
+    def _matrix(self, c: int, gravity: FloatArray, shifts: FloatArray) -> FloatArray:
+        """Matrix of a cable (3 m, 3 m), see ``values``."""
+        own = self._nodes[c]
+        columns = np.empty((len(own), 3, *self._motion.points.shape))
+        nodes = own.astype(np.int64)
+        tangent_columns(self._own.memory, self._motion.memory, c, nodes, gravity, shifts, columns)
+        matrix: FloatArray = columns[:, :, own].reshape(3 * len(own), -1).T.copy()
+        mass = self._own.density[c] * self._own.rest[c, 0]
+        matrix += _LITTLE * mass * shifts[1] * np.eye(len(matrix))
+        return matrix
+
+    def _read(self, block: FrameBlock) -> None:
+        """Read the motion of the nodes."""
+        positions_into(block.frames, self._motion.points)
+        inertial_into(block.frames, block.velocity, self._motion.velocity)
+        inertial_into(block.frames, block.acceleration, self._motion.acceleration)
+
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains | None:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return None
+
+    def unstressed(self) -> Strains | None:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return None
+
+    def accept(self, block: FrameBlock) -> None:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.layout.elements.ElementFamily`; the tension is that of the rows.
+
+        Raises:
+            NotImplementedError: always.
+        """
+        raise NotImplementedError("the mass of a cable has no stress resultants")
+
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return np.ones(len(self.body))
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.layout.elements.ElementFamily`; rows have the energy of stretch."""
+        return np.zeros(len(self.body))
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return np.empty((0, 6)), np.empty((0, 6))
+
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return np.empty(0, dtype=np.int64), np.empty(0)
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        self._read(block)
+        for c in np.flatnonzero(chosen):
+            add_flow_motion(self._own.memory, self._motion.memory, int(c), motion)
+
+
+def _lowest(cable: Cable, path: Path) -> FloatArray:
+    """(g,) lowest angles (rad) around the guides of a cable: of a range of a full turn."""
+    lowest = np.zeros(len(cable.path))
+    for wrap in path.wraps:
+        lowest[wrap.guide] = wrap.lowest
+    return lowest
+
+
+def _tips(cable: Cable, nodes: IntArray) -> IntArray:
+    """(g,) nodes on the axes of the guides of a cable, -1 for points."""
+    sheaves = np.array([isinstance(guide, Sheave) for guide in cable.path])
+    tips = np.full(len(sheaves), -1, dtype=np.int64)
+    tips[sheaves] = nodes[len(sheaves) :]
+    return tips
