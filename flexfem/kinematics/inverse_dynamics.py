@@ -15,6 +15,7 @@ from flexfem.core.laws import applied
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row
 from flexfem.joints.actuator import Actuator
+from flexfem.joints.cable import Cable
 from flexfem.kinematics.differences import stencil
 from flexfem.kinematics.distribution import Distribution, DriveState, LeastEffort
 from flexfem.kinematics.mechanism import RigidMechanism, marker_key, place_loads
@@ -154,6 +155,10 @@ class _Task:
     ) -> None:  # fmt: skip
         model.validate()
         serial = NumberedModel(model)
+        if heavy := [j for j in model.joints if isinstance(j, Cable) and j.mass_per_length]:
+            raise ValueError(
+                f"{heavy[0].owner}: mass_per_length is not supported in inverse dynamics"
+            )
         own = [joint for joint in serial.body_joints if not any(joint is a for a in actuators)]
         for joint in outputs:
             if not joint.driven or any(joint is other for other in own):

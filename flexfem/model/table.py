@@ -70,7 +70,9 @@ def _details(model: Structure, thing: Any) -> str:
         return _shell(model, thing)
     if isinstance(thing, Beam) and thing.varies:
         return f"{_line(model, thing)}, section varies"
-    if isinstance(thing, Beam):
+    if hasattr(thing, "a"):
+        return f"{thing.a} - {thing.b}"
+    if hasattr(thing, "section"):
         return f"{_line(model, thing)}, {thing.section.mass_per_length:.4g} kg/m"
     if isinstance(thing, Body):
         return thing.details
@@ -83,8 +85,6 @@ def _details(model: Structure, thing: Any) -> str:
         return f"{', '.join(thing.inputs)} -> {', '.join(thing.outputs)}"
     if hasattr(thing, "columns"):
         return ", ".join(thing.columns)
-    if hasattr(thing, "a"):
-        return f"{thing.a} - {thing.b}"
     if hasattr(thing, "mass"):
         place = thing.marker if hasattr(thing, "marker") else f"at {_numbers(thing.position)}"
         return f"{thing.mass:.4g} kg, {place}"

@@ -128,7 +128,7 @@ def _joined(serial: NumberedModel) -> IntArray:
     """Pairs (k, 2) of nodes of shells that joints of lines connect."""
     pairs = [
         (a, b)
-        for joint in serial.joints
+        for joint in serial.body_joints
         for first, second in combinations(joint.markers, 2)
         if isinstance(first, SurfaceMarker) and isinstance(second, SurfaceMarker)
         for a in first.nodes

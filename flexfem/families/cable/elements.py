@@ -79,7 +79,7 @@ class CableMasses:
             density=np.array([cable.mass_per_length for cable in cables]),
             rest=np.zeros((len(cables), 3)),
         )
-        self._powers = np.zeros(len(cables))
+        self._powers, self._room = np.zeros(len(cables)), np.zeros(shape)
         self._driven = [c for c, cable in enumerate(cables) if cable.driven]
         for c in range(len(cables)):
             self._set_rest(c, 0.0)
@@ -148,11 +148,11 @@ class CableMasses:
 
     def _matrix(self, c: int, gravity: FloatArray, shifts: FloatArray) -> FloatArray:
         """Matrix of a cable (3 m, 3 m), see ``values``."""
-        own = self._nodes[c]
-        columns = np.empty((len(own), 3, *self._motion.points.shape))
-        nodes = own.astype(np.int64)
-        tangent_columns(self._own.memory, self._motion.memory, c, nodes, gravity, shifts, columns)
-        matrix: FloatArray = columns[:, :, own].reshape(3 * len(own), -1).T.copy()
+        nodes = self._nodes[c].astype(np.int64)
+        matrix: FloatArray = np.empty((3 * len(nodes), 3 * len(nodes)))
+        tangent_columns(
+            self._own.memory, self._motion.memory, c, nodes, gravity, shifts, self._room, matrix
+        )
         mass = self._own.density[c] * self._own.rest[c, 0]
         matrix += _LITTLE * mass * shifts[1] * np.eye(len(matrix))
         return matrix

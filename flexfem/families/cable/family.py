@@ -53,9 +53,20 @@ class CableFamily(Family):
         return [j for j in model.joints if isinstance(j, Cable) and j.mass_per_length]
 
     def __init__(self, serial: NumberedModel, kind: int) -> None:
-        """Number the nodes cable after cable."""
+        """Number the nodes cable after cable.
+
+        Raises:
+            ValueError: a cable is released, or by an event.
+        """
         super().__init__(serial, kind)
         self._cables = self.members(serial.model)
+        model = serial.model
+        switched = {*model.released, *(name for event in model.events for name in event.joints)}
+        for cable in self._cables:
+            if cable.name in switched:
+                raise ValueError(
+                    f"{cable.owner}: one with mass_per_length cannot be released, nor by an event"
+                )
         self.first = starts([len(c.path) + sum(map(_is_sheave, c.path)) for c in self._cables])
 
     @property

@@ -306,7 +306,7 @@ def _moved(
 @kernel
 def tangent_columns(
     own: Memory, at: Memory, c: int, of_cable: IntArray, gravity: FloatArray,
-    shifts: FloatArray, out: FloatArray,
+    shifts: FloatArray, f: FloatArray, out: FloatArray,
 ) -> None:  # fmt: skip
     """Derivatives of the forces of a cable by its nodes, ``k K + C dv + M dw``.
 
@@ -319,26 +319,29 @@ def tangent_columns(
         of_cable: (m,) its nodes.
         gravity: (3,) m/s^2.
         shifts: (dv/dn, dw/dn, k).
-        out: (m, 3, n, 3) derivative of the forces on all nodes n by each coordinate.
+        f: (n, 3) work space.
+        out: (3 m, 3 m).
     """
-    cables, nodes = unpack(Cables, own), unpack(Motion, at)
-    step, size, f = np.zeros(3), cables.rest[c, 0], np.empty(nodes.points.shape)
+    cables = unpack(Cables, own)
+    step, size = np.zeros(3), cables.rest[c, 0]
+    out[:] = 0.0
     for m in range(len(of_cable)):
         node = of_cable[m]
         for axis in range(3):
-            out[m, axis] = 0.0
             for kind in range(3):
                 step[:] = 0.0
                 step[kind] = _STEP * size if kind == 0 else 1.0
                 factor = shifts[2] if kind == 0 else shifts[kind - 1]
                 if factor == 0.0:
                     continue
-                f[:] = 0.0
+                for n in of_cable:
+                    f[n] = 0.0
                 _moved(own, at, c, gravity, node, axis, step, 1.0, f)
                 _moved(own, at, c, gravity, node, axis, step, -1.0, f)
-                for n in range(len(f)):
+                for n in range(len(of_cable)):
                     for i in range(3):
-                        out[m, axis, n, i] += 0.5 * factor / step[kind] * f[n, i]
+                        change = 0.5 * factor / step[kind] * f[of_cable[n], i]
+                        out[3 * n + i, 3 * m + axis] += change
 
 
 @subroutine

@@ -132,11 +132,14 @@ class EnergyMeter:
         # strain energies and viscous stresses, with the weights of the chosen elements in sums
         self._elastic, self._viscous = [], []
         self._timed: list[tuple[StrainedElements, FrameBlock]] = []
+        self._growing: list[tuple[TimedElements, FrameBlock, FloatArray]] = []
         timed, lengths = [np.zeros(0)], [np.zeros(0)]
         for part, cells in zip(system.parts, self._chosen.cells, strict=True):
             if part.elements is None:
                 continue
             self._elastic.append((part.elements, part.block, cells.astype(np.float64)))
+            if isinstance(part.elements, TimedElements):
+                self._growing.append((part.elements, part.block, cells.astype(np.float64)))
             if part.elements.viscous:
                 at, own = part.elements.viscous_at
                 self._viscous.append((part.elements, part.block))
@@ -144,11 +147,6 @@ class EnergyMeter:
             if isinstance(part.elements, StrainedElements) and part.elements.timed:
                 self._timed.append((part.elements, part.block))
                 timed.append(cells[part.elements.viscous_at[0]].astype(np.float64))
-        self._growing = [
-            (part.elements, part.block, cells.astype(np.float64))
-            for part, cells in zip(system.parts, self._chosen.cells, strict=True)
-            if isinstance(part.elements, TimedElements)
-        ]
         self._lengths, self._weights = np.concatenate(lengths), np.concatenate(timed)
         self._modal = [] if system.modal_dampers is None else [
             (own, own.products(self._chosen.cells[number]))
