@@ -274,7 +274,6 @@ def crane() -> ff.Model:
     }
     model = ff.Model("crane", mesh=ff.LineMesh.straight(lines, elements=2))
     steel = ff.Material(2.1e11, 0.3, 7850.0)
-    hub = ff.Marker("mast", "start")
     top, head = ff.Eyelet(ff.Marker("jib", 0.3)), ff.Marker("jib", "end")
     guides = [top, ff.Sheave(head, 0.1, (0.0, 1.0, 0.0))]
     model.add(ff.Gravity((0.0, 0.0, -G)))

@@ -7,8 +7,8 @@ are its axes times its radii, zero for points. A straight part s between two she
 
 ``F(s) = s + c(s, u) - c(s, v) - (x_b - x_a) = 0``.
 
-Its projections on the planes of both sheaves are tangents there; ``core.curves.tangent_line`` solves
-this. All is a function of ``D = R_a^T (x_b - x_a)`` and ``m = R_a^T R_b v`` alone, whose derivatives
+Its projections on the planes of both sheaves are tangents there, see ``core.curves.tangent_line``.
+All is a function of ``D = R_a^T (x_b - x_a)`` and ``m = R_a^T R_b v`` alone, whose derivatives
 follow from those of F; ``constraints.terms.relative`` makes those along twists of them.
 """
 

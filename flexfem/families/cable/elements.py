@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Cables with mass of a rank: inertia and weight on nodes at their guides."""
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -17,17 +18,46 @@ from flexfem.families.cable.inertia import (
     tangent_columns,
 )
 from flexfem.families.common.corotating_loops import add_to_nodes, inertial_into, positions_into
-from flexfem.joints.cable import Cable
-from flexfem.joints.cable_guides import Sheave
-from flexfem.joints.cable_path import Path
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
-__all__ = ["CableMasses"]
+__all__ = ["CableMasses", "HeavyCable"]
 
 #: Mass of every node in matrices, as a part of the cable's. A point on a straight cable moves
 #: without any inertia along it, and so does one on the axis of a sheave: matrices of cables alone
 #: would be singular. Residuals are without it; it changes frequencies by half of this.
 _LITTLE = 1e-9
+
+
+@dataclass(frozen=True)
+class HeavyCable:
+    """A cable with mass.
+
+    Attributes:
+        owner: it in messages.
+        number: in its family.
+        nodes: (m,) local nodes: of its guides, then points on the axes of its sheaves.
+        radii: (g,) of its guides, m, zero of points.
+        lowest: (g,) angles (rad) from which ranges of a full turn have those around sheaves.
+        density: kg/m of unstretched cable.
+        rest: rest length, m, with its first two rates, (3,), at a time, s.
+        winch: function of the user's by which it changes; None if it is constant.
+    """
+
+    owner: str
+    number: int
+    nodes: IntArray
+    radii: FloatArray
+    lowest: FloatArray
+    density: float
+    rest: Callable[[float], FloatArray]
+    winch: Callable[..., object] | None
+
+    @property
+    def tips(self) -> IntArray:
+        """(g,) nodes on the axes of its guides, -1 for points."""
+        found = np.full(len(self.radii), -1, dtype=np.int64)
+        found[self.radii > 0.0] = self.nodes[len(self.radii) :]
+        return found
 
 
 class CableMasses:
@@ -45,42 +75,25 @@ class CableMasses:
     stressed = False
     viscous = False
 
-    def __init__(
-        self, block: FrameBlock, cables: Sequence[Cable], paths: Sequence[Path],
-        nodes: Sequence[IntArray], body: IntArray,
-    ) -> None:  # fmt: skip
-        """Collect the cables.
-
-        Args:
-            block: their nodes.
-            cables: those of this rank.
-            paths: their courses at the start.
-            nodes: local nodes of each: its guides, then points on the axes of its sheaves.
-            body: (c,) their numbers in the family.
-        """
-        self.body, self._cables = body, list(cables)
-        self._lengths = [path.length for path in paths]
-        self._nodes = [np.asarray(own, dtype=np.int32) for own in nodes]
-        shape = len(block.frames), 3
-        self._motion = Motion(
-            points=np.zeros(shape), velocity=np.zeros(shape), acceleration=np.zeros(shape)
-        )
-        guides = [guide for cable in cables for guide in cable.path]
-        sheaves = [guide if isinstance(guide, Sheave) else None for guide in guides]
-        tips = [_tips(cable, own) for cable, own in zip(cables, nodes, strict=True)]
-        centres = [own[: len(cable.path)] for cable, own in zip(cables, nodes, strict=True)]
-        none = np.empty(0, dtype=np.int64)
+    def __init__(self, cables: Sequence[HeavyCable], nodes: int) -> None:
+        """Collect the cables of this rank, with so many nodes."""
+        self._cables = list(cables)
+        self.body = np.array([cable.number for cable in cables], dtype=np.int64)
+        self._nodes = [cable.nodes.astype(np.int32) for cable in cables]
+        points, velocity, acceleration, self._room = np.zeros((4, nodes, 3))
+        self._motion = Motion(points=points, velocity=velocity, acceleration=acceleration)
+        none, nothing = np.empty(0, dtype=np.int64), np.empty(0)
         self._own = Cables(
-            start=starts([len(cable.path) for cable in cables]),
-            centre=np.concatenate([none, *centres]),
-            tip=np.concatenate([none, *tips]),
-            radius=np.array([0.0 if one is None else one.radius for one in sheaves]),
-            lowest=np.concatenate([np.zeros(0), *map(_lowest, cables, paths)]),
-            density=np.array([cable.mass_per_length for cable in cables]),
+            start=starts([len(cable.radii) for cable in cables]),
+            centre=np.concatenate([none, *(c.nodes[: len(c.radii)] for c in cables)]),
+            tip=np.concatenate([none, *(cable.tips for cable in cables)]),
+            radius=np.concatenate([nothing, *(cable.radii for cable in cables)]),
+            lowest=np.concatenate([nothing, *(cable.lowest for cable in cables)]),
+            density=np.array([cable.density for cable in cables]),
             rest=np.zeros((len(cables), 3)),
         )
-        self._powers, self._room = np.zeros(len(cables)), np.zeros(shape)
-        self._driven = [c for c, cable in enumerate(cables) if cable.driven]
+        self._powers = np.zeros(len(cables))
+        self._driven = [c for c, cable in enumerate(cables) if cable.winch is not None]
         for c in range(len(cables)):
             self._set_rest(c, 0.0)
 
@@ -93,9 +106,9 @@ class CableMasses:
         """Set the rest length of a cable, not a number where its function fails."""
         cable = self._cables[c]
         try:
-            self._own.rest[c] = cable.rest_with_rates(self._lengths[c], t)
+            self._own.rest[c] = cable.rest(t)
         except FAILURES as error:
-            noted(cable.owner, cable.paid_out or cable.rest_length, error)
+            noted(cable.owner, cable.winch or cable.rest, error)
             self._own.rest[c] = np.nan
 
     @property
@@ -206,19 +219,3 @@ class CableMasses:
         self._read(block)
         for c in np.flatnonzero(chosen):
             add_flow_motion(self._own.memory, self._motion.memory, int(c), motion)
-
-
-def _lowest(cable: Cable, path: Path) -> FloatArray:
-    """(g,) lowest angles (rad) around the guides of a cable: of a range of a full turn."""
-    lowest = np.zeros(len(cable.path))
-    for wrap in path.wraps:
-        lowest[wrap.guide] = wrap.lowest
-    return lowest
-
-
-def _tips(cable: Cable, nodes: IntArray) -> IntArray:
-    """(g,) nodes on the axes of the guides of a cable, -1 for points."""
-    sheaves = np.array([isinstance(guide, Sheave) for guide in cable.path])
-    tips = np.full(len(sheaves), -1, dtype=np.int64)
-    tips[sheaves] = nodes[len(sheaves) :]
-    return tips

@@ -3,7 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import cached_property
+from functools import cached_property, partial
 from typing import override
 
 from mpi4py import MPI
@@ -16,7 +16,7 @@ from flexfem.core.joint import Joint, unit
 from flexfem.core.marker import Attachment, Ground, Marker, SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.runs import starts
-from flexfem.families.cable.elements import CableMasses
+from flexfem.families.cable.elements import CableMasses, HeavyCable
 from flexfem.families.common.block_nodes import distributed
 from flexfem.joints.cable import Cable
 from flexfem.joints.cable_guides import Guide, Sheave, marker_of
@@ -191,9 +191,20 @@ class CableFamily(Family):
             inertial=True, width=3, dirichlet=held[ids] if held.any() else None,
         )  # fmt: skip
         own = np.flatnonzero(ranks == comm.rank)
-        nodes = [block.local_index(np.arange(*self.first[k : k + 2])) for k in own]
-        cables, paths = [self._cables[k] for k in own], [self._paths[k] for k in own]
-        return block, CableMasses(block, cables, paths, nodes, own)
+        return block, CableMasses([self._described(int(k), block) for k in own], len(ids))
+
+    def _described(self, k: int, block: FrameBlock) -> HeavyCable:
+        """Data of a cable for its elements."""
+        cable, path = self._cables[k], self._paths[k]
+        lowest = np.zeros(len(cable.path))
+        for wrap in path.wraps:
+            lowest[wrap.guide] = wrap.lowest
+        winch = cable.rest_length if callable(cable.rest_length) else cable.paid_out
+        return HeavyCable(
+            cable.owner, k, block.local_index(np.arange(*self.first[k : k + 2])),
+            np.array([guide.radius if isinstance(guide, Sheave) else 0.0 for guide in cable.path]),
+            lowest, cable.mass_per_length, partial(cable.rest_with_rates, path.length), winch,
+        )  # fmt: skip
 
 
 class CableTie(Spherical):

@@ -314,7 +314,8 @@ def tangent_columns(
     are exact, those along positions have the root of round-off.
 
     Args:
-        own: ``Cables``; at: ``Motion``.
+        own: ``Cables``.
+        at: ``Motion``.
         c: number of the cable.
         of_cable: (m,) its nodes.
         gravity: (3,) m/s^2.

@@ -17,6 +17,8 @@ __all__ = ["SagWatch", "sagging_cables"]
 
 #: Sag relative to the length from which it counts: the part is then longer by 0.24 %.
 _SAG = 0.03
+#: Part of its weight across a slack part at which it counts as vertical: round-off.
+_LEVEL = 1e-6
 #: Part of the looks with as much that is worth a warning: no transient of a start.
 _OFTEN = 0.1
 
@@ -29,7 +31,6 @@ class _Cable:
         index: number in the model.
         cable: the cable.
         row, markers: its row, and its first marker.
-        length: at the start, m.
         count: of looks that found it sagging.
         worst: largest relative sag, number of its part, tension (N) and time (s).
     """
@@ -38,7 +39,6 @@ class _Cable:
     cable: Cable
     row: int
     markers: int
-    length: float
     count: int = 0
     worst: tuple[float, int, float, float] = (0.0, 0, 0.0, 0.0)
 
@@ -50,13 +50,10 @@ class SagWatch:
         """Find the cables of this rank."""
         rows, self._system, self._looks = system.constraints, system, 0
         self._cables = [
-            _Cable(
-                placed.index, placed.joint, int(rows.start[i]), int(rows.marker_start[i]),
-                placed.joint.shape(placed.poses).length,
-            )
+            _Cable(placed.index, placed.joint, int(rows.start[i]), int(rows.marker_start[i]))
             for i, placed in enumerate(rows.joints)
             if placed.owned and isinstance(placed.joint, Cable) and placed.joint.mass_per_length
-        ]  # fmt: skip
+        ]
 
     def look(self) -> None:
         """Look at the accepted state of this rank."""
@@ -75,13 +72,13 @@ class SagWatch:
 
     def _sags(self, one: _Cable, points: FloatArray, tension: float) -> FloatArray:
         """Relative sags of the straight parts between guides, infinite where it is slack."""
-        lines, gravity = np.diff(points, axis=0), self._system.gravity
-        across = np.linalg.norm(np.cross(lines, gravity), axis=1)
-        stretch = one.length / one.cable.rest_with_rates(one.length, self._system.time)[0]
-        weights = one.cable.mass_per_length / stretch * across
-        with np.errstate(divide="ignore", invalid="ignore"):
-            found = weights / (8.0 * max(tension, 0.0))
-        return np.where(weights > 0.0, found, 0.0)
+        lines, gravity = points[1:] - points[:-1], self._system.gravity
+        along, square = lines @ gravity, gravity @ gravity
+        across = np.sqrt(np.maximum((lines * lines).sum(axis=1) * square - along * along, 0.0))
+        if tension <= 0.0:
+            return np.where(across > _LEVEL * np.abs(along), np.inf, 0.0)
+        sags: FloatArray = one.cable.mass_per_length / (8.0 * tension) * across
+        return sags
 
     def texts(self) -> list[str]:
         """Warnings, the same on every rank (collective)."""

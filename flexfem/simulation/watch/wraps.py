@@ -108,9 +108,9 @@ class WrapWatch:
             elif k in self._wound:
                 t, angle = self._wound[k]
                 own[place.joint] = (
-                    f"{what}the cable runs round it by {angle:.3g} rad at t = {t:.6g}, but its mass "
-                    f"is that of less than {place.most:.3g} rad, as at the start; later results "
-                    "are invalid"
+                    f"{what}the cable runs round it by {angle:.3g} rad at t = {t:.6g}, but its "
+                    f"mass is that of less than {place.most:.3g} rad, as at the start; later "
+                    "results are invalid"
                 )
         every: dict[tuple[int, int], str] = {}
         for part in self._system.comm.allgather(own):
