@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Cables with mass against closed forms, balances and chains of bodies."""
 
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Any
 
@@ -17,17 +18,9 @@ SMALL = (0.01, 0.01, 0.01)
 MU = 1.5
 
 
-def run(model: ff.Model, dt: float, t_end: float, **given: Any) -> dict[str, np.ndarray]:
-    """History on all ranks, after it was compared with that of one process."""
-    options = ff.RunOptions(dt=dt, t_end=t_end, **{"quiet": True} | given)
-    alone = ff.simulate(model, options, comm=MPI.COMM_SELF).history
-    shared = columns(ff.simulate(model, options)) if MPI.COMM_WORLD.size > 1 else {}
-    for name, values in shared.items():
-        # round-off; mass that no rank or two ranks count is of the order of the values
-        np.testing.assert_allclose(
-            values, alone[name], atol=1e-9 * np.abs(values).max() + 1e-12, err_msg=name
-        )
-    return {name: np.asarray(values) for name, values in alone.items()}
+def run(model: ff.Model, dt: float, t_end: float, **given: Any) -> Mapping[str, np.ndarray]:
+    """History of a motion."""
+    return columns(ff.simulate(model, ff.RunOptions(dt=dt, t_end=t_end, quiet=True, **given)))
 
 
 def model_of(*things: Any) -> ff.Model:
@@ -37,7 +30,7 @@ def model_of(*things: Any) -> ff.Model:
     return model
 
 
-def balanced(history: dict[str, np.ndarray], part: float) -> None:
+def balanced(history: Mapping[str, np.ndarray], part: float) -> None:
     """Check that the balance of the energies is small."""
     size = np.abs(history["energy_kinetic"]).max()
     assert np.abs(history["energy_balance"]).max() < part * size
@@ -63,12 +56,12 @@ def atwood(**cable: Any) -> ff.Model:
 @pytest.mark.parametrize("integrator", ["generalized_alpha", "stabilized_index2"])
 def test_atwoods_machine_with_a_heavy_rope(integrator: str) -> None:
     """(m1 + m2 + mu L) x'' = (m1 - m2 + 2 mu x) g, with what lies on the sheave in L."""
-    history = run(atwood(), 4e-3, 0.8, integrator=integrator)
+    history = run(atwood(), 8e-3, 0.8, integrator=integrator)
     whole = M1 + M2 + MU * (2.0 * DEEP + np.pi * RADIUS)
     rate, x0 = np.sqrt(2.0 * MU * G / whole), (M1 - M2) / (2.0 * MU)
     exact = -DEEP - x0 * (np.cosh(0.8 * rate) - 1.0)
-    # second order in the step, 2e-6 m here; the sheave's share of the mass alone is 3e-2 m
-    assert history["at_z"][-1] == pytest.approx(exact, abs=5e-6)
+    # second order in the step, 9e-6 m here; the sheave's share of the mass alone is 3e-2 m
+    assert history["at_z"][-1] == pytest.approx(exact, abs=2e-5)
     balanced(history, 1e-6)
 
 
@@ -272,7 +265,7 @@ def crane() -> ff.Model:
         "mast": ((-1.0, 0.0, -1.0), (-1.0, 0.0, 0.0)),
         "jib": ((0.0, 0.1, 0.0), (1.0, 0.1, 0.0)),
     }
-    model = ff.Model("crane", mesh=ff.LineMesh.straight(lines, elements=2))
+    model = ff.Model("crane", mesh=ff.LineMesh.straight(lines, elements=1))
     steel = ff.Material(2.1e11, 0.3, 7850.0)
     top, head = ff.Eyelet(ff.Marker("jib", 0.3)), ff.Marker("jib", "end")
     guides = [top, ff.Sheave(head, 0.1, (0.0, 1.0, 0.0))]
@@ -299,13 +292,15 @@ def crane() -> ff.Model:
 def test_a_heavy_rope_on_flexible_booms(shared_tmp_path: Path) -> None:
     """The same on all ranks, with the balance of the energies, also through a restart."""
     given = {"dt": 2e-3, "tolerance": 1e-10, "quiet": True}
-    history = run(crane(), t_end=0.06, **given)
-    balanced(history, 1e-3)
-    ff.simulate(
-        crane(), ff.RunOptions(t_end=0.05, output=shared_tmp_path, checkpoint_every=25, **given)
-    )
-    file = shared_tmp_path / "checkpoint_000025.h5"
-    again = columns(ff.simulate(crane(), ff.RunOptions(t_end=0.06, restart=file, **given)))
-    for name in ("at_x", "at_y", "at_z", "pull_tension", "energy_balance"):
+    alone = ff.simulate(crane(), ff.RunOptions(t_end=0.02, **given), comm=MPI.COMM_SELF).history
+    saved = {"output": shared_tmp_path, "checkpoint_every": 5} | given
+    shared = columns(ff.simulate(crane(), ff.RunOptions(t_end=0.02, **saved)))
+    file = shared_tmp_path / "checkpoint_000005.h5"
+    again = columns(ff.simulate(crane(), ff.RunOptions(t_end=0.02, restart=file, **given)))
+    balanced(alone, 1e-3)
+    for name, values in alone.items():
+        size = np.abs(values).max()
+        # round-off; mass that no rank or two ranks count is of the order of the values
+        np.testing.assert_allclose(shared[name], values, atol=1e-9 * size + 1e-12, err_msg=name)
         # Newton's tolerance; a state that is left out is of the order of the values
-        assert again[name][-1] == pytest.approx(history[name][-1], rel=1e-8, abs=1e-8), name
+        assert again[name][-1] == pytest.approx(values[-1], abs=1e-7 * size + 1e-9), name
