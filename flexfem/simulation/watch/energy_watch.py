@@ -83,6 +83,7 @@ class EnergyWatch:
         self._preload: FloatArray = np.where(spring, rows.elastic[:, 3], 0.0)
         self._losing = bool(system.comm.allreduce(self._may_lose(), op=MPI.LOR))
         self._loads, self._time = self._meter.loads(), system.time
+        self._power = self._meter.power()
         self._work = self._most_work = 0.0
         self._count = self._events = 0
         self._base = self._before = np.nan
@@ -107,8 +108,10 @@ class EnergyWatch:
             return
         if self._driven:
             self._drives.follow()
+        h, self._time = self._system.time - self._time, self._system.time
+        given, self._power = self._power, self._meter.power()
+        self._work += 0.5 * h * (given + self._power)
         if self._varying:
-            h, self._time = self._system.time - self._time, self._system.time
             before, self._loads = self._loads, self._meter.loads()
             self._work += work_of_loads(before, self._loads, h)
         done = abs(self._done())

@@ -202,7 +202,7 @@ class EnergyMeter:
             rows.of_rows(change * self._working), *rows.stored(),
             rows.of_rows(change) if self._damped else _NONE,
             rows.sums() - rows.targets if self._moves else _NONE, rows.elastic[:, 1].copy(),
-            rows.target_rates.copy(), *self._modal_rates(), self._power(),
+            rows.target_rates.copy(), *self._modal_rates(), self.power(),
         )  # fmt: skip
 
     def _modal_rates(self) -> tuple[FloatArray, FloatArray]:
@@ -213,8 +213,8 @@ class EnergyMeter:
         rates = dampers.rates()
         return rates, sum((stress @ own.rates() for own, stress in self._modal), 0.0 * rates)
 
-    def _power(self) -> float:
-        """Power of masses that change, of the chosen elements, W."""
+    def power(self) -> float:
+        """Power of masses of the chosen elements that change, W, on this rank."""
         gravity = self._system.gravity
         return sum((float(e.powers(b, gravity) @ cells) for e, b, cells in self._growing), 0.0)
 
