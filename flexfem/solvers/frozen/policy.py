@@ -34,8 +34,8 @@ _REFINE_FROZEN, _REFINE_AUTO = 0.005, 0.1
 #: Relative defect of the frozen operator below which refinement ends, as a part of the former.
 _RELAX = 0.2
 #: Contraction up to which the multipliers' system is kept within a step, and, for refined steps,
-#: their size up to which it is kept, m or rad.
-_WELL, _NEAR = 0.02, 0.01
+#: their size up to which it is kept, m or rad, or their motion alone, whatever the forces are.
+_WELL, _NEAR, _STILL = 0.02, 0.01, 1e-4
 #: Number of tolerances below which the second step is no measure of the contraction: rotations of
 #: stiff directions are of second order in the first step, and vanish in the third.
 _CLOSE = 100.0
@@ -80,7 +80,10 @@ class _Attempt:
         motion (m, rad), however large the multipliers' step is, and is corrected by refinement.
         """
         frozen, tolerance = self._frozen, self._tolerance
-        near = size <= _NEAR if self.refine else contraction < _WELL and motion**2 <= tolerance
+        if self.refine:
+            near = size <= _NEAR or motion <= _STILL
+        else:
+            near = contraction < _WELL and motion**2 <= tolerance
         self._keep_interface = frozen.keepable and near
         if iteration < 2 or (iteration == 2 and size <= _CLOSE * tolerance):
             return
@@ -143,7 +146,12 @@ class FrozenPolicy:
         self._system.counters.fallbacks += 1
         restart()
         self._again = self._fallback.again
-        return self._fallback.solve(shifts, restart, equations)
+        status = self._fallback.solve(shifts, restart, equations)
+        if status is Status.OK and self.slow is not None:
+            # factors of iterates that diverged would fail in the next step, too
+            frozen.factor(shifts)
+            self._refine = False
+        return status
 
     def again(self, values: FloatArray) -> bool:
         """See :class:`Policy`."""
