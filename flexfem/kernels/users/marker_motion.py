@@ -10,7 +10,9 @@ __all__ = ["inertial_motion", "wrench_components"]
 @inlined
 def _rotated(rotations: FloatArray, k: int, i: int, x: float, y: float, z: float) -> float:
     """Component i in inertial axes of a vector in the axes of marker k."""
-    return rotations[k, 3 * i] * x + rotations[k, 3 * i + 1] * y + rotations[k, 3 * i + 2] * z
+    R, at = rotations[k], 3 * i
+    found: float = R[at] * x + R[at + 1] * y + R[at + 2] * z
+    return found
 
 
 @kernel
