@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Modified Newton policies: when bodies are refactorised, and steps refined."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 
@@ -39,6 +39,38 @@ _WELL, _NEAR, _STILL = 0.02, 0.01, 1e-4
 #: Number of tolerances below which the second step is no measure of the contraction: rotations of
 #: stiff directions are of second order in the first step, and vanish in the third.
 _CLOSE = 100.0
+#: Work of new factors in sweeps of refinement (18 for a rotor with tower, more for solids), excess
+#: of the sweeps at which they pay, and weight of a step in the present sweeps.
+_RENEWAL, _EXCESS, _WEIGHT = 25.0, 1.25, 0.2
+
+
+class _Wear:
+    """Sweeps of refinement since factors were computed, which say when new ones pay.
+
+    Factors are replaced when a step takes more sweeps than one took on average, their own work
+    counted as sweeps, too. Where fresh factors need as many sweeps as old ones this is never so.
+
+    Attributes:
+        steps, sweeps, present: number of both, and of the sweeps of the latest steps.
+        out: 1 if new factors pay in the next step, else 0.
+    """
+
+    def __init__(self, state: Sequence[float] = (0.0, 0.0, 0.0, 0.0)) -> None:
+        """Begin with new factors, or where a run was left."""
+        self.steps, self.sweeps, self.present, self.out = state
+
+    @property
+    def state(self) -> tuple[float, ...]:
+        """All numbers."""
+        return self.steps, self.sweeps, self.present, self.out
+
+    def add(self, sweeps: int) -> None:
+        """Count a step."""
+        self.steps += 1.0
+        self.sweeps += sweeps
+        self.present += _WEIGHT * (sweeps - self.present)
+        pays = self.present * self.steps > _EXCESS * (_RENEWAL + self.sweeps)
+        self.out = float(pays)
 
 
 class _Attempt:
@@ -47,6 +79,8 @@ class _Attempt:
     Attributes:
         refine: True to correct steps by the exact tangent's action.
         defect: relative error of the frozen operator in the last refined step.
+        sweeps: number of those of refinement.
+        renewed: share of the factors that were renewed.
     """
 
     def __init__(
@@ -59,7 +93,7 @@ class _Attempt:
         """
         self._frozen, self._slow, self._limit, self._tolerance = frozen, slow, limit, tolerance
         self.refine, self.defect = refine, defect
-        self._keep_interface, self._renewed = False, 0.0
+        self._keep_interface, self.renewed, self.sweeps = False, 0.0, 0
         self._refined: Refined | None = None
 
     def step(self, shifts: Shifts, strains: PartStrains) -> tuple[bool, FloatArray]:
@@ -69,6 +103,7 @@ class _Attempt:
         )
         if self._refined is not None:
             self.defect = self._refined.defect
+            self.sweeps += self._refined.sweeps
         return success, change
 
     def observe(
@@ -90,11 +125,11 @@ class _Attempt:
         if contraction > self._limit:
             self.refine = True
         exact = self._refined is not None and self._refined.exact
-        if self._slow is None or exact or self._renewed >= 1.0 or size <= tolerance:
+        if self._slow is None or exact or self.renewed >= 1.0 or size <= tolerance:
             return
         worst = frozen.worst(self._refined)
         if contraction > self._slow * worst.share:
-            self._renewed += worst.share
+            self.renewed += worst.share
             frozen.renew(worst, strains)
 
 
@@ -117,7 +152,7 @@ class FrozenPolicy:
         self._frozen = FrozenSolver(system, mechanics)
         self._again: SolveAgain = self._frozen.again
         # initial values of the next step
-        self._refine, self._defect = False, 0.0
+        self._refine, self._defect, self._wear = False, 0.0, _Wear()
 
     @property
     def tolerance(self) -> float:
@@ -132,6 +167,10 @@ class FrozenPolicy:
         self._again = frozen.again
         if frozen.shifts != shifts:
             frozen.use(shifts, self._system.accepted_strains())
+            self._wear = _Wear()
+        elif self._wear.out and self.slow is not None:
+            frozen.factor(shifts, self._system.accepted_strains())
+            self._refine, self._wear = False, _Wear()  # plain steps may do again
         attempt = _Attempt(
             frozen, self.slow, self.limit, self._options.tolerance, self._refine, self._defect
         )
@@ -140,18 +179,17 @@ class FrozenPolicy:
             frozen.again,
         )  # fmt: skip
         self._refine, self._defect = attempt.refine, attempt.defect
+        if attempt.renewed:
+            self._wear = _Wear()
         if status is Status.OK:
             self._refine = self._refine and self._defect > _RELAX * self.limit
+            self._wear.add(attempt.sweeps)
             return status
         self._system.counters.fallbacks += 1
+        self._wear.out = 1.0  # factors with which a step fails would fail in the next one, too
         restart()
         self._again = self._fallback.again
-        status = self._fallback.solve(shifts, restart, equations)
-        if status is Status.OK and self.slow is not None:
-            # factors of iterates that diverged would fail in the next step, too
-            frozen.factor(shifts)
-            self._refine = False
-        return status
+        return self._fallback.solve(shifts, restart, equations)
 
     def again(self, values: FloatArray) -> bool:
         """See :class:`Policy`."""
@@ -159,7 +197,10 @@ class FrozenPolicy:
 
     def state(self) -> State:
         """See :class:`Policy`."""
-        own = {"refine": np.array([float(self._refine), self._defect])}
+        own = {
+            "refine": np.array([float(self._refine), self._defect]),
+            "wear": np.array(self._wear.state),
+        }
         return self._frozen.state() | State(own, optional=frozenset(own))
 
     def restore(self, state: State) -> None:
@@ -170,10 +211,15 @@ class FrozenPolicy:
                 bool(state.values["refine"][0]),
                 float(state.values["refine"][1]),
             )
+        if "wear" in state.values:
+            self._wear = _Wear(state.values["wear"].tolist())
 
 
 class AutoPolicy(FrozenPolicy):
-    """Policy that keeps factors, and renews them if the iteration contracts slowly."""
+    """Policy that keeps factors, and renews them if the iteration contracts slowly.
+
+    It also does so when refinement has come to cost more than new factors, see ``_Wear``.
+    """
 
     slow = _SLOW
     limit = _REFINE_AUTO
