@@ -2,6 +2,7 @@
 """Modified Newton policies: when bodies are refactorised, and steps refined."""
 
 from collections.abc import Callable, Sequence
+from math import inf
 
 import numpy as np
 
@@ -21,7 +22,7 @@ from flexfem.solvers.newton.policy import UpdatedPolicy
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 
-__all__ = ["AutoPolicy", "FrozenPolicy"]
+__all__ = ["AutoPolicy", "FrozenPolicy", "Wear"]
 
 #: Contraction above which ``auto`` renews the factors, unless the step solved the exact linearised
 #: equations: Newton's method itself is then slow, e.g. when contacts open and close. To renew the
@@ -39,38 +40,49 @@ _WELL, _NEAR, _STILL = 0.02, 0.01, 1e-4
 #: Number of tolerances below which the second step is no measure of the contraction: rotations of
 #: stiff directions are of second order in the first step, and vanish in the third.
 _CLOSE = 100.0
-#: Work of new factors in sweeps of refinement (18 for a rotor with tower, more for solids), excess
-#: of the sweeps at which they pay, and weight of a step in the present sweeps.
-_RENEWAL, _EXCESS, _WEIGHT = 25.0, 1.25, 0.2
+#: Work of new factors in sweeps of refinement (18 for a rotor with tower, more for solids), and
+#: number of steps with them that tell whether they are better.
+_RENEWAL, _FIRST = 25.0, 3
 
 
-class _Wear:
+class Wear:
     """Sweeps of refinement since factors were computed, which say when new ones pay.
 
-    Factors are replaced when a step takes more sweeps than one took on average, their own work
-    counted as sweeps, too. Where fresh factors need as many sweeps as old ones this is never so.
+    Where the sweeps of a step grow from zero, the least work in all is that of new factors whenever
+    sweeps have cost as much as these. Where the first steps with new factors take more than half of
+    the sweeps that the former took, the next ones follow after twice as many.
 
     Attributes:
-        steps, sweeps, present: number of both, and of the sweeps of the latest steps.
-        out: 1 if new factors pay in the next step, else 0.
+        steps, sweeps: number of both.
+        before: mean number of sweeps with the former factors.
+        budget: number of sweeps after which new factors pay.
+        out: 1 if they are to be computed at the next step, else 0.
     """
 
-    def __init__(self, state: Sequence[float] = (0.0, 0.0, 0.0, 0.0)) -> None:
+    def __init__(self, state: Sequence[float] = (0.0, 0.0, inf, _RENEWAL, 0.0)) -> None:
         """Begin with new factors, or where a run was left."""
-        self.steps, self.sweeps, self.present, self.out = state
+        self.steps, self.sweeps, self.before, self.budget, self.out = state
 
     @property
     def state(self) -> tuple[float, ...]:
         """All numbers."""
-        return self.steps, self.sweeps, self.present, self.out
+        return self.steps, self.sweeps, self.before, self.budget, self.out
 
-    def add(self, sweeps: int) -> None:
+    def add(self, sweeps: float) -> None:
         """Count a step."""
         self.steps += 1.0
         self.sweeps += sweeps
-        self.present += _WEIGHT * (sweeps - self.present)
-        pays = self.present * self.steps > _EXCESS * (_RENEWAL + self.sweeps)
-        self.out = float(pays)
+        if self.steps == _FIRST:
+            better = self.sweeps <= 0.5 * self.before * _FIRST
+            self.budget = _RENEWAL if better else 2.0 * self.budget
+        if self.steps >= _FIRST and self.sweeps > self.budget:
+            self.out = 1.0
+
+    def renew(self) -> None:
+        """Begin to count for new factors."""
+        if self.steps:
+            self.before = self.sweeps / self.steps
+        self.steps = self.sweeps = self.out = 0.0
 
 
 class _Attempt:
@@ -152,7 +164,7 @@ class FrozenPolicy:
         self._frozen = FrozenSolver(system, mechanics)
         self._again: SolveAgain = self._frozen.again
         # initial values of the next step
-        self._refine, self._defect, self._wear = False, 0.0, _Wear()
+        self._refine, self._defect, self._wear = False, 0.0, Wear()
 
     @property
     def tolerance(self) -> float:
@@ -167,10 +179,12 @@ class FrozenPolicy:
         self._again = frozen.again
         if frozen.shifts != shifts:
             frozen.use(shifts, self._system.accepted_strains())
-            self._wear = _Wear()
-        elif self._wear.out and self.slow is not None:
+            self._wear.renew()
+        elif self._wear.out and self.slow is not None and not self._system.timed:
+            # a restarted run computes them again, with initial strains of its own time
             frozen.factor(shifts, self._system.accepted_strains())
-            self._refine, self._wear = False, _Wear()  # plain steps may do again
+            self._refine = False  # plain steps may do again
+            self._wear.renew()
         attempt = _Attempt(
             frozen, self.slow, self.limit, self._options.tolerance, self._refine, self._defect
         )
@@ -180,7 +194,7 @@ class FrozenPolicy:
         )  # fmt: skip
         self._refine, self._defect = attempt.refine, attempt.defect
         if attempt.renewed:
-            self._wear = _Wear()
+            self._wear.renew()
         if status is Status.OK:
             self._refine = self._refine and self._defect > _RELAX * self.limit
             self._wear.add(attempt.sweeps)
@@ -212,13 +226,13 @@ class FrozenPolicy:
                 float(state.values["refine"][1]),
             )
         if "wear" in state.values:
-            self._wear = _Wear(state.values["wear"].tolist())
+            self._wear = Wear(state.values["wear"].tolist())
 
 
 class AutoPolicy(FrozenPolicy):
     """Policy that keeps factors, and renews them if the iteration contracts slowly.
 
-    It also does so when refinement has come to cost more than new factors, see ``_Wear``.
+    It also does so when refinement has cost as much as new factors, see ``Wear``.
     """
 
     slow = _SLOW
