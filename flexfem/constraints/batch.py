@@ -392,9 +392,8 @@ class Constraints(NumberedRows):
         return self._padded
 
     def velocity_changes(self, velocity: float) -> FloatArray:
-        """(n + 1, 6, 6) derivatives of these by steps of the nodes; ``velocity``: dv/dn, 1/s."""
-        found = velocity_changes(self.interface.interface_nodes.memory, velocity)
-        return np.concatenate([found, np.zeros((1, 6, 6))])
+        """(n, 6, 6) derivatives of these by steps of the nodes; ``velocity``: dv/dn, 1/s."""
+        return velocity_changes(self.interface.interface_nodes.memory, velocity)
 
     def rate_changes(self, slopes: FloatArray, velocity: float, *, held: bool) -> FloatArray:
         """(t, 2, 6) changes of the rates of rows along steps, times their slopes.

@@ -37,7 +37,8 @@ class RowTable:
         kinds, directions, factors: (t,), (t, 3, 3) and (t,) of the terms; a kind is a ``RowKind``
             or the address of a user-defined function.
         angles: (t,) continuous angles at the accepted state.
-        term_marker, term_nodes: (t, 2) both markers and the interface numbers of their nodes.
+        term_marker, term_nodes: (t, 2) both markers and the interface numbers of their nodes, -1
+            for the second of a term with one marker.
         pair_of_term: (t,) pair of markers of a term, ``pair_nodes`` (p, 2), ``pair_owned`` (p,).
         coupled: (k, 2) rows with friction, and rows whose resultant is the normal force.
         wrapped_rows, wrap_terms, wraps: (w,), (w, 2) and (w, 2) of guides of cables with friction.
@@ -98,10 +99,14 @@ class RowTable:
         ends = np.zeros((len(joint), 2), dtype=np.int64)
         ends[:, 1] = 1
         inner = zip(self.joint_of_row, rows, strict=True)
-        listed = [(t.a, t.b) for i, r in inner if not self.joints[i].on_lines for t in r.terms]
-        ends[~on_lines] = np.array(listed, dtype=np.int64).reshape(-1, 2)
+        listed = [t for i, r in inner if not self.joints[i].on_lines for t in r.terms]
+        ends[~on_lines] = np.array([(t.a, t.b) for t in listed], dtype=np.int64).reshape(-1, 2)
         self.term_marker: IntArray = self.marker_start[joint][:, np.newaxis] + ends
         self.term_nodes: IntArray = self.marker_node[self.term_marker]
+        # components of the twist of one marker, which has its gradients on the first side
+        alone = np.zeros(len(joint), dtype=np.bool_)
+        alone[~on_lines] = [t.kind is RowKind.TWIST and t.a == t.b for t in listed]
+        self.term_nodes[alone, 1] = -1
         simple = np.flatnonzero(~on_lines)
         pairs, first, number = np.unique(
             self.term_marker[simple], axis=0, return_index=True, return_inverse=True

@@ -6,6 +6,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
+from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
@@ -84,8 +85,16 @@ class MarkerLaw:
             if self.kinds == 1:
                 raise ReturnError("law must return moments always or never, got None at the start")
             wrenches[:, 1] = moments
-        local = wrenches @ ends.rotations
-        return -local.reshape(len(elements), -1), rates.reshape(len(elements), self.states)
+        self._loops.wrench_components(wrenches, ends.rotations)
+        local = wrenches.reshape(len(elements), -1)
+        return local, rates.reshape(len(elements), self.states)
+
+    @cached_property
+    def _loops(self) -> ModuleType:
+        """Compiled loops, which declarations of models do not need."""
+        from flexfem.kernels.users import marker_motion
+
+        return marker_motion
 
     @cached_property
     def _law(self) -> Callable[..., Any]:
@@ -136,15 +145,18 @@ class MarkerLaw:
 
     def _inertial(self, elements: IntArray, motion: ElementMotion) -> Ends:
         """Motion of the markers in inertial axes."""
-        poses, twists = motion.poses.reshape(-1, 12), motion.twists.reshape(-1, 2, 3)
-        rotations = np.ascontiguousarray(poses[:, 3:]).reshape(-1, 3, 3)
-        velocities = rotations @ twists.transpose(0, 2, 1)
+        poses, twists = motion.poses.reshape(-1, 12), motion.twists.reshape(-1, 6)
+        count = len(poses)
+        positions, rotations = np.empty((count, 3)), np.empty((count, 9))
+        rates = np.empty((2, count, 3))
+        self._loops.inertial_motion(poses, twists, positions, rotations, rates)
         key = elements.tobytes()
         if key not in self._numbers:
             first = self.size * elements[:, np.newaxis]
             self._numbers[key] = (first + np.arange(self.size)).ravel()
-        v, w = np.ascontiguousarray(velocities.transpose(2, 0, 1))
-        return Ends(np.ascontiguousarray(poses[:, :3]), rotations, v, w, self._numbers[key])
+        return Ends(
+            positions, rotations.reshape(count, 3, 3), rates[0], rates[1], self._numbers[key]
+        )
 
     def _parts(
         self, found: Any, elements: IntArray

@@ -8,10 +8,12 @@ from typing import Protocol
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.constraints.elements.group import ElementGroup, Slopes
+from flexfem._types import FloatArray, IntArray
+from flexfem.constraints.elements.group import ElementGroup
+from flexfem.constraints.elements.kernels import add_slopes, write_rows
 from flexfem.constraints.elements.marker_changes import MarkerChanges, marker_changes
 from flexfem.constraints.elements.states import AT_REST, StateStep
+from flexfem.constraints.rows.data import RowArrays
 from flexfem.constraints.rows.placed_joint import RowLayout
 from flexfem.core.laws import ElementLaw, ElementMotion
 from flexfem.core.state import State
@@ -24,12 +26,9 @@ _STATES = ("z0", "g0", "w0")
 class Rows(Protocol):
     """The table of all rows, see ``Constraints``, in which the elements' equations are written."""
 
+    own: RowArrays
     instant: float
     poses: FloatArray
-    active: BoolArray
-    multipliers: FloatArray
-    values: FloatArray
-    compliance: FloatArray
     force_jacobian: FloatArray
     step_jacobian: FloatArray
 
@@ -38,7 +37,7 @@ class Rows(Protocol):
         ...
 
     def velocity_changes(self, velocity: float) -> FloatArray:
-        """(n + 1, 6, 6) their derivatives by steps; ``velocity``: dv/dn, 1/s."""
+        """(n, 6, 6) their derivatives by steps; ``velocity``: dv/dn, 1/s."""
         ...
 
     def rate_changes(self, slopes: FloatArray, velocity: float, *, held: bool) -> FloatArray:
@@ -142,15 +141,14 @@ class ForceElements:
         changes = rows.velocity_changes(dynamics[0]) if wanted else None
         for (group, motion), sets in zip(self._motions(rows), self.sets, strict=True):
             slopes = group.evaluate(motion, step, slopes=wanted)
-            scale = _write(rows, group, slopes, dynamics)
+            place, twist, scale = slopes.by_place, slopes.by_twist, np.empty(group.rows.shape)
+            write_rows(rows.own.memory, group.rows, group.forces, place, twist, dynamics, scale)
             if changes is None:
                 continue
             for some in sets:
-                place, twist = slopes.by_place[some.members], slopes.by_twist[some.members]
                 rates = self._rate_changes(rows, some, dynamics)
                 total = some.along(place, twist, rows.force_jacobian, changes, rates)
-                factor = scale[some.members][:, :, np.newaxis, np.newaxis, np.newaxis]
-                rows.step_jacobian[some.terms] = total * factor
+                add_slopes(some.members, some.terms, scale, total, rows.step_jacobian)
 
     def linearize(self, rows: Rows) -> ElementSlopes:
         """Derivatives of all forces and of rates of states at the state evaluated last.
@@ -161,9 +159,10 @@ class ForceElements:
         states, unchanged = [], 0.0 * rows.velocity_changes(1.0)
         for (group, motion), sets in zip(self._motions(rows), self.sets, strict=True):
             r, count, whole = group.rows.shape[1], 6 * group.law.size, group.linearized(motion)
+            place = np.ascontiguousarray(whole[:, :, :count])
+            twist = np.ascontiguousarray(whole[:, :, count : 2 * count])
             for some in sets:
                 every = whole[some.members]
-                place, twist = every[:, :, :count], every[:, :, count : 2 * count]
                 given = rows.force_jacobian, unchanged, self._rate_changes(rows, some)
                 by_place = some.along(place, twist, *given)
                 by_twist = some.along(twist, 0.0 * twist, *given)
@@ -194,12 +193,13 @@ class ForceElements:
 
     def _motions(self, rows: Rows) -> list[tuple[ElementGroup, ElementMotion]]:
         """Motions of all groups at the interface's state; markers are placed."""
-        found = []
+        found, velocities = [], rows.node_velocities()
         for group, sets in zip(self.groups, self.sets, strict=True):
-            twists, velocities = np.zeros((*group.markers.shape, 6)), rows.node_velocities()
+            twists = np.empty((*group.markers.shape, 6))
             for some in sets:
-                twists[some.members] = some.twists(rows.force_jacobian, velocities)
-            found.append((group, ElementMotion(rows.instant, rows.poses[group.markers], twists)))
+                some.put_twists(rows.force_jacobian, velocities, twists)
+            poses = rows.poses.take(group.markers, axis=0)
+            found.append((group, ElementMotion(rows.instant, poses, twists)))
         return found
 
     def counts(self, what: str) -> IntArray:
@@ -242,16 +242,3 @@ class ForceElements:
 def _at_rest(motion: ElementMotion) -> ElementMotion:
     """The same places without twists."""
     return replace(motion, twists=np.zeros_like(motion.twists))
-
-
-def _write(rows: Rows, group: ElementGroup, slopes: Slopes, dynamics: FloatArray) -> FloatArray:
-    """Write values and compliances of a group's rows; the scales (e, r) of the equations."""
-    own = group.rows
-    sizes = np.abs(slopes.by_place).sum(axis=2)
-    sizes += dynamics[0] * np.abs(slopes.by_twist).sum(axis=2)
-    active = rows.active[own]
-    scale: FloatArray = active / (1.0 / dynamics[1] + sizes)
-    force = group.forces - rows.multipliers[own] / dynamics[1]
-    rows.values[own] = np.where(active, scale * force, rows.values[own])
-    rows.compliance[own] = np.where(active, scale / dynamics[1], rows.compliance[own])
-    return scale

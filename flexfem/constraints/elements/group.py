@@ -11,6 +11,7 @@ from flexfem import _checks
 from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.elements.differences import law_derivatives
+from flexfem.constraints.elements.kernels import correct_states, finite
 from flexfem.constraints.elements.states import AT_REST, StateStep
 from flexfem.core.laws import ElementLaw, ElementMotion
 
@@ -94,7 +95,7 @@ class ElementGroup:
             return self._nothing
         try:
             self._settle(motion, step)
-            if not (slopes and np.isfinite(self.forces).all()):
+            if not (slopes and finite(self.forces.reshape(-1))):
                 return self._nothing
             self._count += 1
             if step is None or self._count % _MANY == 0 or not self.kept[:, 0].all():
@@ -157,7 +158,7 @@ class ElementGroup:
         """
         if step is AT_REST:
             self.z[:] = self.z0
-        if not all(np.isfinite(x).all() for x in (motion.poses, motion.twists)):
+        if not (finite(motion.poses.reshape(-1)) and finite(motion.twists.reshape(-1))):
             self.forces[:] = np.nan
             return
         self._call(motion)
@@ -166,7 +167,8 @@ class ElementGroup:
         begin = None if step is None else step.begin(self.z0, self.w0, self.g0)
         before, fresh = np.inf, False
         sizes = np.abs(self.z) + np.abs((1.0 if step is None else step.gain) * self.g)
-        sizes = np.where(sizes > 0.0, sizes, 1.0)
+        sizes[sizes == 0.0] = 1.0
+        change = np.empty_like(sizes)
         for iteration in range(_ITERATIONS):
             if begin is None or step is None:
                 missed = self.g
@@ -174,8 +176,7 @@ class ElementGroup:
                 missed = begin + step.gain * self.g - self.z
             if self._inverse is None:
                 self._inverse = self._inverted(motion, step, fresh=fresh)
-            change = (self._inverse @ missed[:, :, np.newaxis])[:, :, 0]
-            size = float((np.abs(change) / sizes).max())
+            size = correct_states(missed, self._inverse, sizes, change)
             slow = iteration > 0 and not size < _SLOW * before
             if size <= _SMALL or (slow and size <= _ROUND_OFF):
                 if step is None:
@@ -207,7 +208,7 @@ class ElementGroup:
         """Forces and rates by the present states."""
         self.forces[:], self.g[:] = self.law.forces(self.elements, motion, self.z)
         for what, values in (("forces", self.forces), ("rates of states", self.g)):
-            if not np.isfinite(values).all():
+            if not finite(values.reshape(-1)):
                 found = _checks.show(values[~np.isfinite(values)].tolist())
                 raise ReturnError(f"returned {what} with {found} at t = {motion.time:.6g} s")
 
@@ -258,7 +259,8 @@ class ElementGroup:
             self._inverse = _inverse(every[:, r:, 2 * count :], step)
             follow = gain * (self._inverse @ every[:, r:, : 2 * count])
             total = total + every[:, :r, 2 * count :] @ follow
-        return Slopes(total[:, :, :count], total[:, :, count:])
+        parts = total[:, :, :count], total[:, :, count:]
+        return Slopes(*map(np.ascontiguousarray, parts))
 
 
 def _inverse(by_state: FloatArray, step: StateStep | None) -> FloatArray:

@@ -5,10 +5,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.constraints.elements.kernels import MarkersAtNodes, along_nodes, marker_twists
 from flexfem.constraints.rows.placed_joint import RowLayout
 from flexfem.lie import se3
 
@@ -43,26 +45,27 @@ class MarkerChanges:
         """True if markers are on lines."""
         return self.maps is None
 
-    def twists(self, gradients: FloatArray, velocities: FloatArray) -> FloatArray:
-        """(k, m, 6) twists of the markers.
+    @cached_property
+    def _at_nodes(self) -> MarkersAtNodes:
+        """Those at nodes in the format of the compiled loops."""
+        assert self.maps is not None
+        return MarkersAtNodes(members=self.members, nodes=self.nodes, maps=self.maps)
+
+    def put_twists(self, gradients: FloatArray, velocities: FloatArray, out: FloatArray) -> None:
+        """Write the twists of the markers to ``out`` (e, m, 6) of the group.
 
         Args:
             gradients: (t, 2, 6) of all rows.
             velocities: (n + 1, 6) twists of the interface nodes, that of the ground last.
+            out: see above.
         """
         if self.maps is not None:
-            moving = velocities[self._marker_nodes]
-            return (self.maps @ moving[:, :, :, np.newaxis])[:, :, :, 0]
+            marker_twists(self._at_nodes.memory, velocities, out)
+            return
         by_nodes, moving = gradients[self.terms], velocities[self.nodes]
         flat = by_nodes.reshape(*by_nodes.shape[:2], -1)
         found: FloatArray = flat @ moving.reshape(len(flat), -1, 1)
-        return found.reshape(len(flat), -1, 6)
-
-    @property
-    def _marker_nodes(self) -> IntArray:
-        """(k, m) interface nodes of the markers."""
-        assert self.maps is not None
-        return self.nodes.reshape(len(self.nodes), -1)[:, : self.maps.shape[1]]
+        out[self.members] = found.reshape(len(flat), -1, 6)
 
     def along(
         self, place: FloatArray, twist: FloatArray, gradients: FloatArray, velocities: FloatArray,
@@ -71,24 +74,22 @@ class MarkerChanges:
         """(k, a, t, 2, 6) changes along steps of the nodes.
 
         Args:
-            place: (k, a, 6 m) derivatives by displacements of the markers.
-            twist: (k, a, 6 m) derivatives by their twists.
+            place: (e, a, 6 m) derivatives by displacements of the markers, of the whole group.
+            twist: (e, a, 6 m) derivatives by their twists.
             gradients: (t, 2, 6) of all rows.
-            velocities: (n + 1, 6, 6) changes of the nodes' local twists along steps.
+            velocities: (n, 6, 6) changes of the nodes' local twists along steps.
             rates: (t, 2, 6) changes of the rates of rows, for markers on lines.
         """
-        shape = (*place.shape[:2], *self.nodes.shape[1:], 6)
+        shape = (len(self.members), place.shape[1], *self.nodes.shape[1:], 6)
         if self.maps is None:
             assert rates is not None
             flat = (x[self.terms].reshape(*self.terms.shape[:2], -1) for x in (gradients, rates))
             by_place, by_rate = flat
-            return (place @ by_place + twist @ by_rate).reshape(shape)
-        of_marker = (len(place), place.shape[1], -1, 6)
-        P, T = (x.reshape(of_marker).transpose(0, 2, 1, 3) for x in (place, twist))
-        found = P @ self.maps + T @ (self.maps @ velocities[self._marker_nodes])
-        out = np.zeros((*place.shape[:2], 2 * self.nodes.shape[1], 6))
-        out[:, :, : found.shape[1]] = found.transpose(0, 2, 1, 3)
-        return out.reshape(shape)
+            own = place[self.members] @ by_place + twist[self.members] @ by_rate
+            return own.reshape(shape)
+        out = np.empty(shape)
+        along_nodes(self._at_nodes.memory, place, twist, velocities, out)
+        return out
 
 
 def marker_changes(

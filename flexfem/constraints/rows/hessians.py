@@ -5,7 +5,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.constraints.rows.data import InterfaceNodes, RowArrays
-from flexfem.constraints.rows.kernels import ON_LINES
+from flexfem.constraints.rows.kernels import ON_LINES, TWIST
 from flexfem.constraints.terms.dispatch import term_hessian
 from flexfem.core.nodes.frame_kernels import step_rates_into
 from flexfem.kernels.compiled import inlined, kernel, subroutine
@@ -53,7 +53,7 @@ def add_hessians(memory: Memory, factor: FloatArray, out: FloatArray) -> None:
     own = unpack(RowArrays, memory)
     h, J, left = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty((12, 12))
     for t in range(own.kinds.size):
-        if factor[t] == 0.0 or own.kinds[t] == ON_LINES:
+        if factor[t] == 0.0 or own.kinds[t] == ON_LINES or own.kinds[t] == TWIST:
             continue
         _hessian(own, t, h)
         for side in range(2):

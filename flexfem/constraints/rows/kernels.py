@@ -22,6 +22,7 @@ from flexfem.lie.se3 import compose_into
 __all__ = [
     "ANGLE",
     "ON_LINES",
+    "TWIST",
     "add_forces",
     "evaluate_rows",
     "marker_poses",
@@ -33,6 +34,8 @@ __all__ = [
 ]
 
 ANGLE, TOUCH = int(RowKind.ANGLE), int(RowKind.TOUCH)
+#: Kind of terms with constant gradients.
+TWIST = int(RowKind.TWIST)
 #: Kind of a term with two nodes of the gradient of a row on lines, see
 #: ``constraints.lines.kernels``.
 ON_LINES = -1

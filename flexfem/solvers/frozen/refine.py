@@ -35,11 +35,13 @@ class Refined:
         exact: True if the step solves the linearised equations, so that fresh factors would not
             help.
         missed: Error of the frozen operator, a vector of this rank.
+        sweeps: Number of sweeps of action and solve that it took.
     """
 
     defect: float
     exact: bool
     missed: FloatArray
+    sweeps: int
 
 
 class Refinement:
@@ -76,9 +78,11 @@ class Refinement:
         """
         system, mechanics, count = self._system, self._mechanics, self.sizes[-1]
         rows = system.constraints
-        hessians = mechanics.hessians(system, rows.multipliers)
+        hessians, sweeps = mechanics.hessians(system, rows.multipliers), 1
 
         def apply(vector: FloatArray) -> FloatArray:
+            nonlocal sweeps
+            sweeps += 1
             multipliers = self._put(vector)
             for part in system.parts:
                 part.block.residual[:] = 0.0
@@ -96,7 +100,8 @@ class Refinement:
             apply, residual, missed, self._products, _INNER * size, _SWEEPS
         )
         multipliers = self._put(solution + more)
-        return -multipliers, Refined(missed / size if size > 0.0 else 0.0, exact, residual)
+        defect = missed / size if size > 0.0 else 0.0
+        return -multipliers, Refined(defect, exact, residual, sweeps)
 
     def squares(self, *vectors: FloatArray) -> FloatArray:
         """Squares of the norms of the blocks' parts over all ranks (collective)."""
