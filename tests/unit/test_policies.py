@@ -16,7 +16,6 @@ from flexfem.core.status import Status
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.simulation.dynamics import simulate
 from flexfem.simulation.motion.stepping import Simulation
-from flexfem.solvers.frozen.policy import Wear
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.system.mechanics import EndPoint
 from flexfem.system.system import System
@@ -155,27 +154,6 @@ def test_factors_are_renewed_after_a_step_that_failed_with_them(monkeypatch):
         assert simulation.advance(1e-3) is Status.OK
     # with those before the failure every later step might fail, too
     assert computed == [0, 1]
-
-
-def test_worn_factors_are_renewed_when_it_pays():
-    """Seldom where new factors are no better; else near the period of least mean work."""
-    wear, renewals = Wear(), 0
-    for _ in range(1000):
-        wear.add(8.0)
-        renewals += int(wear.out)
-        if wear.out:
-            wear.renew()
-    # a fixed number of sweeps would renew them 250 times
-    assert renewals == 8
-    for growth in (0.1, 0.5, 2.0):  # with the doubled budget from before
-        for _ in range(2):
-            wear.renew()
-            while not wear.out:
-                wear.add(growth * (wear.steps + 1.0))
-        best = np.sqrt(2.0 * 25.0 * growth)  # least of 25 / n + growth n / 2
-        found = 25.0 / wear.steps + 0.5 * growth * wear.steps
-        # 1.01; a period of half or twice the length takes 1.25
-        assert found < 1.1 * best
 
 
 @pytest.mark.serial

@@ -1,8 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Modified Newton policies: when bodies are refactorised, and steps refined."""
 
-from collections.abc import Callable, Sequence
-from math import inf
+from collections.abc import Callable
 
 import numpy as np
 
@@ -22,7 +21,7 @@ from flexfem.solvers.newton.policy import UpdatedPolicy
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 
-__all__ = ["AutoPolicy", "FrozenPolicy", "Wear"]
+__all__ = ["AutoPolicy", "FrozenPolicy"]
 
 #: Contraction above which ``auto`` renews the factors, unless the step solved the exact linearised
 #: equations: Newton's method itself is then slow, e.g. when contacts open and close. To renew the
@@ -40,49 +39,6 @@ _WELL, _NEAR, _STILL = 0.02, 0.01, 1e-4
 #: Number of tolerances below which the second step is no measure of the contraction: rotations of
 #: stiff directions are of second order in the first step, and vanish in the third.
 _CLOSE = 100.0
-#: Work of new factors in sweeps of refinement (18 for a rotor with tower, more for solids), and
-#: number of steps with them that tell whether they are better.
-_RENEWAL, _FIRST = 25.0, 3
-
-
-class Wear:
-    """Sweeps of refinement since factors were computed, which say when new ones pay.
-
-    Where the sweeps of a step grow from zero, the least work in all is that of new factors whenever
-    sweeps have cost as much as these. Where the first steps with new factors take more than half of
-    the sweeps that the former took, the next ones follow after twice as many.
-
-    Attributes:
-        steps, sweeps: number of both.
-        before: mean number of sweeps with the former factors.
-        budget: number of sweeps after which new factors pay.
-        out: 1 if they are to be computed at the next step, else 0.
-    """
-
-    def __init__(self, state: Sequence[float] = (0.0, 0.0, inf, _RENEWAL, 0.0)) -> None:
-        """Begin with new factors, or where a run was left."""
-        self.steps, self.sweeps, self.before, self.budget, self.out = state
-
-    @property
-    def state(self) -> tuple[float, ...]:
-        """All numbers."""
-        return self.steps, self.sweeps, self.before, self.budget, self.out
-
-    def add(self, sweeps: float) -> None:
-        """Count a step."""
-        self.steps += 1.0
-        self.sweeps += sweeps
-        if self.steps == _FIRST:
-            better = self.sweeps <= 0.5 * self.before * _FIRST
-            self.budget = _RENEWAL if better else 2.0 * self.budget
-        if self.steps >= _FIRST and self.sweeps > self.budget:
-            self.out = 1.0
-
-    def renew(self) -> None:
-        """Begin to count for new factors."""
-        if self.steps:
-            self.before = self.sweeps / self.steps
-        self.steps = self.sweeps = self.out = 0.0
 
 
 class _Attempt:
@@ -91,8 +47,6 @@ class _Attempt:
     Attributes:
         refine: True to correct steps by the exact tangent's action.
         defect: relative error of the frozen operator in the last refined step.
-        sweeps: number of those of refinement.
-        renewed: share of the factors that were renewed.
     """
 
     def __init__(
@@ -105,7 +59,7 @@ class _Attempt:
         """
         self._frozen, self._slow, self._limit, self._tolerance = frozen, slow, limit, tolerance
         self.refine, self.defect = refine, defect
-        self._keep_interface, self.renewed, self.sweeps = False, 0.0, 0
+        self._keep_interface, self._renewed = False, 0.0
         self._refined: Refined | None = None
 
     def step(self, shifts: Shifts, strains: PartStrains) -> tuple[bool, FloatArray]:
@@ -115,7 +69,6 @@ class _Attempt:
         )
         if self._refined is not None:
             self.defect = self._refined.defect
-            self.sweeps += self._refined.sweeps
         return success, change
 
     def observe(
@@ -137,11 +90,11 @@ class _Attempt:
         if contraction > self._limit:
             self.refine = True
         exact = self._refined is not None and self._refined.exact
-        if self._slow is None or exact or self.renewed >= 1.0 or size <= tolerance:
+        if self._slow is None or exact or self._renewed >= 1.0 or size <= tolerance:
             return
         worst = frozen.worst(self._refined)
         if contraction > self._slow * worst.share:
-            self.renewed += worst.share
+            self._renewed += worst.share
             frozen.renew(worst, strains)
 
 
@@ -164,7 +117,7 @@ class FrozenPolicy:
         self._frozen = FrozenSolver(system, mechanics)
         self._again: SolveAgain = self._frozen.again
         # initial values of the next step
-        self._refine, self._defect, self._wear = False, 0.0, Wear()
+        self._refine, self._defect, self._failed = False, 0.0, False
 
     @property
     def tolerance(self) -> float:
@@ -179,12 +132,11 @@ class FrozenPolicy:
         self._again = frozen.again
         if frozen.shifts != shifts:
             frozen.use(shifts, self._system.accepted_strains())
-            self._wear.renew()
-        elif self._wear.out and self.slow is not None and not self._system.timed:
+        elif self._failed and self.slow is not None and not self._system.timed:
             # a restarted run computes them again, with initial strains of its own time
             frozen.factor(shifts, self._system.accepted_strains())
             self._refine = False  # plain steps may do again
-            self._wear.renew()
+        self._failed = False
         attempt = _Attempt(
             frozen, self.slow, self.limit, self._options.tolerance, self._refine, self._defect
         )
@@ -193,14 +145,11 @@ class FrozenPolicy:
             frozen.again,
         )  # fmt: skip
         self._refine, self._defect = attempt.refine, attempt.defect
-        if attempt.renewed:
-            self._wear.renew()
         if status is Status.OK:
             self._refine = self._refine and self._defect > _RELAX * self.limit
-            self._wear.add(attempt.sweeps)
             return status
         self._system.counters.fallbacks += 1
-        self._wear.out = 1.0  # factors with which a step fails would fail in the next one, too
+        self._failed = True  # its factors would fail in the next step, too
         restart()
         self._again = self._fallback.again
         return self._fallback.solve(shifts, restart, equations)
@@ -213,7 +162,7 @@ class FrozenPolicy:
         """See :class:`Policy`."""
         own = {
             "refine": np.array([float(self._refine), self._defect]),
-            "wear": np.array(self._wear.state),
+            "failed": np.array([float(self._failed)]),
         }
         return self._frozen.state() | State(own, optional=frozenset(own))
 
@@ -225,15 +174,12 @@ class FrozenPolicy:
                 bool(state.values["refine"][0]),
                 float(state.values["refine"][1]),
             )
-        if "wear" in state.values:
-            self._wear = Wear(state.values["wear"].tolist())
+        if "failed" in state.values:
+            self._failed = bool(state.values["failed"][0])
 
 
 class AutoPolicy(FrozenPolicy):
-    """Policy that keeps factors, and renews them if the iteration contracts slowly.
-
-    It also does so when refinement has cost as much as new factors, see ``Wear``.
-    """
+    """Policy that keeps factors, and renews them after slow contraction or a failed step."""
 
     slow = _SLOW
     limit = _REFINE_AUTO

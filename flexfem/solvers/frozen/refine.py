@@ -35,13 +35,11 @@ class Refined:
         exact: True if the step solves the linearised equations, so that fresh factors would not
             help.
         missed: Error of the frozen operator, a vector of this rank.
-        sweeps: Number of sweeps of action and solve that it took.
     """
 
     defect: float
     exact: bool
     missed: FloatArray
-    sweeps: int
 
 
 class Refinement:
@@ -78,11 +76,9 @@ class Refinement:
         """
         system, mechanics, count = self._system, self._mechanics, self.sizes[-1]
         rows = system.constraints
-        hessians, sweeps = mechanics.hessians(system, rows.multipliers), 1
+        hessians = mechanics.hessians(system, rows.multipliers)
 
         def apply(vector: FloatArray) -> FloatArray:
-            nonlocal sweeps
-            sweeps += 1
             multipliers = self._put(vector)
             for part in system.parts:
                 part.block.residual[:] = 0.0
@@ -100,8 +96,7 @@ class Refinement:
             apply, residual, missed, self._products, _INNER * size, _SWEEPS
         )
         multipliers = self._put(solution + more)
-        defect = missed / size if size > 0.0 else 0.0
-        return -multipliers, Refined(defect, exact, residual, sweeps)
+        return -multipliers, Refined(missed / size if size > 0.0 else 0.0, exact, residual)
 
     def squares(self, *vectors: FloatArray) -> FloatArray:
         """Squares of the norms of the blocks' parts over all ranks (collective)."""
