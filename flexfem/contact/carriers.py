@@ -186,14 +186,18 @@ class Carriers:
         add_carried(one.block.nodes.memory, one.own.memory, forces, loads)
         loads /= scale
 
+    def add_forces(self, kind: int, forces: FloatArray) -> None:
+        """Add gathered forces (n + d, 3) to a block's residual."""
+        one = self.by_kind[kind]
+        add_carried(one.block.nodes.memory, one.own.memory, forces, np.empty_like(one.loads))
+
     def add_changes(self, kind: int, forces: FloatArray, scale: float) -> None:
         """Add changes of gathered forces (n + d, 3) to a block's residual.
 
         The changes are scaled; that of the last evaluation's loads by the rotation of nodes is
         added.
         """
+        self.add_forces(kind, forces)
         one = self.by_kind[kind]
-        nodes, own = one.block.nodes.memory, one.own.memory
-        add_carried(nodes, own, forces, np.empty_like(one.loads))
         if one.turns:
-            add_turned(nodes, own, scale)
+            add_turned(one.block.nodes.memory, one.own.memory, scale)

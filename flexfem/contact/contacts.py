@@ -19,6 +19,7 @@ from flexfem.contact.detection.broad_phase import triangle_boxes
 from flexfem.contact.frames import SurfaceFrames
 from flexfem.contact.group import ContactGroup
 from flexfem.contact.nearby import stiffness_nearby
+from flexfem.contact.normal_rows import NormalRows
 from flexfem.contact.obstacles.rigid_surface import RigidContact
 from flexfem.contact.obstacles.triangles import TriangleContact
 from flexfem.contact.pairs import ContactPass, ContactSurfaces
@@ -64,6 +65,7 @@ class Contacts:
         self.kinds = sorted({*carrying, *moving})
         self._points, self._forces = points.start.copy(), np.zeros((count, 3))
         self._steps = np.zeros((count, 3))
+        self._rows = NormalRows(self._carriers, self._frames)
         own = self._carriers.home == comm.rank
         self.groups = [ContactGroup.of(one, own) for one in described]
         given = [group.surfaces.contact.stiffness or 0.0 for group in self.groups]
@@ -216,6 +218,16 @@ class Contacts:
             found.add_turning(scale)
             self._entries = scale, found.entries()
         return self._entries[1]
+
+    def rows(self) -> NormalRows:
+        """Normal parts of the tangents of the contacts that are closed at the last evaluation."""
+        rows = self._rows
+        rows.clear()
+        for made, _ in self._triangles():
+            rows.add_triangles(made)
+        for _, rigid, number in self._rigid():
+            rows.add_surface(rigid, number)
+        return rows
 
     def nearby(self, kind: int) -> FloatArray:
         """Stiffness (n_owned, 6) at the nodes of a block of contacts that are or may be closed.

@@ -60,6 +60,7 @@ class _Attempt:
         self._frozen, self._slow, self._limit, self._tolerance = frozen, slow, limit, tolerance
         self.refine, self.defect = refine, defect
         self._keep_interface, self._renewed = False, 0.0
+        self._touched = False
         self._refined: Refined | None = None
 
     def step(self, shifts: Shifts, strains: PartStrains) -> tuple[bool, FloatArray]:
@@ -80,6 +81,7 @@ class _Attempt:
         motion (m, rad), however large the multipliers' step is, and is corrected by refinement.
         """
         frozen, tolerance = self._frozen, self._tolerance
+        self._touched = self._touched or frozen.sprung
         if self.refine:
             near = size <= _NEAR or motion <= _STILL
         else:
@@ -91,6 +93,8 @@ class _Attempt:
             self.refine = True
         exact = self._refined is not None and self._refined.exact
         if self._slow is None or exact or self._renewed >= 1.0 or size <= tolerance:
+            return
+        if self._touched and (self._refined is None or contraction >= 1.0):
             return
         worst = frozen.worst(self._refined)
         if contraction > self._slow * worst.share:

@@ -28,6 +28,8 @@ from flexfem.layout.tangent_request import TangentRequest
 from flexfem.solvers.frozen.bodies import FlexibleBodies, KeptFactor, RigidBodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
 from flexfem.solvers.frozen.refine import Refined, Refinement
+from flexfem.solvers.frozen.stiff_rows import StiffRows
+from flexfem.solvers.frozen.vectors import StepVectors
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 
@@ -92,7 +94,9 @@ class FrozenSolver:
         self._loads = [(g.own.right, g.part.block.residual, g.part.interface_nodes) for g in groups]
         self._nothing = np.zeros(0)
         self._bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
-        self._refinement = Refinement(system, mechanics)
+        self._vectors = StepVectors(system)
+        self._refinement = Refinement(system, mechanics, self._vectors)
+        self._stiff = StiffRows(system, self._vectors, self._solve)
 
     def use(self, shifts: Shifts, strains: PartStrains) -> None:
         """Use the kept factors of a step size, or factorise at the trial state (collective)."""
@@ -147,12 +151,12 @@ class FrozenSolver:
         """
         if refined is None:
             return Worst([flexible.every for flexible in self._flexible], 1.0)
-        limit = _SHARE * self._refinement.squares(refined.missed)[0]
+        limit = _SHARE * self._vectors.squares(refined.missed)[0]
         pieces: list[list[int] | None] = []
         rows = np.zeros((2, len(self._flexible)))
         for i, flexible in enumerate(self._flexible):
             part = flexible.group.part
-            start = self._refinement.sizes[self.system.parts.index(part)]
+            start = self._vectors.sizes[self.system.parts.index(part)]
             missed = refined.missed[start:][: part.block.sizes[0]].reshape(-1, part.block.width)
             worst = flexible.worst(missed, limit)
             pieces.append(worst)
@@ -176,6 +180,11 @@ class FrozenSolver:
         for flexible, request, chosen in zip(self._flexible, requests, worst.pieces, strict=True):
             if chosen is not None:
                 flexible.factorise(self.shifts, request, chosen)
+
+    @property
+    def sprung(self) -> bool:
+        """True if contacts were closed in the last step."""
+        return self._stiff.active
 
     def state(self) -> State:
         """Return the states and shifts at which factors were computed."""
@@ -236,7 +245,8 @@ class FrozenSolver:
         self._multipliers.follow_sliders()
         if not (keep_interface or self._factor_interface(shifts)):
             return False, np.zeros(rows.size), None
-        correction, refined = self._solve(rows.values), None
+        self._stiff.take(next((c.rows() for c in self.system.contacts), None), shifts)
+        correction, refined = self._stiff.correct(self._solve(rows.values)), None
         if refine:
             correction, refined = self._refinement.correct(
                 shifts, strains, correction, self._solve_beyond
@@ -271,7 +281,7 @@ class FrozenSolver:
 
     def again(self, values: FloatArray) -> bool:
         """Blocks' steps for their residuals and given row values (r,), after :meth:`step`."""
-        self._solve(values)
+        self._stiff.correct(self._solve(values))
         return True
 
     def _factor_interface(self, shifts: Shifts) -> bool:
@@ -301,7 +311,7 @@ class FrozenSolver:
         return correction
 
     def _solve_beyond(self, values: FloatArray) -> FloatArray:
-        return self._solve(values, beyond=True)
+        return self._stiff.correct(self._solve(values, beyond=True))
 
     def _load(
         self, values: FloatArray, bodies: Sequence[RigidBodies | FlexibleBodies], *, beyond: bool
