@@ -130,15 +130,13 @@ class RigidContact(ObstacleContacts):
         slaves, surface, found = self.slaves.memory, self._surface.memory, self.found.memory
         rigid.add_rigid_actions(slaves, surface, found, scale, steps, twist, residual, wrench)
         if len(self.closed.slaves):
-            moved = (twist[:3] + np.cross(twist[3:], self._arms)) @ self._rotation.T
+            moved = (twist[:3] - _cross(self._arms) @ twist[3:]) @ self._rotation.T
             slips = steps[self.slaves.nodes[self.closed.slaves]] - moved
             forces = np.einsum("cij,cj->ci", self.closed.tangents, slips)
             self._add_closed(scale * forces, residual, wrench)
             # forces keep their inertial axes, while those of the frame rotate
             back = scale * self.closed.forces @ self._rotation
-            turned = np.cross(back, twist[3:])
-            wrench[:3] -= turned.sum(0)
-            wrench[3:] -= np.cross(self._arms, turned).sum(0)
+            self._add_reaction(_cross(back) @ twist[3:], wrench)
 
     def blocks(self, scale: float = 1.0) -> tuple[IntArray, FloatArray]:
         """Nodes (c,) and ``scale`` times the tangents (c, 9, 9): node, then twist of the frame."""
@@ -167,9 +165,12 @@ class RigidContact(ObstacleContacts):
     def _add_closed(self, forces: FloatArray, residual: FloatArray, wrench: FloatArray) -> None:
         """Add forces (c, 3) on the nodes, and their reaction on the frame."""
         np.add.at(residual, self.slaves.nodes[self.closed.slaves], forces)
-        back = forces @ self._rotation
-        wrench[:3] -= back.sum(0)
-        wrench[3:] -= np.cross(self._arms, back).sum(0)
+        self._add_reaction(forces @ self._rotation, wrench)
+
+    def _add_reaction(self, forces: FloatArray, wrench: FloatArray) -> None:
+        """Subtract forces (c, 3) at the arms, in the axes of the frame, from its wrench."""
+        wrench[:3] -= forces.sum(0)
+        wrench[3:] -= np.einsum("cab,cb->a", _cross(self._arms), forces)
 
 
 def _cross(vectors: FloatArray) -> FloatArray:

@@ -77,6 +77,10 @@ class _Attempt:
     ) -> None:
         """See ``Observer``; the decision is the same on all ranks.
 
+        While contacts are closed in a step, contraction is no measure of the factors: they open and
+        close. Steps are refined first, and factors renewed only where that is not accurate while
+        the iteration converges.
+
         The error of kept factors of the multipliers' system after a step is of second order in its
         motion (m, rad), however large the multipliers' step is, and is corrected by refinement.
         """
@@ -95,7 +99,7 @@ class _Attempt:
         if self._slow is None or exact or self._renewed >= 1.0 or size <= tolerance:
             return
         if self._touched and (self._refined is None or contraction >= 1.0):
-            return
+            return  # factors of a state far from the solution are worse than old ones
         worst = frozen.worst(self._refined)
         if contraction > self._slow * worst.share:
             self._renewed += worst.share

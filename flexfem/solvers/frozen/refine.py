@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Refinement of a frozen step: GMRES on the consistent tangent, preconditioned by the frozen solve."""
+"""Refinement of a frozen step: GMRES on the exact tangent, preconditioned by the frozen solve."""
 
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -78,7 +78,8 @@ class Refinement:
         # residual of the linearised equations
         system.add_constraint_forces(correction)
         mechanics.subtract_tangent(system, shifts, hessians, strains)
-        residual = vectors.collect(solve(rows.values + rows.yielding(solution[vectors.sizes[-1] :])))
+        yielding = rows.yielding(solution[vectors.sizes[-1] :])
+        residual = vectors.collect(solve(rows.values + yielding))
         size, missed = np.sqrt(vectors.squares(solution, residual)).tolist()
         more, exact = minimal_residual(
             apply, residual, missed, vectors.products, _INNER * size, _SWEEPS

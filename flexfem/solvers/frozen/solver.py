@@ -11,6 +11,8 @@ exact: their 6x6 matrices are inverted at every step.
 A rank eliminates the multipliers that only it evaluates. The complement shared by ranks is summed
 by one reduction and solved on all of them.
 
+Closed contacts are stiff springs beside the factors, which leave them out (``stiff_rows``).
+
 If old factors contract slowly, steps can be refined by the action of the exact tangent, without new
 factors.
 """
@@ -183,7 +185,7 @@ class FrozenSolver:
 
     @property
     def sprung(self) -> bool:
-        """True if contacts were closed in the last step."""
+        """True if contacts were closed on any rank in the last step."""
         return self._stiff.active
 
     def state(self) -> State:
@@ -311,7 +313,9 @@ class FrozenSolver:
         return correction
 
     def _solve_beyond(self, values: FloatArray) -> FloatArray:
-        return self._stiff.correct(self._solve(values, beyond=True))
+        """Solve for a correction of steps; soft springs are left to the refinement."""
+        correction = self._solve(values, beyond=True)
+        return correction if self._stiff.soft else self._stiff.correct(correction)
 
     def _load(
         self, values: FloatArray, bodies: Sequence[RigidBodies | FlexibleBodies], *, beyond: bool

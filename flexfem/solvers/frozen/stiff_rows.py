@@ -25,12 +25,16 @@ from flexfem.system.system import Shifts, System
 
 __all__ = ["SpringRows", "StiffRows"]
 
-#: Accuracy of the forces, as the part of the rows' scaled motion that is left, and largest number
-#: of directions.
-_ACCURACY, _MOST = 1e-2, 100
-#: Slope of springs that have none, whose forces stay zero; part of a direction's motions below which
-#: it depends on the others.
-_NO_SLOPE, _DEPENDENT = 1e-200, 1e-12
+#: Largest number of directions; stiffness over that of the frozen operator up to which springs are
+#: soft.
+_MOST, _SOFT = 100, 20.0
+#: Relative error of the forces of soft springs and of others: whether a stiff contact opens depends
+#: on small parts of its force, and what is left keeps Newton's method from an end.
+_SOFTLY, _STIFFLY = 1e-2, 1e-3
+#: Slope of springs that have none, whose forces stay zero; part of a direction's motions below
+#: which it depends on the others, and part that an orthogonalisation must leave, else a second one
+#: follows, both squared.
+_NO_SLOPE, _DEPENDENT, _LOST = 1e-200, 1e-24, 0.01
 
 
 class SpringRows(Protocol):
@@ -59,6 +63,7 @@ class StiffRows:
 
     Attributes:
         active: True if there are springs on any rank.
+        soft: True if they are not much stiffer than the frozen operator.
     """
 
     def __init__(
@@ -66,8 +71,10 @@ class StiffRows:
     ) -> None:
         """Store the frozen solve for the blocks' residuals and given values (r,) of the rows."""
         self._system, self._vectors, self._solve = system, vectors, solve
-        self.active = False
+        self.active = self.soft = False
         self._values = np.zeros(system.constraints.size)
+        # of the directions, in pages that are used as they come
+        self._responses = np.empty((_MOST if system.contacts else 0, len(vectors)))
 
     def take(self, rows: SpringRows | None, shifts: Shifts) -> None:
         """Use springs for the next solves, none for a matrix without stiffness (collective)."""
@@ -78,7 +85,7 @@ class StiffRows:
         slopes = scale * rows.slopes
         if self._vectors.sum(np.array([float(np.count_nonzero(slopes))]))[0]:
             self.active = True
-            self._forces = _Forces(rows, slopes, self._respond, self._products)
+            self._forces = _Forces(rows, slopes, self._respond, self._vectors)
 
     def correct(self, correction: FloatArray) -> FloatArray:
         """Add the springs to the frozen solve whose steps are in the blocks (collective).
@@ -95,101 +102,106 @@ class StiffRows:
             return correction
         kept = [part.block.residual.copy() for part in self._system.parts]
         solution = self._vectors.collect(correction)
-        for part, response in zip(self._forces.solve(), self._forces.responses, strict=True):
-            solution -= part * response
+        parts = self._forces.solve()
+        self.soft = self._forces.soft
+        solution -= parts @ self._responses[: len(parts)]
         for part, residual in zip(self._system.parts, kept, strict=True):
             part.block.residual[:] = residual
         return -self._vectors.put(solution)
 
-    def _respond(self, rows: SpringRows, forces: FloatArray) -> FloatArray:
-        """Frozen solution for forces (c,) of the springs alone, also in the blocks' steps."""
+    def _respond(self, forces: FloatArray, number: int) -> FloatArray:
+        """Motions (c,) for forces (c,) of the springs alone; stores the response by its number."""
+        rows = self._forces.rows
         for part in self._system.parts:
             part.block.residual[:] = 0.0
         rows.push(forces)
-        return self._vectors.collect(self._solve(self._values))
-
-    def _products(self, rows: FloatArray, vector: FloatArray) -> FloatArray:
-        """Inner products (k,) of rows (k, c) with a vector (c,) over all ranks."""
-        return self._vectors.sum(rows @ vector)
+        self._vectors.collect(self._solve(self._values), self._responses[number])
+        return rows.motions()
 
 
 class _Forces:
-    """Forces of the springs of one iteration: directions with known responses."""
+    """Forces of the springs of one iteration: directions with known responses.
+
+    Attributes:
+        rows: the springs.
+        soft: True if they are not much stiffer than the frozen operator.
+    """
 
     def __init__(
         self, rows: SpringRows, slopes: FloatArray,
-        respond: Callable[[SpringRows, FloatArray], FloatArray],
-        products: Callable[[FloatArray, FloatArray], FloatArray],
+        respond: Callable[[FloatArray, int], FloatArray], vectors: StepVectors,
     ) -> None:  # fmt: skip
-        self._rows, self._slopes = rows, slopes
-        self._respond, self._products = respond, products
+        self.rows, self._slopes = rows, slopes
+        self._respond, self._sum = respond, vectors.sum
         self._compliance = 1.0 / np.maximum(slopes, _NO_SLOPE)
-        self._scaling = np.zeros(0)
-        self.responses: list[FloatArray] = []
-        self._directions: list[FloatArray] = []
-        # scaled motions of the directions: an orthonormal basis times a triangle
-        self._basis, self._triangle = np.zeros((0, len(slopes))), np.zeros((0, 0))
+        self._scaling, self.soft = np.zeros(0), True
+        # the scaled motions of directions are a triangle, here inverted, times an orthonormal basis
+        self._directions, self._basis = np.zeros((2, 0, len(slopes)))
+        self._inverse = np.zeros((0, 0))
 
     def solve(self) -> FloatArray:
         """Parts of the responses in that to the springs' forces, for the blocks' steps."""
-        motions = self._rows.motions()
-        if not self.responses and not self._begin(motions):
+        motions = self.rows.motions()
+        if not len(self._basis) and not self._begin(motions):
             return np.zeros(0)
-        found = self._products(self._basis, self._scaling * motions)
         while True:
+            found = self._sum(self._basis @ (self._scaling * motions))
+            parts = self._inverse @ found
             left = motions - (found @ self._basis) / self._scaling
-            parts = np.linalg.solve(self._triangle, found)
             if self._enough(parts, left) or not self._extend(left):
                 return parts
-            found = self._products(self._basis, self._scaling * motions)
 
     def _enough(self, parts: FloatArray, left: FloatArray) -> bool:
         """True if the springs' forces for the motions (c,) that are left are small beside all."""
-        forces = parts @ np.array(self._directions)
-        error, size = self._norm(self._slopes * left), self._norm(forces)
-        return not error > _ACCURACY * size
+        error, size = self._norms(self._slopes * left, parts @ self._directions)
+        return not error > (_SOFTLY if self.soft else _STIFFLY) * size
 
     def _begin(self, motions: FloatArray) -> bool:
         """Find the scaling by the springs' forces for motions without reaction, if there are."""
         forces = self._slopes * motions
-        size = self._norm(forces)
+        (size,) = self._norms(forces)
         if not 0.0 < size < np.inf:
             return False
         forces /= size
-        response = self._respond(self._rows, forces)
-        moved = self._rows.motions()
-        self._scaling = 1.0 / np.sqrt(self._norm(moved) + self._compliance)
-        return self._append(forces, response, self._scaling * (moved + self._compliance * forces))
+        moved = self._respond(forces, 0)
+        typical, ratio = self._norms(moved, self._slopes * moved)
+        self.soft = ratio < _SOFT
+        self._scaling = 1.0 / np.sqrt(typical + self._compliance)
+        return self._append(forces, moved)
 
     def _extend(self, left: FloatArray) -> bool:
         """Add a direction for motions (c,) that are left; False if it depends on the others."""
         forces = self._scaling**2 * left
-        size = self._norm(forces)
-        if not size > 0.0 or len(self.responses) >= _MOST:
+        (size,) = self._norms(forces)
+        if not 0.0 < size < np.inf or len(self._basis) >= _MOST:
             return False
         forces /= size
-        response = self._respond(self._rows, forces)
-        moved = self._scaling * (self._rows.motions() + self._compliance * forces)
-        return self._append(forces, response, moved)
+        return self._append(forces, self._respond(forces, len(self._basis)))
 
-    def _append(self, forces: FloatArray, response: FloatArray, moved: FloatArray) -> bool:
-        """Add the response of a direction, and its scaled motions (c,) to the basis."""
-        whole, column = self._norm(moved), np.zeros(len(self._basis))
+    def _append(self, forces: FloatArray, moved: FloatArray) -> bool:
+        """Add a direction (c,) with its motions (c,); False if it depends on the others."""
+        rest, count = self._scaling * (moved + self._compliance * forces), len(self._basis)
+        basis, column, whole = np.vstack([self._basis, rest]), np.zeros(count), 0.0
         for _ in range(2):
-            along = self._products(self._basis, moved)
-            moved -= along @ self._basis
-            column += along
-        size = self._norm(moved)
-        if not size > _DEPENDENT * whole:
+            along = self._sum(basis @ basis[-1])
+            basis[-1] -= along[:-1] @ self._basis
+            column += along[:-1]
+            left = along[-1] - along[:-1] @ along[:-1]
+            whole = whole or along[-1]
+            if left > _LOST * along[-1]:
+                break
+        if not left > _DEPENDENT * whole:
             return False
-        count = len(column)
-        triangle = np.zeros((count + 1, count + 1))
-        triangle[:count, :count] = self._triangle
-        triangle[:count, count], triangle[count, count] = column, size
-        self._triangle, self._basis = triangle, np.vstack([self._basis, moved / size])
-        self._directions.append(forces)
-        self.responses.append(response)
+        size = np.sqrt(left)
+        basis[-1] /= size
+        inverse = np.zeros((count + 1, count + 1))
+        inverse[:count, :count] = self._inverse
+        inverse[:count, count], inverse[count, count] = -self._inverse @ column / size, 1.0 / size
+        self._inverse, self._basis = inverse, basis
+        self._directions = np.vstack([self._directions, forces])
         return True
 
-    def _norm(self, vector: FloatArray) -> float:
-        return float(np.sqrt(self._products(vector[np.newaxis], vector)[0]))
+    def _norms(self, *vectors: FloatArray) -> list[float]:
+        """Norms of vectors (c,) over all ranks."""
+        squares = self._sum(np.array([vector @ vector for vector in vectors]))
+        return [float(norm) for norm in np.sqrt(squares)]

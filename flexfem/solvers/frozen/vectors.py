@@ -36,13 +36,13 @@ class StepVectors:
             part.block.owned_step[:] = solution[start:end].reshape(-1, part.block.width)
         return solution[self.sizes[-1] :]
 
-    def collect(self, correction: FloatArray) -> FloatArray:
+    def collect(self, correction: FloatArray, out: FloatArray | None = None) -> FloatArray:
         """Steps of the owned nodes of all blocks, then of this rank's multipliers, as a vector.
 
         ``S dL = Phi - G~ y`` is the correction; steps are to be subtracted.
         """
         steps = [p.block.owned_step.ravel() for p in self._system.parts]
-        return np.concatenate([*steps, -correction])
+        return np.concatenate([*steps, -correction], out=out)
 
     def squares(self, *vectors: FloatArray) -> FloatArray:
         """Squares of the norms of the blocks' parts over all ranks (collective)."""

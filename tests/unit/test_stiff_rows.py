@@ -1,0 +1,140 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Closed contacts beside kept factors: their rows, their forces, and no factorisation for them."""
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.contact.law.data import GAP
+from flexfem.lie import se3
+from flexfem.solvers.frozen import stiff_rows
+from flexfem.solvers.frozen.solver import FrozenSolver
+from flexfem.system.mechanics import END_POINT
+from flexfem.system.system import Shifts
+from tests.unit.contact_motion import moved, same_on_ranks, sheet
+
+THICK = 1e-3
+SECTION = ff.ShellSection.isotropic(THICK, ff.Material(2e8, 0.3, 1000.0))
+ALUMINIUM = ff.Material(2e9, 0.3, 1200.0)
+
+
+def between() -> ff.Model:
+    """A sheet between another one, which flies down onto it, and a ball, which flies up."""
+    meshes = [sheet("low", 6, 0.2, (0, 0, 0)), sheet("up", 5, 0.15, (0.013, 0.021, 1.2e-3), 5e-3)]
+    model = ff.Model("between", surface=ff.SurfaceMesh.join(meshes))
+    model.add(ff.Shell("low", SECTION), ff.Shell("up", SECTION, velocity=(0.3, 0.0, -1.0)))
+    at = (0.021, 0.018, -0.05 - THICK / 2 - 1e-4)
+    model.add(ff.RigidBody("ball", 0.05, 3 * (1e-4,), position=at, velocity=(0, 0, 1.0)))
+    ball = ff.RigidSphere(ff.Marker("ball"), 0.05)
+    model.add(ff.Contact("hit", "up", "low", stiffness=1e9))
+    model.add(ff.Contact("rolls", "low", surfaces=ball, stiffness=1e7))
+    model.add(ff.ContactProbe("touch", "hit"), ff.ContactProbe("rests", "rolls"))
+    return model
+
+
+def strip(tilt: float = 3e-3, count: int = 20) -> ff.Model:
+    """A strip that lands on a stiff plane."""
+    s = np.linspace(0, 1, count + 1)
+    points = np.c_[0.5 * s, 0 * s, 5.5e-3 + tilt * s]
+    cells = np.c_[np.arange(count), np.arange(1, count + 1)]
+    model = ff.Model("strip", mesh=ff.LineMesh(points, cells, {"strip": np.arange(count)}))
+    section = ff.Section.rectangle(0.1, 1e-3, ALUMINIUM)
+    model.add(ff.Beam("strip", section, orientation=(0.0, 1.0, 0.0), velocity=(0, 0, -0.63)))
+    plane = ff.RigidPlane(ff.Ground((0, 0, 0)))
+    model.add(ff.Contact("floor", "strip", surfaces=plane, stiffness=1e12, radius=0.5e-3))
+    model.add(ff.ContactProbe("touch", "floor"), ff.PositionProbe("tip", ff.Marker("strip", "end")))
+    return model
+
+
+def _gaps(contacts) -> np.ndarray:
+    """Gaps of the closed contacts of this rank in the order of the rows."""
+    made = [one for one, _ in contacts._triangles()] + [one for _, one, _ in contacts._rigid()]
+    return np.concatenate([one.contacts[:, GAP] for one in made])
+
+
+def _random_steps(system, h: float) -> None:
+    """Steps of all blocks, the same on any number of ranks."""
+    rng = np.random.default_rng(0)
+    for part in system.parts:
+        steps = h * rng.normal(size=(200, 6))[part.block.node_ids]
+        part.block.step[:, : part.block.width] = steps[:, : part.block.width]
+
+
+@pytest.mark.three_ranks
+def test_rows_are_the_derivatives_of_the_gaps():
+    simulation, _ = moved(between(), 3)
+    system = simulation.system
+    (contacts,) = system.contacts
+    starts = [part.block.frames.copy() for part in system.parts]
+    gaps, h = [], 1e-9
+    for sign in (1.0, -1.0, 0.0):
+        _random_steps(system, sign * h)
+        for part, start in zip(system.parts, starts, strict=True):
+            steps = np.zeros((len(start), 6))
+            steps[:, : part.block.width] = part.block.step[:, : part.block.width]
+            part.block.frames[:] = se3.retract(start, steps)
+        contacts.evaluate()
+        gaps.append(_gaps(contacts))
+    _random_steps(system, 1.0)
+    rows = contacts.rows()
+    motions = rows.motions()
+    closed = [contacts.measure(name)[5] for name in ("hit", "rolls")]
+    assert min(MPI.COMM_WORLD.allreduce(np.array(closed))) > 0
+    # differences of 1e-9 m in gaps of 1e-5 m; a wrong arm of the ball changes 1e-1
+    np.testing.assert_allclose((gaps[0] - gaps[1]) / (2 * h), motions, atol=1e-5)
+    # forces are the transpose: their work is that of the blocks' residuals
+    for part in system.parts:
+        part.block.residual[:] = 0.0
+    rows.push(rows.slopes)
+    work = sum(np.sum(part.block.owned_residual * part.block.owned_step) for part in system.parts)
+    expected = MPI.COMM_WORLD.allreduce(rows.slopes @ motions)
+    # rounding
+    assert MPI.COMM_WORLD.allreduce(work) == pytest.approx(expected, rel=1e-11)
+
+
+@pytest.mark.three_ranks
+def test_steps_solve_the_equations_with_the_springs(monkeypatch):
+    monkeypatch.setattr(stiff_rows, "_STIFFLY", 1e-10)
+    simulation, _ = moved(between(), 3)
+    system, solver = simulation.system, FrozenSolver(simulation.system)
+    shifts = Shifts(velocity=1e4, acceleration=2e7, scale=2.5e-8)
+    END_POINT.evaluate(system, shifts)
+    solver.factor(shifts)
+    loads = [part.block.residual.copy() for part in system.parts]
+    assert solver.step(shifts, system.present)[0]
+    steps = [part.block.owned_step.copy() for part in system.parts]
+    rows = system.contacts[0].rows()
+    forces = shifts.scale * rows.slopes * rows.motions()
+    for part, load in zip(system.parts, loads, strict=True):
+        # residuals are not changed
+        np.testing.assert_array_equal(part.block.residual, load)
+    rows.push(-forces)
+    solver._solve(system.constraints.values)
+    for part, step in zip(system.parts, steps, strict=True):
+        size = MPI.COMM_WORLD.allreduce(abs(step).max(initial=0.0), op=MPI.MAX)
+        # measured 1e-12; without springs the steps differ by their size
+        np.testing.assert_allclose(part.block.owned_step, step, atol=1e-8 * size)
+
+
+@pytest.mark.three_ranks
+def test_same_motion_on_any_number_of_ranks():
+    alone = same_on_ranks(between(), 5, tolerance=1e-11)
+    if MPI.COMM_WORLD.rank == 0:
+        assert alone["touch_closed"].max() > 4
+        assert alone["rests_closed"].max() > 0
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("tilt", [0.0, 3e-3])
+def test_stiff_contacts_ask_for_no_factors(tilt):
+    """Nodes touch at once, or one after the other with hard blows."""
+    simulation, history = moved(strip(tilt), 30, dt=1e-3, tolerance=1e-9)
+    _, fresh = moved(strip(tilt), 30, dt=1e-3, tolerance=1e-9, iteration_matrix="updated")
+    counters = simulation.system.counters
+    # one at the start; without the springs 22 with tilt, and 4 fallbacks
+    assert (counters.factorizations, counters.fallbacks, simulation.rejected) == (1, 0, 0)
+    assert history["touch_closed"].max() == (21 if tilt == 0.0 else pytest.approx(6, abs=3))
+    # Newton's tolerance over 30 steps with blows; another set of contacts changes 1e-4
+    np.testing.assert_allclose(history["tip_z"], fresh["tip_z"], atol=1e-6)
