@@ -96,7 +96,7 @@ def test_rows_are_the_derivatives_of_the_gaps():
 
 @pytest.mark.three_ranks
 def test_steps_solve_the_equations_with_the_springs(monkeypatch):
-    monkeypatch.setattr(stiff_rows, "_STIFFLY", 1e-10)
+    monkeypatch.setattr(stiff_rows, "_ACCURACY", 1e-10)
     simulation, _ = moved(between(), 3)
     system, solver = simulation.system, FrozenSolver(simulation.system)
     shifts = Shifts(velocity=1e4, acceleration=2e7, scale=2.5e-8)

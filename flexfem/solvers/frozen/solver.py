@@ -248,7 +248,8 @@ class FrozenSolver:
         if not (keep_interface or self._factor_interface(shifts)):
             return False, np.zeros(rows.size), None
         self._stiff.take(next((c.rows() for c in self.system.contacts), None), shifts)
-        correction, refined = self._stiff.correct(self._solve(rows.values)), None
+        correction = self._stiff.correct(self._solve(rows.values), refine=refine)
+        refined = None
         if refine:
             correction, refined = self._refinement.correct(
                 shifts, strains, correction, self._solve_beyond

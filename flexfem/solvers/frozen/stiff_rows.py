@@ -25,12 +25,12 @@ from flexfem.system.system import Shifts, System
 
 __all__ = ["SpringRows", "StiffRows"]
 
-#: Largest number of directions; stiffness over that of the frozen operator up to which springs are
-#: soft.
+#: Largest number of directions; stiffness over that of the frozen operator below which springs are
+#: soft: GMRES with the exact tangent needs no help with them.
 _MOST, _SOFT = 100, 20.0
-#: Relative error of the forces of soft springs and of others: whether a stiff contact opens depends
-#: on small parts of its force, and what is left keeps Newton's method from an end.
-_SOFTLY, _STIFFLY = 1e-2, 1e-3
+#: Relative error of the springs' forces: whether a stiff contact opens depends on small parts of
+#: its force, and what is left keeps Newton's method from an end.
+_ACCURACY = 1e-3
 #: Slope of springs that have none, whose forces stay zero; part of a direction's motions below
 #: which it depends on the others, and part that an orthogonalisation must leave, else a second one
 #: follows, both squared.
@@ -87,13 +87,14 @@ class StiffRows:
             self.active = True
             self._forces = _Forces(rows, slopes, self._respond, self._vectors)
 
-    def correct(self, correction: FloatArray) -> FloatArray:
+    def correct(self, correction: FloatArray, *, refine: bool = False) -> FloatArray:
         """Add the springs to the frozen solve whose steps are in the blocks (collective).
 
         The blocks' residuals are kept.
 
         Args:
             correction: the multipliers' correction (r,) by the frozen solve.
+            refine: True if GMRES with the exact tangent follows, to which soft springs are left.
 
         Returns:
             That with the springs.
@@ -102,7 +103,7 @@ class StiffRows:
             return correction
         kept = [part.block.residual.copy() for part in self._system.parts]
         solution = self._vectors.collect(correction)
-        parts = self._forces.solve()
+        parts = self._forces.solve(leave_soft=refine)
         self.soft = self._forces.soft
         solution -= parts @ self._responses[: len(parts)]
         for part, residual in zip(self._system.parts, kept, strict=True):
@@ -139,22 +140,25 @@ class _Forces:
         self._directions, self._basis = np.zeros((2, 0, len(slopes)))
         self._inverse = np.zeros((0, 0))
 
-    def solve(self) -> FloatArray:
-        """Parts of the responses in that to the springs' forces, for the blocks' steps."""
+    def solve(self, *, leave_soft: bool) -> FloatArray:
+        """Parts of the responses in that to the springs' forces, for the blocks' steps.
+
+        Args:
+            leave_soft: True for none if the springs are soft.
+        """
         motions = self.rows.motions()
         if not len(self._basis) and not self._begin(motions):
+            return np.zeros(0)
+        if leave_soft and self.soft:
             return np.zeros(0)
         while True:
             found = self._sum(self._basis @ (self._scaling * motions))
             parts = self._inverse @ found
             left = motions - (found @ self._basis) / self._scaling
-            if self._enough(parts, left) or not self._extend(left):
+            # springs' forces for the motions that are left, beside all
+            error, size = self._norms(self._slopes * left, parts @ self._directions)
+            if not error > _ACCURACY * size or not self._extend(left):
                 return parts
-
-    def _enough(self, parts: FloatArray, left: FloatArray) -> bool:
-        """True if the springs' forces for the motions (c,) that are left are small beside all."""
-        error, size = self._norms(self._slopes * left, parts @ self._directions)
-        return not error > (_SOFTLY if self.soft else _STIFFLY) * size
 
     def _begin(self, motions: FloatArray) -> bool:
         """Find the scaling by the springs' forces for motions without reaction, if there are."""
