@@ -1,0 +1,250 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact forces over a step: discrete derivatives of the potential.
+
+Forces F on points that move from X0 to X1 do exactly the work F . (X1 - X0) = -(U1 - U0) of the
+potential U, have no sum, and no torque about the middle positions. A pair alone has the force along
+its mean line (see ``mean_lines``). In a group with several pairs, such as a vertex that slides over
+the triangles of a surface, cancel the potentials of neighbours, and so must their forces. Those are
+
+    F = -dU/dX at the middle positions + theta sum_j (b1_j - b0_j) F_j,
+
+F_j those of the pairs along their mean lines; theta makes the work exact (the smallest such change,
+as in Gonzalez, Time integration and discrete Hamiltonian systems, 1996). It is 1 where the middle
+is out of reach, as in the step of an impact, and of third order in small steps.
+"""
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.contact.primitives.barrier import barrier, curvature, slope
+from flexfem.contact.primitives.closest import apart, closest, place
+from flexfem.contact.primitives.data import (
+    ACROSS,
+    ALONG,
+    GAP,
+    LINE,
+    NORMAL,
+    POTENTIAL,
+    SLOPE,
+    TURN,
+    WEIGHTS,
+    Pairs,
+    Response,
+    regularisation,
+)
+from flexfem.contact.primitives.mean_lines import mean_line
+from flexfem.contact.primitives.turning import write_turn
+from flexfem.kernels.compiled import inlined, kernel
+from flexfem.kernels.records import Memory, unpack
+
+__all__ = ["forces_of_step"]
+
+#: Gaps that differ by less than this part of the smaller one count as equal.
+_EQUAL = 1e-7
+#: Change of the forces of pairs of a group by which at most their work is made exact; beyond, the
+#: middle says little of the step. The step of an impact has 1.
+_MOST = 4.0
+#: Slopes of groups follow the difference quotient within these bounds.
+_LEAST_RATIO, _MOST_RATIO = 0.1, 10.0
+
+# Work space of a pair of a group.
+#: gaps before, after, and at the middle
+_BEFORE, _AFTER, _MIDDLE = 0, 1, 2
+#: change of the barrier, J/m^2
+_CHANGE = 3
+#: approach of the middle's closest points, m
+_WAY = 4
+#: derivative and second derivative of the barrier at the middle
+_PUSH = 5
+_WORK = 6
+#: factor of the mean line's force
+_FACTOR = LINE + 7
+
+
+@inlined
+def _quotient(before: float, after: float, change: float, dhat: float, kappa: float) -> float:
+    """Difference quotient of the barrier by the gap."""
+    if abs(after - before) <= _EQUAL * min(before, after):
+        return slope(0.5 * (before + after), dhat, kappa)
+    return change / (after - before)
+
+
+@inlined
+def _secant(before: float, after: float, change: float, dhat: float, kappa: float) -> float:
+    """Derivative of the difference quotient by the gap at the end; not negative."""
+    gap = after - before
+    if abs(gap) <= 1e-4 * min(before, after):
+        return 0.5 * curvature(0.5 * (before + after), dhat, kappa)
+    return max((slope(after, dhat, kappa) * gap - change) / (gap * gap), 0.0)
+
+
+@kernel
+def forces_of_step(
+    pairs: Memory, before: FloatArray, after: FloatArray, response: Memory
+) -> float:  # fmt: skip
+    """Write the response of all pairs to a step of the points from ``before`` to ``after`` (n, 3).
+
+    Returns:
+        What the forces' work misses of the potential, as the sum of the groups' absolute values, J:
+        not zero where a group's forces would have to change too much.
+    """
+    own, out = unpack(Pairs, pairs), unpack(Response, response)
+    starts, count, missed, longest = own.starts, 0, 0.0, 1
+    for g in range(len(starts) - 1):
+        longest = max(longest, starts[g + 1] - starts[g])
+    work = np.empty((longest, _WORK))
+    x, dx, w, r = np.empty((3, 4, 3)), np.empty((4, 3)), np.empty((3, 4)), np.empty((3, 3))
+    for g in range(len(starts) - 1):
+        first, alone = count, starts[g + 1] - starts[g] == 1
+        for p in range(starts[g], starts[g + 1]):
+            kind, nodes, touch, dhat = own.kind[p], own.points[p], own.touch[p], own.dhat[p]
+            if apart(before, after, kind, nodes, touch + dhat):
+                continue
+            rho, gaps, nearest = regularisation(kind, touch, dhat), work[count - first], np.inf
+            for c in range(2 if alone else 3):
+                place(before, after, nodes, c if c < 2 else 0.5, x[c])
+                gaps[c] = np.sqrt(closest(kind, x[c], rho, w[c], r[c])) - touch
+                nearest = min(nearest, gaps[c])
+            if nearest >= dhat:
+                continue
+            for i in range(4):
+                for a in range(3):
+                    dx[i, a] = x[1, i, a] - x[0, i, a]
+                    x[2, i, a] = x[0, i, a] + 0.5 * dx[i, a]
+            numbers = out.numbers[count]
+            change = (gaps[_AFTER] - gaps[_BEFORE]) * (gaps[_AFTER] + gaps[_BEFORE] + 2.0 * touch)
+            line, way = numbers[LINE : LINE + 4], numbers[LINE + 4 : LINE + 7]
+            mean_line(x[2], dx, w[0], w[1], change, line, way)
+            _write_potential(gaps, own, p, numbers)
+            if alone:
+                _finish_one(own, p, gaps, numbers, out.forces[count])
+            else:
+                _write_middle(gaps, own, p, dx, w[2], r[2], numbers)
+            middle, weights = gaps[_MIDDLE] + touch, numbers[WEIGHTS : WEIGHTS + 4]
+            write_turn(kind, x[2], rho, weights, middle, numbers[TURN:])
+            out.pairs[count] = p
+            count += 1
+        if not alone and count > first:
+            missed += _finish_group(own, work, out, first, count)
+    out.count[0] = count
+    return missed
+
+
+@inlined
+def _write_potential(gaps: FloatArray, own: Pairs, p: int, numbers: FloatArray) -> None:
+    """Write gap and potential at the end, and the factor of the force along the mean line."""
+    dhat, kappa, before, after = own.dhat[p], own.kappa[p], gaps[_BEFORE], gaps[_AFTER]
+    final = barrier(after, dhat, kappa)
+    gaps[_CHANGE] = final - barrier(before, dhat, kappa)
+    numbers[GAP], numbers[POTENTIAL] = after, own.weight[p] * final
+    quotient = _quotient(before, after, gaps[_CHANGE], dhat, kappa)
+    numbers[_FACTOR] = -own.weight[p] * quotient / (0.5 * (before + after) + own.touch[p])
+
+
+@inlined
+def _write_middle(
+    gaps: FloatArray, own: Pairs, p: int, dx: FloatArray, w: FloatArray, r: FloatArray,
+    numbers: FloatArray,
+) -> None:  # fmt: skip
+    """Write what the middle's closest points say of a pair."""
+    gaps[_PUSH] = slope(gaps[_MIDDLE], own.dhat[p], own.kappa[p])
+    distance, way = gaps[_MIDDLE] + own.touch[p], 0.0
+    for a in range(3):
+        n = numbers[NORMAL + a] = r[a] / distance
+        way += n * (w[0] * dx[0, a] + w[1] * dx[1, a] + w[2] * dx[2, a] + w[3] * dx[3, a])
+    for i in range(4):
+        numbers[WEIGHTS + i] = w[i]
+    gaps[_WAY] = way
+
+
+@inlined
+def _finish_one(
+    own: Pairs, p: int, gaps: FloatArray, numbers: FloatArray, forces: FloatArray
+) -> None:
+    """Write the force of a pair alone, along its mean line, which its tangent gets as well."""
+    size, share = 0.0, numbers[_FACTOR]
+    for a in range(3):
+        numbers[NORMAL + a] = numbers[LINE + 4 + a]
+        size += numbers[NORMAL + a] ** 2
+    size = np.sqrt(size)
+    for i in range(4):
+        w = numbers[WEIGHTS + i] = numbers[LINE + i]
+        for a in range(3):
+            forces[3 * i + a] = share * w * numbers[NORMAL + a]
+    for a in range(3):
+        numbers[NORMAL + a] /= size
+    ratio = 2.0 * size / (gaps[_BEFORE] + gaps[_AFTER] + 2.0 * own.touch[p])
+    secant = _secant(gaps[_BEFORE], gaps[_AFTER], gaps[_CHANGE], own.dhat[p], own.kappa[p])
+    numbers[SLOPE] = own.weight[p] * secant * ratio * ratio
+    numbers[ACROSS], numbers[ALONG], gaps[_MIDDLE] = 0.0, 0.5 * share, size - own.touch[p]
+
+
+@inlined
+def _finish_group(own: Pairs, work: FloatArray, out: Response, first: int, end: int) -> float:
+    """Write the forces of the pairs of a group; returns the work that they miss."""
+    lack = squares = size = largest = least = 0.0
+    nearest, before = np.inf, np.inf
+    for k in range(first, end):
+        gaps, weight = work[k - first], own.weight[out.pairs[k]]
+        change = gaps[_CHANGE]
+        lack += weight * (gaps[_PUSH] * gaps[_WAY] - change)
+        squares += weight * change * change
+        size += abs(weight) * change * change
+        largest = max(largest, abs(change))
+        least += abs(weight * change) + abs(weight * gaps[_PUSH] * gaps[_WAY])
+        nearest = min(nearest, gaps[_MIDDLE])
+        before = min(before, gaps[_BEFORE], gaps[_AFTER])
+    same = squares > 1e-3 * size
+    theta = -lack / (squares if same else size) if size > 0.0 else 0.0
+    if abs(lack) <= 1e-14 * least:
+        theta = 0.0
+    elif abs(theta) * largest > _MOST:
+        theta *= _MOST / (abs(theta) * largest)
+    for k in range(first, end):
+        numbers, gaps = out.numbers[k], work[k - first]
+        weight = own.weight[out.pairs[k]]
+        push = -weight * gaps[_PUSH]
+        extra = theta * gaps[_CHANGE] * numbers[_FACTOR]
+        if not same and weight < 0.0:
+            extra = -extra
+        for i in range(4):
+            for a in range(3):
+                out.forces[k, 3 * i + a] = (
+                    push * numbers[WEIGHTS + i] * numbers[NORMAL + a]
+                    + extra * numbers[LINE + i] * numbers[LINE + 4 + a]
+                )
+    _write_slopes(own, work, out, first, end, max(nearest - before, 0.0))
+    return abs(lack + theta * (squares if same else size))
+
+
+@inlined
+def _write_slopes(
+    own: Pairs, work: FloatArray, out: Response, first: int, end: int, closer: float
+) -> None:
+    """Write the slopes of a group, from the gaps of the middle less ``closer``.
+
+    They depend on the middle alone, so that those of neighbours cancel, but for a common factor
+    that makes the stiffness of the step that of the difference quotient.
+    """
+    wanted = found = work_done = change = 0.0
+    for k in range(first, end):
+        gaps, p = work[k - first], out.pairs[k]
+        dhat, kappa, weight = own.dhat[p], own.kappa[p], own.weight[p]
+        bend = 0.5 * curvature(gaps[_MIDDLE] - closer, dhat, kappa)
+        out.numbers[k, SLOPE] = weight * bend
+        found += weight * bend * gaps[_WAY] ** 2
+        way = gaps[_AFTER] - gaps[_BEFORE]
+        wanted += weight * (slope(gaps[_AFTER], dhat, kappa) * way - gaps[_CHANGE])
+        push = weight * slope(gaps[_MIDDLE] - closer, dhat, kappa)
+        out.numbers[k, ACROSS] = 0.0
+        out.numbers[k, ALONG] = -0.5 * push / (gaps[_MIDDLE] + own.touch[p])
+        change += weight * gaps[_CHANGE]
+        work_done += push * gaps[_WAY]
+    factor = share = 1.0
+    if found > 0.0 and wanted > 0.0:
+        factor = min(max(wanted / found, _LEAST_RATIO), _MOST_RATIO)
+    if change * work_done > 0.0:
+        share = min(max(change / work_done, _LEAST_RATIO), _MOST_RATIO)
+    for k in range(first, end):
+        out.numbers[k, SLOPE] *= factor
+        out.numbers[k, ALONG] *= share
