@@ -37,7 +37,6 @@ class Record:
     impulse: float = 0.0
     torque: float = 0.0
     momentum: float = 0.0
-    missed: float = 0.0
     iterations: list = field(default_factory=list)
 
 
@@ -94,8 +93,8 @@ class Strings:
             pairs = self.pairs(x, ahead, 0.5 * RADIUS)
             response, f = Response.of(pairs), np.zeros_like(x)
             y = x + safe_part(pairs.memory, x, ahead, 0.1) * (ahead - x)
-            for iteration in range(60):
-                missed = forces_of_step(pairs.memory, x, y, response.memory)
+            for iteration in range(60):  # noqa: B007 # counted below
+                forces_of_step(pairs.memory, x, y, response.memory)
                 f[:] = 0.0
                 add_forces(pairs.memory, response.memory, 1.0, f)
                 inertia = b * (y - ahead) / (beta * h * h) + (am * a - af * rate) / (1 - af)
@@ -111,7 +110,7 @@ class Strings:
             rate, x, a = ((1 - am) * a1 + am * a - af * rate) / (1 - af), y, a1
             energy, gap = self.energy(x, v)
             out.end, out.gap = (energy - start) / scale, min(out.gap, gap)
-            out.gain, out.missed = max(out.gain, out.end), out.missed + missed / scale
+            out.gain = max(out.gain, out.end)
             out.impulse = max(out.impulse, h * np.abs(f).max())
             out.torque = max(out.torque, np.abs(torque).max())
             if response.count[0]:

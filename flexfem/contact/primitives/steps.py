@@ -9,8 +9,9 @@ the triangles of a surface, cancel the potentials of neighbours, and so must the
     F = -dU/dX at the middle positions + theta sum_j (b1_j - b0_j) F_j,
 
 F_j those of the pairs along their mean lines; theta makes the work exact (the smallest such change,
-as in Gonzalez, Time integration and discrete Hamiltonian systems, 1996). It is 1 where the middle
-is out of reach, as in the step of an impact, and of third order in small steps.
+as in Gonzalez, Time integration and discrete Hamiltonian systems, 1996). It is of third order in
+small steps. Where the change would be large, as the middle says little of such a step, sum_j F_j
+take its place gradually; their work is exact, too.
 """
 
 import numpy as np
@@ -41,8 +42,8 @@ __all__ = ["forces_of_step"]
 
 #: Gaps that differ by less than this part of the smaller one count as equal.
 _EQUAL = 1e-7
-#: Change of the forces of pairs of a group by which at most their work is made exact; beyond, the
-#: middle says little of the step. The step of an impact has 1.
+#: Change, in parts of the forces of single pairs, by which at most the work of a group's forces is
+#: made exact. The step of an impact has 1.
 _MOST = 4.0
 #: Slopes of groups follow the difference quotient within these bounds.
 _LEAST_RATIO, _MOST_RATIO = 0.1, 10.0
@@ -79,17 +80,13 @@ def _secant(before: float, after: float, change: float, dhat: float, kappa: floa
 
 
 @kernel
-def forces_of_step(
-    pairs: Memory, before: FloatArray, after: FloatArray, response: Memory
-) -> float:  # fmt: skip
+def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, response: Memory) -> None:
     """Write the response of all pairs to a step of the points from ``before`` to ``after`` (n, 3).
 
-    Returns:
-        What the forces' work misses of the potential, as the sum of the groups' absolute values, J:
-        not zero where a group's forces would have to change too much.
+    No pair may touch at its ends or in its middle (``ccd``).
     """
     own, out = unpack(Pairs, pairs), unpack(Response, response)
-    starts, count, missed, longest = own.starts, 0, 0.0, 1
+    starts, count, longest = own.starts, 0, 1
     for g in range(len(starts) - 1):
         longest = max(longest, starts[g + 1] - starts[g])
     work = np.empty((longest, _WORK))
@@ -125,9 +122,8 @@ def forces_of_step(
             out.pairs[count] = p
             count += 1
         if not alone and count > first:
-            missed += _finish_group(own, work, out, first, count)
+            _finish_group(own, work, out, first, count)
     out.count[0] = count
-    return missed
 
 
 @inlined
@@ -180,41 +176,47 @@ def _finish_one(
 
 
 @inlined
-def _finish_group(own: Pairs, work: FloatArray, out: Response, first: int, end: int) -> float:
-    """Write the forces of the pairs of a group; returns the work that they miss."""
-    lack = squares = size = largest = least = 0.0
-    nearest, before = np.inf, np.inf
+def _mixture(
+    own: Pairs, work: FloatArray, out: Response, first: int, end: int
+) -> tuple[float, float, float]:
+    """Factors of the middle's forces, of the corrections, and of the pairs' own, that do the work.
+
+    The last ones take the place of the others where the correction would be large.
+    """
+    lack = squares = largest = size = 0.0
     for k in range(first, end):
         gaps, weight = work[k - first], own.weight[out.pairs[k]]
-        change = gaps[_CHANGE]
-        lack += weight * (gaps[_PUSH] * gaps[_WAY] - change)
+        change, done = gaps[_CHANGE], gaps[_PUSH] * gaps[_WAY]
+        lack += weight * (done - change)
         squares += weight * change * change
-        size += abs(weight) * change * change
         largest = max(largest, abs(change))
-        least += abs(weight * change) + abs(weight * gaps[_PUSH] * gaps[_WAY])
-        nearest = min(nearest, gaps[_MIDDLE])
-        before = min(before, gaps[_BEFORE], gaps[_AFTER])
-    same = squares > 1e-3 * size
-    theta = -lack / (squares if same else size) if size > 0.0 else 0.0
-    if abs(lack) <= 1e-14 * least:
-        theta = 0.0
-    elif abs(theta) * largest > _MOST:
-        theta *= _MOST / (abs(theta) * largest)
+        size += abs(weight * change) + abs(weight * done)
+    if abs(lack) <= 1e-14 * size:
+        return 1.0, 0.0, 0.0
+    most = abs(lack) * largest
+    if most >= _MOST * abs(squares):
+        return 0.0, 0.0, 1.0
+    share = min(2.0 - 2.0 * most / (_MOST * abs(squares)), 1.0)
+    return share, -share * lack / squares, 1.0 - share
+
+
+@inlined
+def _finish_group(own: Pairs, work: FloatArray, out: Response, first: int, end: int) -> None:
+    """Write the forces and tangents of the pairs of a group."""
+    middle, theta, alone = _mixture(own, work, out, first, end)
+    nearest, ends = np.inf, np.inf
     for k in range(first, end):
         numbers, gaps = out.numbers[k], work[k - first]
-        weight = own.weight[out.pairs[k]]
-        push = -weight * gaps[_PUSH]
-        extra = theta * gaps[_CHANGE] * numbers[_FACTOR]
-        if not same and weight < 0.0:
-            extra = -extra
+        push = -middle * own.weight[out.pairs[k]] * gaps[_PUSH]
+        along = (theta * gaps[_CHANGE] + alone) * numbers[_FACTOR]
         for i in range(4):
             for a in range(3):
                 out.forces[k, 3 * i + a] = (
                     push * numbers[WEIGHTS + i] * numbers[NORMAL + a]
-                    + extra * numbers[LINE + i] * numbers[LINE + 4 + a]
+                    + along * numbers[LINE + i] * numbers[LINE + 4 + a]
                 )
-    _write_slopes(own, work, out, first, end, max(nearest - before, 0.0))
-    return abs(lack + theta * (squares if same else size))
+        nearest, ends = min(nearest, gaps[_MIDDLE]), min(ends, gaps[_BEFORE], gaps[_AFTER])
+    _write_slopes(own, work, out, first, end, max(nearest - ends, 0.0))
 
 
 @inlined
