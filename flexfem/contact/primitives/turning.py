@@ -21,27 +21,25 @@ from flexfem.kernels.compiled import inlined, subroutine
 __all__ = ["write_turn"]
 
 
+#: First number of the second square.
+_SECOND = 7
+
+
 @inlined
-def _parameters(kind: int, w: FloatArray, ways: FloatArray) -> int:
-    """Write dw/dz (2, 4) of the free parameters; returns how many there are.
+def _parameters(kind: int, w: FloatArray, turn: FloatArray) -> int:
+    """Write dw/dz of the free parameters in the places of a_m; returns how many there are.
 
     They are those of the ways between two points of a primitive whose weights are not zero.
     """
-    ways[:] = 0.0
-    count = 0
-    if kind >= EDGE_EDGE:
-        for first in (0, 2):
-            if w[first] != 0.0 and w[first + 1] != 0.0:
-                ways[count, first], ways[count, first + 1] = -1.0, 1.0
-                if first == 2:
-                    ways[count, 2], ways[count, 3] = 1.0, -1.0
-                count += 1
-        return count
-    at = 0
-    for i in range(1, 4):
+    count, at = 0, -1
+    for i in range(0 if kind >= EDGE_EDGE else 1, 4):
+        if kind >= EDGE_EDGE and i == 2:
+            at = -1
         if w[i] != 0.0:
-            if at > 0:
-                ways[count, at], ways[count, i] = 1.0, -1.0
+            if at >= 0:
+                # the weights of the second primitive are negative
+                sign = 1.0 if i > 1 or kind < EDGE_EDGE else -1.0
+                turn[_SECOND * count + at], turn[_SECOND * count + i] = sign, -sign
                 count += 1
             else:
                 at = i
@@ -62,25 +60,23 @@ def write_turn(
         distance: D, m.
         turn: result.
     """
-    ways, turns = np.empty((2, 4)), np.zeros((2, 3))
-    free = _parameters(kind, w, ways)
-    for p in range(2):
-        for a in range(3):
-            for i in range(4):
-                turns[p, a] += ways[p, i] * x[i, a]
-    aa, ab, bb = rho, 0.0, rho
+    for k in range(2 * _SECOND):
+        turn[k] = 0.0
+    free, aa, ab, bb = _parameters(kind, w, turn), rho, 0.0, rho
+    if free == 0:
+        return
     for a in range(3):
-        aa += turns[0, a] * turns[0, a]
-        ab += turns[0, a] * turns[1, a]
-        bb += turns[1, a] * turns[1, a]
-    # columns of the transposed inverse of the Cholesky factor of (aa, ab; ab, bb)
-    first = 1.0 / np.sqrt(aa) if free > 0 else 0.0
-    rest = bb - ab * ab / aa if free > 1 else 0.0
-    second = 1.0 / np.sqrt(rest) if rest > 0.0 else 0.0
-    mixed = -ab / aa * second if free > 1 else 0.0
-    for i in range(4):
-        turn[i] = distance * first * ways[0, i]
-        turn[7 + i] = distance * (mixed * ways[0, i] + second * ways[1, i])
-    for a in range(3):
-        turn[4 + a] = first * turns[0, a]
-        turn[11 + a] = mixed * turns[0, a] + second * turns[1, a]
+        for i in range(4):
+            turn[4 + a] += turn[i] * x[i, a]
+            turn[_SECOND + 4 + a] += turn[_SECOND + i] * x[i, a]
+        aa += turn[4 + a] * turn[4 + a]
+        ab += turn[4 + a] * turn[_SECOND + 4 + a]
+        bb += turn[_SECOND + 4 + a] * turn[_SECOND + 4 + a]
+    # rows of the inverse of the Cholesky factor of (aa, ab; ab, bb)
+    first, rest = 1.0 / np.sqrt(aa), bb - ab * ab / aa
+    second = 1.0 / np.sqrt(rest) if free > 1 and rest > 0.0 else 0.0
+    mixed = -ab / aa * second
+    for k in range(_SECOND):
+        size = distance if k < 4 else 1.0
+        turn[_SECOND + k] = size * (mixed * turn[k] + second * turn[_SECOND + k])
+        turn[k] *= size * first
