@@ -99,7 +99,6 @@ def test_coefficients_are_euler_characteristics():
     assert set(flat.coefficients[: len(points)]) == {0, 1}
     np.testing.assert_array_equal(fan.coefficients[:7], [-2, 0, 0, 0, 0, 0, 1])
     np.testing.assert_array_equal(fan.line_coefficients, [-2, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1])
-    np.testing.assert_array_equal(fan.polylines, [0, 0, 0, 0, 4, 4, 6])
     np.testing.assert_allclose(areas(points, triangles).sum(), 1.0)
     np.testing.assert_allclose(lengths(points[:, [0, 2, 2]], np.array([[0, 1], [1, 2]])).sum(),
                                np.abs(points[[0, 1], 0] - points[[1, 2], 0]).sum())  # fmt: skip

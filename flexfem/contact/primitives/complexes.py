@@ -16,8 +16,6 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.sparse import coo_array
-from scipy.sparse.csgraph import connected_components
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 
@@ -98,16 +96,6 @@ class Complex:
         result = np.concatenate([np.where(ends > 0, 1.0 - ends, 0.0), np.zeros(len(self.edges))])
         result[len(self.vertices) + self.lines] = 1.0
         return result
-
-    @cached_property
-    def polylines(self) -> IntArray:
-        """Number of the connected polyline of each vertex (v,): its first vertex."""
-        ends, count = self.edges[self.lines], len(self.vertices)
-        graph = coo_array((np.ones(len(ends)), (ends[:, 0], ends[:, 1])), shape=(count, count))
-        _, part = connected_components(graph, directed=False)
-        first = np.full(count, count)
-        np.minimum.at(first, part, np.arange(count))
-        return np.asarray(first[part])
 
     @cached_property
     def points(self) -> IntArray:

@@ -46,7 +46,7 @@ def _part(start: float, end: float, bend: float) -> float:
 def mean_line(
     x: FloatArray, dx: FloatArray, w0: FloatArray, w1: FloatArray, change: float, w: FloatArray,
     r: FloatArray,
-) -> None:  # fmt: skip
+) -> float:  # fmt: skip
     """Write the weights w (4,) and the vector r (3,) of a step.
 
     Args:
@@ -57,8 +57,11 @@ def mean_line(
         change: D1^2 - D0^2, m^2.
         w: written weights.
         r: written vector.
+
+    Returns:
+        How far the closest points move along both primitives, at the middle positions, m.
     """
-    start, end, bend = -change, -change, 0.0
+    start, end, bend, slid = -change, -change, 0.0, 0.0
     for a in range(3):
         m0 = m1 = e0 = e1 = 0.0
         for i in range(4):
@@ -69,8 +72,10 @@ def mean_line(
         start += 2.0 * m0 * e0
         end += 2.0 * m1 * e1
         bend += 2.0 * (m1 - m0) * (e1 - e0)
+        slid += (m1 - m0) ** 2
     part = _part(start, end, bend)
     for i in range(4):
         w[i] = w0[i] + part * (w1[i] - w0[i])
     for a in range(3):
         r[a] = w[0] * x[0, a] + w[1] * x[1, a] + w[2] * x[2, a] + w[3] * x[3, a]
+    return float(np.sqrt(slid))

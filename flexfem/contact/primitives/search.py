@@ -48,17 +48,15 @@ def find_pairs(
 ) -> Pairs:
     """Find the pairs that may act during a motion.
 
-    The pairs of a vertex with one body are a group, those of two polylines are one, and every other
-    pair of edges is one.
+    The pairs of a vertex with one body are a group, every other pair is one.
 
     Args:
         surface: cells of all bodies.
         near: those of one body that are left out, and the coefficients of the others.
         motion: of the points.
         touching: bodies that touch each other, symmetric, shape (b, b); on the diagonal themselves.
-        here: points whose groups are found, shape (n,). A group belongs to its vertex, that of two
-            polylines to the first point of the later one, one of edges to the first point of the
-            first.
+        here: points whose groups are found, shape (n,). A group belongs to its vertex, a pair of
+            edges to the first point of its first edge.
     """
     boxes = Boxes.of(surface, touching, motion)
     parts = (
@@ -113,14 +111,11 @@ def _of_lines(surface: Surface, near: Neighbourhoods, boxes: Boxes, here: BoolAr
     """Pairs of edges and vertices of polylines."""
     cells = surface.complex
     first, second = boxes.lines()
-    line = np.concatenate([cells.polylines, cells.polylines[cells.edges[:, 0]]])
-    last, other = np.maximum(line[first], line[second]), np.minimum(line[first], line[second])
-    chosen = here[cells.vertices[last]]
-    first, second, last, other = (part[chosen] for part in (first, second, last, other))
+    chosen = here[cells.points[first, 0]]
+    first, second = first[chosen], second[chosen]
     usual = cells.line_coefficients[first] * cells.line_coefficients[second]
     weight = near.lines.apply(first, second, usual) * surface.touch(first, second) ** 2
-    group = last * len(cells.vertices) + other
-    return _sorted(surface, (first, second), weight, group)
+    return _sorted(surface, (first, second), weight, np.arange(len(first)))
 
 
 def _of_edges(surface: Surface, near: Neighbourhoods, boxes: Boxes, here: BoolArray) -> _Found:

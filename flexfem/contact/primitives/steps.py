@@ -2,16 +2,16 @@
 """Contact forces over a step: discrete derivatives of the potential.
 
 Forces F on points that move from X0 to X1 do exactly the work F . (X1 - X0) = -(U1 - U0) of the
-potential U, have no sum, and no torque about the middle positions. A pair alone has the force along
-its mean line (see ``mean_lines``). In a group with several pairs, such as a vertex that slides over
-the triangles of a surface, cancel the potentials of neighbours, and so must their forces. Those are
+potential U, have no sum, and no torque about the middle positions. A pair has the force F_j along
+its mean line (see ``mean_lines``). Where a vertex slides over several triangles of a surface in one
+step, these forces are those of meeting one and leaving another, and their sum is less than that of
+the contact, although its work is exact. A group of pairs hence has the forces
 
-    F = -dU/dX at the middle positions + theta sum_j (b1_j - b0_j) F_j,
+    F = -dU/dX at the middle positions + theta sum_j (b1_j - b0_j) F_j
 
-F_j those of the pairs along their mean lines; theta makes the work exact (the smallest such change,
-as in Gonzalez, Time integration and discrete Hamiltonian systems, 1996). It is of third order in
-small steps. Where the change would be large, as the middle says little of such a step, sum_j F_j
-take its place gradually; their work is exact, too.
+in such steps, where theta makes the work exact (the smallest such change, as in Gonzalez, Time
+integration and discrete Hamiltonian systems, 1996). Where the change would be large, as the middle
+says little of the step, sum_j F_j take its place gradually.
 """
 
 import numpy as np
@@ -45,8 +45,13 @@ _EQUAL = 1e-7
 #: Change, in parts of the forces of single pairs, by which at most the work of a group's forces is
 #: made exact. The step of an impact has 1.
 _MOST = 4.0
+#: Way of closest points along the primitives, in parts of the distance, up to which the forces of a
+#: group are those of single pairs; from twice as far on they are those of the middle.
+_SHORT = 0.25
 #: Slopes of groups follow the difference quotient within these bounds.
-_LEAST_RATIO, _MOST_RATIO = 0.1, 10.0
+_LEAST_RATIO, _MOST_RATIO = 1e-2, 10.0
+#: Approach, in parts of dhat, below which the difference quotient says little of the slope.
+_LITTLE = 1e-3
 
 # Work space of a pair of a group.
 #: gaps before, after, and at the middle
@@ -57,7 +62,9 @@ _CHANGE = 3
 _WAY = 4
 #: derivative and second derivative of the barrier at the middle
 _PUSH = 5
-_WORK = 6
+#: way of the closest points along the primitives, over the distance
+_SLID = 6
+_WORK = 7
 #: factor of the mean line's force
 _FACTOR = LINE + 7
 
@@ -111,12 +118,13 @@ def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, respons
             numbers = out.numbers[count]
             change = (gaps[_AFTER] - gaps[_BEFORE]) * (gaps[_AFTER] + gaps[_BEFORE] + 2.0 * touch)
             line, way = numbers[LINE : LINE + 4], numbers[LINE + 4 : LINE + 7]
-            mean_line(x[2], dx, w[0], w[1], change, line, way)
+            slid = mean_line(x[2], dx, w[0], w[1], change, line, way)
             _write_potential(gaps, own, p, numbers)
             if alone:
                 _finish_one(own, p, gaps, numbers, out.forces[count])
             else:
                 _write_middle(gaps, own, p, dx, w[2], r[2], numbers)
+                gaps[_SLID] = slid / (gaps[_MIDDLE] + touch)
             middle, weights = gaps[_MIDDLE] + touch, numbers[WEIGHTS : WEIGHTS + 4]
             write_turn(kind, x[2], rho, weights, middle, numbers[TURN:])
             out.pairs[count] = p
@@ -181,9 +189,10 @@ def _mixture(
 ) -> tuple[float, float, float]:
     """Factors of the middle's forces, of the corrections, and of the pairs' own, that do the work.
 
-    The last ones take the place of the others where the correction would be large.
+    The last ones take the place of the others where closest points slide little, or where the
+    correction would be large.
     """
-    lack = squares = largest = size = 0.0
+    lack = squares = largest = size = slid = 0.0
     for k in range(first, end):
         gaps, weight = work[k - first], own.weight[out.pairs[k]]
         change, done = gaps[_CHANGE], gaps[_PUSH] * gaps[_WAY]
@@ -191,12 +200,14 @@ def _mixture(
         squares += weight * change * change
         largest = max(largest, abs(change))
         size += abs(weight * change) + abs(weight * done)
+        slid = max(slid, gaps[_SLID])
+    sliding = min(max(slid / _SHORT - 1.0, 0.0), 1.0)
     if abs(lack) <= 1e-14 * size:
-        return 1.0, 0.0, 0.0
+        return sliding, 0.0, 1.0 - sliding
     most = abs(lack) * largest
     if most >= _MOST * abs(squares):
         return 0.0, 0.0, 1.0
-    share = min(2.0 - 2.0 * most / (_MOST * abs(squares)), 1.0)
+    share = sliding * min(2.0 - 2.0 * most / (_MOST * abs(squares)), 1.0)
     return share, -share * lack / squares, 1.0 - share
 
 
@@ -228,13 +239,14 @@ def _write_slopes(
     They depend on the middle alone, so that those of neighbours cancel, but for a common factor
     that makes the stiffness of the step that of the difference quotient.
     """
-    wanted = found = work_done = change = 0.0
+    wanted = found = little = work_done = change = 0.0
     for k in range(first, end):
         gaps, p = work[k - first], out.pairs[k]
         dhat, kappa, weight = own.dhat[p], own.kappa[p], own.weight[p]
         bend = 0.5 * curvature(gaps[_MIDDLE] - closer, dhat, kappa)
         out.numbers[k, SLOPE] = weight * bend
         found += weight * bend * gaps[_WAY] ** 2
+        little += weight * bend * (_LITTLE * dhat) ** 2
         way = gaps[_AFTER] - gaps[_BEFORE]
         wanted += weight * (slope(gaps[_AFTER], dhat, kappa) * way - gaps[_CHANGE])
         push = weight * slope(gaps[_MIDDLE] - closer, dhat, kappa)
@@ -243,8 +255,8 @@ def _write_slopes(
         change += weight * gaps[_CHANGE]
         work_done += push * gaps[_WAY]
     factor = share = 1.0
-    if found > 0.0 and wanted > 0.0:
-        factor = min(max(wanted / found, _LEAST_RATIO), _MOST_RATIO)
+    if found + little > 0.0:
+        factor = min(max((wanted + little) / (found + little), _LEAST_RATIO), _MOST_RATIO)
     if change * work_done > 0.0:
         share = min(max(change / work_done, _LEAST_RATIO), _MOST_RATIO)
     for k in range(first, end):
