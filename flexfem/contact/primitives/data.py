@@ -10,8 +10,7 @@ from flexfem.kernels.compiled import inlined
 from flexfem.kernels.records import Float1D, Float2D, Int1D, Int2D, Record
 
 __all__ = [
-    "ACROSS",
-    "ALONG",
+    "BEND",
     "CROSSING_EDGE_VERTEX",
     "CROSSING_VERTICES",
     "EDGE_EDGE",
@@ -74,16 +73,15 @@ GAP = 7
 POTENTIAL = 8
 #: Stiffness along the normal, N/m: that of the tangent.
 SLOPE = 9
-#: Factors of the geometric tangent, across the normal and by the closest points' motion, N/m: the
-#: force over the distance, negative where it repels, and its negative.
-ACROSS, ALONG = 10, 11
-#: How the closest points move: twice 4 weights and 3 components, see ``turning``.
-TURN = 12
-#: Numbers of the mean line of a step: 4 weights, 3 components, and the force over these; 0 for
-#: equilibria.
-LINE = 26
+#: For equilibria: force over distance, N/m, negative where it repels, the factor of the geometric
+#: tangent; 0 for steps.
+BEND = 10
+#: For equilibria: how the closest points move, twice 4 weights and 3 components, see ``turning``.
+TURN = 11
+#: For steps: 4 weights and 3 components of the mean line.
+LINE = 11
 #: Numbers of a pair that acts.
-FIELDS = 34
+FIELDS = 25
 
 
 class Pairs(Record):

@@ -7,8 +7,7 @@ from flexfem._types import FloatArray
 from flexfem.contact.primitives.barrier import barrier, curvature, slope
 from flexfem.contact.primitives.closest import apart, closest, place
 from flexfem.contact.primitives.data import (
-    ACROSS,
-    ALONG,
+    BEND,
     GAP,
     NORMAL,
     POTENTIAL,
@@ -44,7 +43,7 @@ def forces_at_rest(pairs: Memory, points: FloatArray, response: Memory) -> None:
         numbers, weight = out.numbers[count], own.weight[p]
         push = weight * slope(gap, dhat, kappa)
         numbers[GAP], numbers[POTENTIAL] = gap, weight * barrier(gap, dhat, kappa)
-        numbers[ACROSS], numbers[ALONG] = push / distance, -push / distance
+        numbers[BEND] = push / distance
         numbers[SLOPE] = weight * curvature(gap, dhat, kappa) - push / distance
         for a in range(3):
             numbers[NORMAL + a] = r[a] / distance

@@ -20,21 +20,18 @@ from flexfem._types import FloatArray
 from flexfem.contact.primitives.barrier import barrier, curvature, slope
 from flexfem.contact.primitives.closest import apart, closest, place
 from flexfem.contact.primitives.data import (
-    ACROSS,
-    ALONG,
+    BEND,
     GAP,
     LINE,
     NORMAL,
     POTENTIAL,
     SLOPE,
-    TURN,
     WEIGHTS,
     Pairs,
     Response,
     regularisation,
 )
 from flexfem.contact.primitives.mean_lines import mean_line
-from flexfem.contact.primitives.turning import write_turn
 from flexfem.kernels.compiled import inlined, kernel
 from flexfem.kernels.records import Memory, unpack
 
@@ -42,6 +39,8 @@ __all__ = ["forces_of_step"]
 
 #: Gaps that differ by less than this part of the smaller one count as equal.
 _EQUAL = 1e-7
+#: The same for its slope.
+_NEARLY = 1e-4
 #: Change, in parts of the forces of single pairs, by which at most the work of a group's forces is
 #: made exact. The step of an impact has 1.
 _MOST = 4.0
@@ -54,36 +53,19 @@ _LEAST_RATIO, _MOST_RATIO = 1e-2, 10.0
 _LITTLE = 1e-3
 
 # Work space of a pair of a group.
-#: gaps before, after, and at the middle
+#: gaps before, after, and at the middle, m
 _BEFORE, _AFTER, _MIDDLE = 0, 1, 2
 #: change of the barrier, J/m^2
 _CHANGE = 3
 #: approach of the middle's closest points, m
 _WAY = 4
-#: derivative and second derivative of the barrier at the middle
+#: derivative of the barrier at the middle, N/m^2
 _PUSH = 5
 #: way of the closest points along the primitives, over the distance
 _SLID = 6
-_WORK = 7
-#: factor of the mean line's force
-_FACTOR = LINE + 7
-
-
-@inlined
-def _quotient(before: float, after: float, change: float, dhat: float, kappa: float) -> float:
-    """Difference quotient of the barrier by the gap."""
-    if abs(after - before) <= _EQUAL * min(before, after):
-        return slope(0.5 * (before + after), dhat, kappa)
-    return change / (after - before)
-
-
-@inlined
-def _secant(before: float, after: float, change: float, dhat: float, kappa: float) -> float:
-    """Derivative of the difference quotient by the gap at the end; not negative."""
-    gap = after - before
-    if abs(gap) <= 1e-4 * min(before, after):
-        return 0.5 * curvature(0.5 * (before + after), dhat, kappa)
-    return max((slope(after, dhat, kappa) * gap - change) / (gap * gap), 0.0)
+#: factor of the force along the mean line, N/m
+_FACTOR = 7
+_WORK = 8
 
 
 @kernel
@@ -97,7 +79,7 @@ def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, respons
     for g in range(len(starts) - 1):
         longest = max(longest, starts[g + 1] - starts[g])
     work = np.empty((longest, _WORK))
-    x, dx, w, r = np.empty((3, 4, 3)), np.empty((4, 3)), np.empty((3, 4)), np.empty((3, 3))
+    x, w, r = np.empty((3, 4, 3)), np.empty((3, 4)), np.empty((3, 3))
     for g in range(len(starts) - 1):
         first, alone = count, starts[g + 1] - starts[g] == 1
         for p in range(starts[g], starts[g + 1]):
@@ -109,45 +91,70 @@ def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, respons
                 place(before, after, nodes, c if c < 2 else 0.5, x[c])
                 gaps[c] = np.sqrt(closest(kind, x[c], rho, w[c], r[c])) - touch
                 nearest = min(nearest, gaps[c])
-            if nearest >= dhat:
-                continue
-            for i in range(4):
-                for a in range(3):
-                    dx[i, a] = x[1, i, a] - x[0, i, a]
-                    x[2, i, a] = x[0, i, a] + 0.5 * dx[i, a]
-            numbers = out.numbers[count]
-            change = (gaps[_AFTER] - gaps[_BEFORE]) * (gaps[_AFTER] + gaps[_BEFORE] + 2.0 * touch)
-            line, way = numbers[LINE : LINE + 4], numbers[LINE + 4 : LINE + 7]
-            slid = mean_line(x[2], dx, w[0], w[1], change, line, way)
-            _write_potential(gaps, own, p, numbers)
-            if alone:
-                _finish_one(own, p, gaps, numbers, out.forces[count])
-            else:
-                _write_middle(gaps, own, p, dx, w[2], r[2], numbers)
-                gaps[_SLID] = slid / (gaps[_MIDDLE] + touch)
-            middle, weights = gaps[_MIDDLE] + touch, numbers[WEIGHTS : WEIGHTS + 4]
-            write_turn(kind, x[2], rho, weights, middle, numbers[TURN:])
-            out.pairs[count] = p
-            count += 1
+            if nearest < dhat:
+                _write_pair(own, p, gaps, x, w, out.numbers[count])
+                if alone:
+                    _finish_one(own, p, gaps, out.numbers[count], out.forces[count])
+                else:
+                    _write_middle(own, p, gaps, x[0], w[2], r[2], out.numbers[count])
+                out.pairs[count] = p
+                count += 1
         if not alone and count > first:
             _finish_group(own, work, out, first, count)
     out.count[0] = count
 
 
 @inlined
-def _write_potential(gaps: FloatArray, own: Pairs, p: int, numbers: FloatArray) -> None:
-    """Write gap and potential at the end, and the factor of the force along the mean line."""
-    dhat, kappa, before, after = own.dhat[p], own.kappa[p], gaps[_BEFORE], gaps[_AFTER]
-    final = barrier(after, dhat, kappa)
+def _quotient(before: float, after: float, change: float, dhat: float, kappa: float) -> float:
+    """Difference quotient of the barrier by the gap."""
+    if abs(after - before) <= _EQUAL * min(before, after):
+        return slope(0.5 * (before + after), dhat, kappa)
+    return change / (after - before)
+
+
+@inlined
+def _secant(before: float, after: float, change: float, dhat: float, kappa: float) -> float:
+    """Derivative of the difference quotient by the gap at the end; not negative."""
+    way = after - before
+    if abs(way) <= _NEARLY * min(before, after):
+        return 0.5 * curvature(0.5 * (before + after), dhat, kappa)
+    return max((slope(after, dhat, kappa) * way - change) / (way * way), 0.0)
+
+
+@inlined
+def _write_pair(
+    own: Pairs, p: int, gaps: FloatArray, x: FloatArray, w: FloatArray, numbers: FloatArray
+) -> None:
+    """Write gap and potential at the end, and the mean line with the force along it.
+
+    Args:
+        own: the pairs.
+        p: number of the pair.
+        gaps: its work space, with the gaps before and after the step.
+        x: positions (3, 4, 3) before and after, and place for the step and the middle.
+        w: weights (3, 4) before and after.
+        numbers: result.
+    """
+    dhat, kappa, touch = own.dhat[p], own.kappa[p], own.touch[p]
+    before, after, dx = gaps[_BEFORE], gaps[_AFTER], x[0]
+    for i in range(4):
+        for a in range(3):
+            start = x[0, i, a]
+            dx[i, a] = x[1, i, a] - start
+            x[2, i, a] = start + 0.5 * dx[i, a]
+    final, sizes = barrier(after, dhat, kappa), before + after + 2.0 * touch
     gaps[_CHANGE] = final - barrier(before, dhat, kappa)
-    numbers[GAP], numbers[POTENTIAL] = after, own.weight[p] * final
+    numbers[GAP], numbers[POTENTIAL], numbers[BEND] = after, own.weight[p] * final, 0.0
+    line, way = numbers[LINE : LINE + 4], numbers[LINE + 4 : LINE + 7]
+    slid = mean_line(x[2], dx, w[0], w[1], (after - before) * sizes, line, way)
     quotient = _quotient(before, after, gaps[_CHANGE], dhat, kappa)
-    numbers[_FACTOR] = -own.weight[p] * quotient / (0.5 * (before + after) + own.touch[p])
+    gaps[_FACTOR] = -own.weight[p] * quotient / (0.5 * sizes)
+    gaps[_SLID] = slid / (min(before, after) + touch)
 
 
 @inlined
 def _write_middle(
-    gaps: FloatArray, own: Pairs, p: int, dx: FloatArray, w: FloatArray, r: FloatArray,
+    own: Pairs, p: int, gaps: FloatArray, dx: FloatArray, w: FloatArray, r: FloatArray,
     numbers: FloatArray,
 ) -> None:  # fmt: skip
     """Write what the middle's closest points say of a pair."""
@@ -166,7 +173,7 @@ def _finish_one(
     own: Pairs, p: int, gaps: FloatArray, numbers: FloatArray, forces: FloatArray
 ) -> None:
     """Write the force of a pair alone, along its mean line, which its tangent gets as well."""
-    size, share = 0.0, numbers[_FACTOR]
+    size, share = 0.0, gaps[_FACTOR]
     for a in range(3):
         numbers[NORMAL + a] = numbers[LINE + 4 + a]
         size += numbers[NORMAL + a] ** 2
@@ -180,7 +187,6 @@ def _finish_one(
     ratio = 2.0 * size / (gaps[_BEFORE] + gaps[_AFTER] + 2.0 * own.touch[p])
     secant = _secant(gaps[_BEFORE], gaps[_AFTER], gaps[_CHANGE], own.dhat[p], own.kappa[p])
     numbers[SLOPE] = own.weight[p] * secant * ratio * ratio
-    numbers[ACROSS], numbers[ALONG], gaps[_MIDDLE] = 0.0, 0.5 * share, size - own.touch[p]
 
 
 @inlined
@@ -219,7 +225,7 @@ def _finish_group(own: Pairs, work: FloatArray, out: Response, first: int, end: 
     for k in range(first, end):
         numbers, gaps = out.numbers[k], work[k - first]
         push = -middle * own.weight[out.pairs[k]] * gaps[_PUSH]
-        along = (theta * gaps[_CHANGE] + alone) * numbers[_FACTOR]
+        along = (theta * gaps[_CHANGE] + alone) * gaps[_FACTOR]
         for i in range(4):
             for a in range(3):
                 out.forces[k, 3 * i + a] = (
@@ -239,7 +245,7 @@ def _write_slopes(
     They depend on the middle alone, so that those of neighbours cancel, but for a common factor
     that makes the stiffness of the step that of the difference quotient.
     """
-    wanted = found = little = work_done = change = 0.0
+    wanted = found = little = 0.0
     for k in range(first, end):
         gaps, p = work[k - first], out.pairs[k]
         dhat, kappa, weight = own.dhat[p], own.kappa[p], own.weight[p]
@@ -249,16 +255,8 @@ def _write_slopes(
         little += weight * bend * (_LITTLE * dhat) ** 2
         way = gaps[_AFTER] - gaps[_BEFORE]
         wanted += weight * (slope(gaps[_AFTER], dhat, kappa) * way - gaps[_CHANGE])
-        push = weight * slope(gaps[_MIDDLE] - closer, dhat, kappa)
-        out.numbers[k, ACROSS] = 0.0
-        out.numbers[k, ALONG] = -0.5 * push / (gaps[_MIDDLE] + own.touch[p])
-        change += weight * gaps[_CHANGE]
-        work_done += push * gaps[_WAY]
-    factor = share = 1.0
+    factor = 1.0
     if found + little > 0.0:
         factor = min(max((wanted + little) / (found + little), _LEAST_RATIO), _MOST_RATIO)
-    if change * work_done > 0.0:
-        share = min(max(change / work_done, _LEAST_RATIO), _MOST_RATIO)
     for k in range(first, end):
         out.numbers[k, SLOPE] *= factor
-        out.numbers[k, ALONG] *= share

@@ -3,21 +3,19 @@
 
 The tangent of a pair is
 
-    k (n . w dx)^2 + c |w dx|^2 + s (v_1(dx)^2 + v_2(dx)^2),
+    k (n . w dx)^2 + c (|w dx|^2 - v_1(dx)^2 - v_2(dx)^2),
 
-k the slope, n the normal, and v_m the changes of the closest points (``turning``). It is the
-Hessian of the potential for equilibria, where c = -s is the force over the distance. For steps it
-is not exact: k is the slope of the difference quotient, s half of what it is at the middle, and
-c = 0, since it would make the tangent indefinite, and masses outweigh it in steps that resolve a
-motion.
+k the slope, n the normal, c the force over the distance, and v_m the changes of the closest points
+(``turning``). It is the Hessian of the potential for equilibria. For steps k is the slope of the
+difference quotient, and c = 0: the rest saves no iterations of Newton's method where masses
+outweigh it.
 """
 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.primitives.data import (
-    ACROSS,
-    ALONG,
+    BEND,
     NORMAL,
     POTENTIAL,
     SLOPE,
@@ -75,26 +73,28 @@ def add_actions(
     moved, way = np.empty(3), np.empty(3)
     for k in range(own.count[0]):
         numbers, rows = own.numbers[k], paired.points[own.pairs[k]]
-        across, along = scale * numbers[ACROSS], scale * numbers[ALONG]
-        approach = 0.0
+        bend, approach = scale * numbers[BEND], 0.0
         for a in range(3):
             moved[a] = 0.0
             for i in range(4):
                 moved[a] += numbers[WEIGHTS + i] * steps[rows[i], a]
             approach += numbers[NORMAL + a] * moved[a]
         first = second = 0.0
-        if along != 0.0:
+        if bend != 0.0:
             first = _turned(numbers, 0, rows, steps, moved)
             second = _turned(numbers, 1, rows, steps, moved)
         for a in range(3):
             way[a] = scale * numbers[SLOPE] * approach * numbers[NORMAL + a]
-            turns = first * numbers[TURN + 4 + a] + second * numbers[TURN + 11 + a]
-            way[a] += across * moved[a] + along * turns
+            if bend != 0.0:
+                turns = first * numbers[TURN + 4 + a] + second * numbers[TURN + 11 + a]
+                way[a] += bend * (moved[a] - turns)
         for i in range(4):
-            turn = first * numbers[TURN + i] + second * numbers[TURN + 7 + i]
+            turn = 0.0
+            if bend != 0.0:
+                turn = first * numbers[TURN + i] + second * numbers[TURN + 7 + i]
             for a in range(3):
-                sums[rows[i], a] += numbers[WEIGHTS + i] * way[a]
-                sums[rows[i], a] += along * turn * numbers[NORMAL + a]
+                change = numbers[WEIGHTS + i] * way[a] - bend * turn * numbers[NORMAL + a]
+                sums[rows[i], a] += change
 
 
 @kernel
@@ -104,8 +104,7 @@ def blocks_into(response: Memory, scale: float, blocks: FloatArray) -> None:
     g, v = np.empty(12), np.empty((2, 12))
     for k in range(own.count[0]):
         numbers = own.numbers[k]
-        slope, across = scale * numbers[SLOPE], scale * numbers[ACROSS]
-        along = scale * numbers[ALONG]
+        slope, bend = scale * numbers[SLOPE], scale * numbers[BEND]
         for i in range(4):
             w = numbers[WEIGHTS + i]
             for a in range(3):
@@ -116,7 +115,9 @@ def blocks_into(response: Memory, scale: float, blocks: FloatArray) -> None:
                     v[m, 3 * i + a] = numbers[at + i] * n + w * numbers[at + 4 + a]
         for p in range(12):
             for q in range(12):
-                value = slope * g[p] * g[q] + along * (v[0, p] * v[0, q] + v[1, p] * v[1, q])
+                value = slope * g[p] * g[q]
+                if bend != 0.0:
+                    value -= bend * (v[0, p] * v[0, q] + v[1, p] * v[1, q])
                 if p % 3 == q % 3:
-                    value += across * numbers[WEIGHTS + p // 3] * numbers[WEIGHTS + q // 3]
+                    value += bend * numbers[WEIGHTS + p // 3] * numbers[WEIGHTS + q // 3]
                 blocks[k, p, q] = value
