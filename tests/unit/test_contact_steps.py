@@ -6,7 +6,7 @@ import pytest
 from flexfem.contact.primitives.barrier import slope
 from flexfem.contact.primitives.candidates import Motion
 from flexfem.contact.primitives.ccd import safe_part
-from flexfem.contact.primitives.data import POTENTIAL, SLOPE, Kind
+from flexfem.contact.primitives.data import POTENTIAL, SLOPE, TURN, Kind
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.primitives.search import find_pairs
 from flexfem.contact.primitives.tangents import add_actions, potential
@@ -101,6 +101,19 @@ def test_steps_over_a_rough_surface_keep_energy_momentum_and_torque():
     assert torque(pairs, response, 0.5 * (x0 + x1)) < 1e-14
 
 
+def test_steps_across_an_edge_are_finite_and_keep_energy():
+    points, triangles = grid(5, 3, height=lambda x, y: -0.8 * np.abs(x - 0.5))
+    before = np.array([[0.4, 0.5, 0.0], [0.45, 0.3, 0.0], [0.3, 0.4, -0.05]])
+    after = before * [-1, 1, 1] + [1, 0.1, 0]  # the middle is below the ridge
+    pairs, x0, x1 = over(points, triangles, before, after)
+    forces, response = of_step(pairs, x0, x1)
+    start, end = (potential(at_rest(pairs, x)[1].memory) for x in (x0, x1))
+    assert np.isfinite(response.rows()[1][:, :TURN]).all()
+    # only round-off: the middle's potential is infinite
+    np.testing.assert_allclose((forces * (x1 - x0)).sum(), start - end, atol=1e-12 * end)
+    assert torque(pairs, response, 0.5 * (x0 + x1)) < 1e-14
+
+
 def test_the_tangent_of_a_step_is_that_of_the_approach():
     points, triangles = grid(9, 7)
     rng = RNG(2)
@@ -153,19 +166,23 @@ def assert_kept(record):
     assert record.momentum < 1e-11
     assert record.torque < 1e-10 * max(record.impulse, 1.0)
     assert record.gap > 0
-    assert max(record.iterations) < 60
+    # fixed-point iterations and wrong slopes need more, or do not end
+    assert max(record.iterations) < 25
 
 
 @pytest.mark.parametrize(("h", "rho"), [(1e-3, 1.0), (1e-3, 0.9), (5e-3, 1.0), (1e-2, 0.9)])
 def test_crossing_strings_keep_energy_and_momenta(h, rho):
-    record = moved(73.0, h, rho, until=0.3, speed=(0.0, 0.3, -1.0), rough=1e-3)
+    record = moved(73.0, h, rho, until=0.15, speed=(0.0, 0.3, -1.0), rough=1e-3)
     assert_kept(record)
     if rho == 1.0:
         assert abs(record.end) < 1e-8
 
 
-@pytest.mark.parametrize("angle", [0, 0.5, 1, 2, 5, 10, 20, 45, 70, 90])
-def test_strings_pressed_together_keep_energy_and_momenta(angle):
-    record = moved(angle, 1e-3)
+@pytest.mark.parametrize(
+    ("angle", "h"),
+    [*((angle, 1e-3) for angle in (0, 0.5, 1, 2, 5, 10, 20, 45, 70, 90)), (0, 5e-3), (3, 5e-3)],
+)
+def test_strings_pressed_together_keep_energy_and_momenta(angle, h):
+    record = moved(angle, h, until=0.05)
     assert_kept(record)
     assert abs(record.end) < 1e-8

@@ -72,7 +72,8 @@ _WORK = 8
 def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, response: Memory) -> None:
     """Write the response of all pairs to a step of the points from ``before`` to ``after`` (n, 3).
 
-    No pair may touch at its ends or in its middle (``ccd``).
+    No pair may touch before or after it. If one does in between, which motions from one trial state
+    to the next do not exclude (``ccd``), its work is still that of the potential.
     """
     own, out = unpack(Pairs, pairs), unpack(Response, response)
     starts, count, longest = own.starts, 0, 1
@@ -199,6 +200,7 @@ def _mixture(
     correction would be large.
     """
     lack = squares = largest = size = slid = 0.0
+    touching = False
     for k in range(first, end):
         gaps, weight = work[k - first], own.weight[out.pairs[k]]
         change, done = gaps[_CHANGE], gaps[_PUSH] * gaps[_WAY]
@@ -207,6 +209,9 @@ def _mixture(
         largest = max(largest, abs(change))
         size += abs(weight * change) + abs(weight * done)
         slid = max(slid, gaps[_SLID])
+        touching = touching or gaps[_MIDDLE] <= 0.0
+    if touching:
+        return 0.0, 0.0, 1.0
     sliding = min(max(slid / _SHORT - 1.0, 0.0), 1.0)
     if abs(lack) <= 1e-14 * size:
         return sliding, 0.0, 1.0 - sliding
@@ -224,7 +229,7 @@ def _finish_group(own: Pairs, work: FloatArray, out: Response, first: int, end: 
     nearest, ends = np.inf, np.inf
     for k in range(first, end):
         numbers, gaps = out.numbers[k], work[k - first]
-        push = -middle * own.weight[out.pairs[k]] * gaps[_PUSH]
+        push = -middle * own.weight[out.pairs[k]] * gaps[_PUSH] if middle > 0.0 else 0.0
         along = (theta * gaps[_CHANGE] + alone) * gaps[_FACTOR]
         for i in range(4):
             for a in range(3):
@@ -233,7 +238,8 @@ def _finish_group(own: Pairs, work: FloatArray, out: Response, first: int, end: 
                     + along * numbers[LINE + i] * numbers[LINE + 4 + a]
                 )
         nearest, ends = min(nearest, gaps[_MIDDLE]), min(ends, gaps[_BEFORE], gaps[_AFTER])
-    _write_slopes(own, work, out, first, end, max(nearest - ends, 0.0))
+    closer = nearest - ends if nearest > ends or nearest <= 0.0 else 0.0
+    _write_slopes(own, work, out, first, end, closer)
 
 
 @inlined
