@@ -6,9 +6,9 @@ what acts, and processor time in milliseconds (least of 15). Run from the source
 
     python -m tests.benchmarks.contact_pairs
 
-Of two sheets of this size ipctk 1.6.0 finds 64,000 pairs of vertices and triangles in 20 ms with its
-fastest broad phase (LBVH); its additive CCD of these takes 30 ms. For as many pairs the search takes
-30 ms here, forces of a step 10 ms, and collision detection 3 ms.
+Of two sheets of this size ipctk 1.6.0 finds 64,000 pairs of vertices and triangles in 20 ms with
+its fastest broad phase (LBVH); its additive CCD of these takes 30 ms. For as many pairs the search
+takes 30 ms here, forces of a step 10 ms, and collision detection 3 ms.
 """
 
 import time

@@ -160,7 +160,7 @@ def _write_middle(
 ) -> None:  # fmt: skip
     """Write what the middle's closest points say of a pair."""
     gaps[_PUSH] = slope(gaps[_MIDDLE], own.dhat[p], own.kappa[p])
-    distance, way = gaps[_MIDDLE] + own.touch[p], 0.0
+    distance, way = max(gaps[_MIDDLE] + own.touch[p], 1e-300), 0.0
     for a in range(3):
         n = numbers[NORMAL + a] = r[a] / distance
         way += n * (w[0] * dx[0, a] + w[1] * dx[1, a] + w[2] * dx[2, a] + w[3] * dx[3, a])
