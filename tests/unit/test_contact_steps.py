@@ -12,7 +12,7 @@ from flexfem.contact.primitives.search import find_pairs
 from flexfem.contact.primitives.tangents import add_actions, potential
 from tests.called import called
 from tests.unit.primitive_pairs import alone, at_rest, of_step, surface_of
-from tests.unit.strings_in_contact import RADIUS, Strings
+from tests.unit.springs_in_contact import RADIUS, Springs
 from tests.unit.surfaces import grid
 
 pytestmark = pytest.mark.serial
@@ -134,7 +134,7 @@ def test_a_string_slides_over_the_nodes_of_another():
     s = np.linspace(-0.5, 0.5, 9)
     low = np.column_stack([s, 0 * s, 0 * s])
     high = np.column_stack([0 * s, s, 0 * s + 2 * RADIUS + 0.3 * RADIUS])
-    strings = Strings([low, high], np.zeros((2, 3)))
+    strings = Springs.strings([low, high], np.zeros((2, 3)))
     pairs = strings.pairs(strings.x, strings.x, 2.0)
     lines = np.isin(pairs.kind, [k for k in Kind if k >= Kind.EDGE_EDGE])
     np.testing.assert_array_equal(np.unique(pairs.weight[lines]), [-(0.04**2), 0.04**2])
@@ -156,7 +156,7 @@ def moved(angle, h, rho=1.0, until=0.06, speed=(0.05, 0.02, -1.0), rough=0.0):
     one = np.column_stack([s, 0 * s, 0 * s + 0.07])
     other = np.column_stack([s * c + 0.013, s * d, 0 * s])
     shapes = [x + rough * rng.standard_normal(x.shape) for x in (one, other)]
-    return Strings(shapes, [speed, (0.0, 0.0, 0.0)]).run(h, rho, until)
+    return Springs.strings(shapes, [speed, (0.0, 0.0, 0.0)]).run(h, rho, until)
 
 
 def assert_kept(record):
@@ -184,5 +184,40 @@ def test_crossing_strings_keep_energy_and_momenta(h, rho):
 )
 def test_strings_pressed_together_keep_energy_and_momenta(angle, h):
     record = moved(angle, h, until=0.05)
+    assert_kept(record)
+    assert abs(record.end) < 1e-8
+
+
+@pytest.mark.parametrize("h", [1e-3, 5e-3])
+def test_sheets_that_slide_on_each_other_keep_energy_and_momenta(h):
+    points, triangles = grid(5, 5)
+    n, rng = len(points), RNG(0)
+    x = np.concatenate([points, points + np.array([0.13, 0.07, 2 * RADIUS + 0.03])])
+    x += 2e-3 * rng.standard_normal(x.shape)
+    v = np.repeat([[0.0, 0.0, 0.0], [3.0, 1.0, -1.0]], n, axis=0)
+    sheets = Springs(
+        x, v, np.concatenate([triangles, triangles + n]), np.zeros((0, 2), int),
+        np.repeat([0, 1], n), ~np.eye(2, dtype=bool), kappa=3e5,
+    )  # fmt: skip
+    record = sheets.run(h, 1.0, 0.05)
+    assert_kept(record)
+    assert abs(record.end) < 1e-8
+
+
+def test_a_string_meets_itself():
+    s = np.linspace(-0.5, 0.5, 13)
+    turn = np.linspace(-0.5, 0.5, 5)[1:-1] * np.pi
+    end = np.column_stack([0.5 + 0.04 * np.cos(turn), 0.04 * np.sin(turn), 0.002 * turn])
+    x = np.concatenate([
+        np.column_stack([s, -0.04 + 0 * s, 0.01 * s]), end,
+        np.column_stack([s[::-1], 0.04 + 0 * s, -0.02 * s[::-1]]),
+    ])  # fmt: skip
+    string = Springs.strings([x], [[0.0, 0.0, 0.0]], itself=True)
+    string.v[:13, 1], string.v[16:, 1] = 3.0, -2.5
+    pairs = string.pairs(x, x, 0.1)
+    for kind, (a, b, c, d) in zip(pairs.kind, pairs.points, strict=True):
+        second = {c, d} if kind >= Kind.EDGE_EDGE else {b, c, d}
+        assert not ({a, b} if kind >= Kind.EDGE_EDGE else {a}) & second
+    record = string.run(1e-3, 1.0, 0.06)
     assert_kept(record)
     assert abs(record.end) < 1e-8

@@ -1,4 +1,4 @@
-"""Strings of masses and springs in contact: generalized-alpha with the contact as an impulse.
+"""Masses and springs in contact: generalized-alpha with the contact as an impulse.
 
 A step solves, with n the increment, the equations of generalized-alpha with the forces of contact
 multiplied by b'/(2 beta), b' = (1 - alpha_m) / (1 - alpha_f). Their impulse W changes velocities,
@@ -14,7 +14,7 @@ from scipy.linalg import lu_factor, lu_solve
 
 from flexfem.contact.primitives.candidates import Motion
 from flexfem.contact.primitives.ccd import safe_part
-from flexfem.contact.primitives.complexes import Complex, Surface, lengths
+from flexfem.contact.primitives.complexes import Complex, Surface, areas, lengths
 from flexfem.contact.primitives.data import GAP, Response
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.primitives.search import find_pairs
@@ -23,8 +23,7 @@ from flexfem.contact.primitives.steps import forces_of_step
 from flexfem.contact.primitives.tangents import add_forces, blocks_into, potential
 
 RADIUS = 0.02
-STIFFNESS, MASS, KAPPA = 2e3, 0.1, 6e7
-NOTHING = np.zeros((0, 3), np.int64), np.zeros((0, 2), np.int64), np.zeros(0, np.int64)
+STIFFNESS, MASS = 2e3, 0.1
 
 
 @dataclass
@@ -40,28 +39,43 @@ class Record:
     iterations: list = field(default_factory=list)
 
 
-class Strings:
-    """Strings (k, 3), each with the same springs between neighbours, and their velocities."""
+class Springs:
+    """Masses at points (n, 3) and the same springs along all edges, of several bodies.
 
-    def __init__(self, strings, velocities):
-        self.x = np.concatenate(strings)
-        self.v = np.repeat(velocities, [len(x) for x in strings], axis=0).astype(float)
-        spans = list(pairwise(np.cumsum([0, *map(len, strings)])))
-        edges = np.concatenate([np.arange(i, j - 1)[:, None] + [0, 1] for i, j in spans])
-        n, graph = len(self.x), np.zeros((len(self.x), len(self.x)))
-        for i, j in edges:
+    Args:
+        points, velocities: of the masses.
+        triangles, lines: points of triangles (t, 3), and of edges of polylines (l, 2).
+        label: body of each point.
+        touching: bodies that touch.
+        kappa: stiffness of the barrier between two bodies.
+    """
+
+    def __init__(self, points, velocities, triangles, lines, label, touching, kappa=3e7):
+        self.x, self.v = points, np.asarray(velocities, float)
+        n, cells = len(points), Complex.of(triangles, lines, np.zeros(0, np.int64))
+        graph = np.zeros((n, n))
+        for i, j in cells.edges:
             graph[[i, j], [i, j]] += STIFFNESS
             graph[[i, j], [j, i]] -= STIFFNESS
-        self.stiffness, self.rest = np.kron(graph, np.eye(3)), self.x.copy()
-        sizes = np.array([len(x) for x in strings])
-        self.mass = np.repeat(MASS / sizes, 3 * sizes)
+        self.stiffness, self.rest = np.kron(graph, np.eye(3)), points.copy()
+        self.mass = np.repeat(MASS / np.bincount(label)[label], 3)
+        area = areas(points, cells.triangles) + 2 * RADIUS * lengths(points, np.asarray(lines))
         self.surface = Surface(
-            Complex.of(NOTHING[0], edges, NOTHING[2]), np.repeat(np.arange(len(sizes)), sizes),
-            np.full(n, RADIUS), np.full(n, RADIUS), np.full(n, KAPPA),
-            lengths(self.x, edges) * 2 * RADIUS,
-        )  # fmt: skip
-        self.touching = ~np.eye(len(strings), dtype=bool)
-        self.near = Neighbourhoods.of(self.surface, self.x, self.touching)
+            cells, label, np.full(n, RADIUS), np.full(n, RADIUS), np.full(n, 2 * kappa), area
+        )
+        self.touching = touching
+        self.near = Neighbourhoods.of(self.surface, points, touching)
+
+    @classmethod
+    def strings(cls, strings, velocities, itself=False):
+        """Straight or curved strings (k, 3), each with one velocity; they touch each other."""
+        sizes = [len(x) for x in strings]
+        spans = pairwise(np.cumsum([0, *sizes]))
+        lines = np.concatenate([np.arange(i, j - 1)[:, None] + [0, 1] for i, j in spans])
+        touching = ~np.eye(len(strings), dtype=bool) | itself
+        label, none = np.repeat(np.arange(len(sizes)), sizes), np.zeros((0, 3), np.int64)
+        v = np.repeat(velocities, sizes, axis=0)
+        return cls(np.concatenate(strings), v, none, lines, label, touching)
 
     def pairs(self, before, after, skin):
         motion, here = Motion(before, after, skin), np.ones(len(before), bool)
