@@ -172,7 +172,7 @@ def assert_kept(record):
 
 @pytest.mark.parametrize(("h", "rho"), [(1e-3, 1.0), (1e-3, 0.9), (5e-3, 1.0), (1e-2, 0.9)])
 def test_crossing_strings_keep_energy_and_momenta(h, rho):
-    record = moved(73.0, h, rho, until=0.15, speed=(0.0, 0.3, -1.0), rough=1e-3)
+    record = moved(73.0, h, rho, until=0.1, speed=(0.0, 0.3, -1.0), rough=1e-3)
     assert_kept(record)
     if rho == 1.0:
         assert abs(record.end) < 1e-8

@@ -87,8 +87,8 @@ FIELDS = 25
 class Pairs(Record):
     """Pairs of primitives, sorted by group.
 
-    The pairs of a group share what they do: the potential of their sum is that of one contact, of a
-    vertex with a surface or of two polylines (see ``complexes``).
+    The sum of a group's potentials is that of one contact, as of a vertex with a surface, whose
+    triangles, edges and vertices are its pairs (see ``complexes`` and ``steps``).
 
     Attributes:
         kind: See :class:`Kind`, shape (m,).
