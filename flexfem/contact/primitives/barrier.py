@@ -1,0 +1,60 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Barrier of contacts: a potential that is infinite where two primitives would touch.
+
+With the gap g and q = g / dhat < 1 it is, over an area,
+
+    b = -kappa dhat^2 (q - 1)^2 ln q,
+
+and zero beyond: twice continuously differentiable (Li and others, Incremental potential contact,
+2020; scaled with dhat, so that kappa is a stiffness per volume).
+"""
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.kernels.compiled import inlined
+
+__all__ = ["barrier", "curvature", "in_series", "slope"]
+
+
+@inlined
+def barrier(gap: float, dhat: float, kappa: float) -> float:
+    """Potential, J/m^2; infinite for gaps that are not positive."""
+    if gap >= dhat:
+        return 0.0
+    if gap <= 0.0:
+        return np.inf
+    q = gap / dhat
+    return float(-kappa * dhat * dhat * (q - 1.0) ** 2 * np.log(q))
+
+
+@inlined
+def slope(gap: float, dhat: float, kappa: float) -> float:
+    """Derivative by the gap, N/m^2: negative, and minus infinity for gaps not positive."""
+    if gap >= dhat:
+        return 0.0
+    if gap <= 0.0:
+        return -np.inf
+    q = gap / dhat
+    return float(-kappa * dhat * (q - 1.0) * (2.0 * np.log(q) + (q - 1.0) / q))
+
+
+@inlined
+def curvature(gap: float, dhat: float, kappa: float) -> float:
+    """Second derivative by the gap, N/m^3: positive, and infinite for gaps not positive."""
+    if gap >= dhat:
+        return 0.0
+    if gap <= 0.0:
+        return np.inf
+    q = gap / dhat
+    rest = (q - 1.0) / q
+    return float(-kappa * (2.0 * np.log(q) + 4.0 * rest - rest * rest))
+
+
+def in_series(kappa: FloatArray, other: FloatArray) -> FloatArray:
+    """Stiffness of pairs (m,), N/m^3, of that of both sides: of two springs, one after the other.
+
+    A side that is infinitely stiff leaves that of the other one.
+    """
+    with np.errstate(divide="ignore"):
+        return np.asarray(1.0 / (1.0 / kappa + 1.0 / other))

@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Cells of surfaces and polylines, and how often each counts.
+
+The potentials b(D) of a vertex with all triangles, edges and vertices of a surface are summed with
+the coefficients of inclusion and exclusion,
+
+    c_t = 1,   c_e = 1 - sum of c over triangles at e,   c_w = 1 - sum of c over cells at w:
+
+the sum of c over the cells that are nearer than some distance is the Euler characteristic of the
+part of the surface in that sphere, 1 if it is a disc. A vertex over a flat surface hence meets b
+once wherever it is, and nothing jumps where the closest point moves over an edge. Pairs of cells of
+two polylines have products of the coefficients of lines.
+"""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+
+__all__ = ["Complex", "Surface", "areas", "lengths"]
+
+_SIDES = np.array([[0, 1], [1, 2], [2, 0]])
+
+
+def areas(points: FloatArray, triangles: IntArray) -> FloatArray:
+    """Area of every point (n,) at positions (n, 3): a third of that of its triangles, m^2."""
+    x = points[triangles]
+    size = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
+    return np.bincount(triangles.ravel(), np.repeat(size / 6.0, 3), len(points))
+
+
+def lengths(points: FloatArray, edges: IntArray) -> FloatArray:
+    """Length of every point (n,) at positions (n, 3): half of that of its edges, m."""
+    size = np.linalg.norm(points[edges[:, 1]] - points[edges[:, 0]], axis=1)
+    return np.bincount(edges.ravel(), np.repeat(size / 2.0, 2), len(points))
+
+
+@dataclass(frozen=True)
+class Complex:
+    """Triangles, edges and vertices, each once. Cells are numbered in the order of the attributes.
+
+    Attributes:
+        vertices: Rows of the positions, ascending, shape (v,).
+        edges: Vertices of the edges of triangles and polylines, the smaller first, shape (e, 2);
+            they and what follows are numbers in ``vertices``.
+        triangles: Vertices of the triangles, shape (t, 3).
+        sides: Edges of the triangles, shape (t, 3).
+        lines: Edges that belong to polylines, ascending, shape (l,).
+    """
+
+    vertices: IntArray
+    edges: IntArray
+    triangles: IntArray
+    sides: IntArray
+    lines: IntArray
+
+    @classmethod
+    def of(cls, triangles: IntArray, lines: IntArray, points: IntArray) -> "Complex":
+        """Number the cells of triangles (t, 3), edges of polylines (l, 2) and points (k,).
+
+        Raises:
+            ValueError: a triangle or an edge has a point twice.
+        """
+        cells = [np.asarray(c, np.int64).reshape(-1, k) for c, k in ((triangles, 3), (lines, 2))]
+        for cell in cells:
+            twice = (cell == np.roll(cell, 1, axis=1)).any(axis=1)
+            if twice.any():
+                raise ValueError(f"points {cell[twice][0].tolist()} of a cell: one is there twice")
+        vertices = np.unique(np.concatenate([c.ravel() for c in (*cells, np.asarray(points))]))
+        corners, ends = (np.searchsorted(vertices, cell) for cell in cells)
+        both = np.sort(np.concatenate([corners[:, _SIDES].reshape(-1, 2), ends]), axis=1)
+        edges, at = np.unique(both, axis=0, return_inverse=True)
+        at = at.ravel()
+        sides = at[: 3 * len(corners)].reshape(-1, 3)
+        return cls(vertices.astype(np.int64), edges, corners, sides, np.unique(at[sides.size :]))
+
+    @property
+    def count(self) -> int:
+        """Number of cells."""
+        return len(self.vertices) + len(self.edges) + len(self.triangles)
+
+    @cached_property
+    def coefficients(self) -> FloatArray:
+        """Coefficient of each cell (c,)."""
+        edges = 1.0 - np.bincount(self.sides.ravel(), minlength=len(self.edges))
+        corners = np.bincount(self.triangles.ravel(), minlength=len(self.vertices))
+        ends = np.bincount(self.edges.ravel(), np.repeat(edges, 2), len(self.vertices))
+        return np.concatenate([1.0 - corners - ends, edges, np.ones(len(self.triangles))])
+
+    @cached_property
+    def line_coefficients(self) -> FloatArray:
+        """Coefficient of each vertex and edge among polylines alone (v + e,), 0 off them."""
+        ends = np.bincount(self.edges[self.lines].ravel(), minlength=len(self.vertices))
+        result = np.concatenate([np.where(ends > 0, 1.0 - ends, 0.0), np.zeros(len(self.edges))])
+        result[len(self.vertices) + self.lines] = 1.0
+        return result
+
+    @cached_property
+    def points(self) -> IntArray:
+        """Rows of the positions of each cell (c, 3), the last one repeated."""
+        v, e, t = self.vertices, self.edges, self.triangles
+        return np.concatenate([v[:, None].repeat(3, axis=1), v[e[:, [0, 1, 1]]], v[t]])
+
+    @cached_property
+    def on_lines(self) -> BoolArray:
+        """Vertices and edges of polylines (v + e,), also those whose coefficient is 0."""
+        result = np.zeros(len(self.vertices) + len(self.edges), np.bool_)
+        result[self.edges[self.lines].ravel()] = True
+        result[len(self.vertices) + self.lines] = True
+        return result
+
+
+@dataclass(frozen=True)
+class Surface:
+    """A complex with what its points are in contact.
+
+    All points of what touches as one, a body or a part of one, have the same numbers; cells with
+    different ones have the largest radius and gap of their points.
+
+    Attributes:
+        complex: the cells.
+        label: Number of the body of each point, shape (n,).
+        radius: Distance of the surface from the points, shape (n,), metres.
+        dhat: Gap below which it repels, shape (n,), metres.
+        kappa: Stiffness of the barrier, shape (n,), N/m^3.
+        area: Area for which a point stands where it touches others, 0 if it does not touch itself,
+            shape (n,), square metres.
+    """
+
+    complex: Complex
+    label: IntArray
+    radius: FloatArray
+    dhat: FloatArray
+    kappa: FloatArray
+    area: FloatArray
+
+    @cached_property
+    def cell_radius(self) -> FloatArray:
+        """Radius of each cell (c,), m."""
+        return np.asarray(self.radius[self.complex.points].max(axis=1))
+
+    @cached_property
+    def cell_dhat(self) -> FloatArray:
+        """Gap of each cell (c,), m."""
+        return np.asarray(self.dhat[self.complex.points].max(axis=1))
+
+    @cached_property
+    def cell_label(self) -> IntArray:
+        """Body of each cell (c,)."""
+        return np.asarray(self.label[self.complex.points[:, 0]])
+
+    @cached_property
+    def edge_area(self) -> FloatArray:
+        """Area of each edge (e,): the smaller one of its ends, m^2."""
+        return np.asarray(self.area[self.complex.vertices[self.complex.edges]].min(axis=1))
+
+    def touch(self, first: IntArray, second: IntArray) -> FloatArray:
+        """Distance (m,) at which pairs of cells touch, m."""
+        return self.cell_radius[first] + self.cell_radius[second]
+
+    def reach(self, first: IntArray, second: IntArray) -> FloatArray:
+        """Gap (m,) below which pairs of cells repel, m: the smaller one of both."""
+        return np.minimum(self.cell_dhat[first], self.cell_dhat[second])

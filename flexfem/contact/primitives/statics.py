@@ -1,0 +1,57 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Contact forces of an equilibrium: the gradient of the potential, with its exact Hessian."""
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.contact.primitives.barrier import barrier, curvature, slope
+from flexfem.contact.primitives.closest import apart, closest, place
+from flexfem.contact.primitives.data import (
+    BEND,
+    GAP,
+    NORMAL,
+    POTENTIAL,
+    SLOPE,
+    TURN,
+    WEIGHTS,
+    Pairs,
+    Response,
+    regularisation,
+)
+from flexfem.contact.primitives.turning import write_turn
+from flexfem.kernels.compiled import kernel
+from flexfem.kernels.records import Memory, unpack
+
+__all__ = ["forces_at_rest"]
+
+
+@kernel
+def forces_at_rest(pairs: Memory, points: FloatArray, response: Memory) -> None:
+    """Write the response of all pairs at positions (n, 3)."""
+    own, out = unpack(Pairs, pairs), unpack(Response, response)
+    x, w, r, count = np.empty((4, 3)), np.empty(4), np.empty(3), 0
+    for p in range(len(own.kind)):
+        kind, touch, dhat, kappa = own.kind[p], own.touch[p], own.dhat[p], own.kappa[p]
+        if apart(points, points, kind, own.points[p], touch + dhat):
+            continue
+        place(points, points, own.points[p], 0.0, x)
+        rho = regularisation(kind, touch, dhat)
+        distance = np.sqrt(closest(kind, x, rho, w, r))
+        gap = distance - touch
+        if gap >= dhat:
+            continue
+        numbers, weight = out.numbers[count], own.weight[p]
+        push = weight * slope(gap, dhat, kappa)
+        numbers[GAP], numbers[POTENTIAL] = gap, weight * barrier(gap, dhat, kappa)
+        numbers[BEND] = push / distance
+        numbers[SLOPE] = weight * curvature(gap, dhat, kappa) - push / distance
+        for a in range(3):
+            numbers[NORMAL + a] = r[a] / distance
+        for i in range(4):
+            numbers[WEIGHTS + i] = w[i]
+            for a in range(3):
+                out.forces[count, 3 * i + a] = -push * w[i] * numbers[NORMAL + a]
+        write_turn(kind, x, rho, w, distance, numbers[TURN:])
+        out.pairs[count] = p
+        count += 1
+    out.count[0] = count
