@@ -16,6 +16,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.beam_nurbs.along import whole_arcs
+from flexfem.families.beam_nurbs.contact_line import contact_line
 from flexfem.families.beam_nurbs.curves import NurbsLines
 from flexfem.families.beam_nurbs.elements import NurbsBeams, NurbsCells
 from flexfem.families.beam_nurbs.loads import nurbs_line_forces, nurbs_node_forces
@@ -24,7 +25,7 @@ from flexfem.families.beam_nurbs.sensors import CurveStrainSensor
 from flexfem.families.common.beam_family import BeamFamily
 from flexfem.families.common.block_nodes import distributed
 from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import Sensor, one_width
+from flexfem.layout.family import ContactLine, Sensor, one_width
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.line_loads import by_kind
 from flexfem.layout.lines import Line
@@ -96,6 +97,10 @@ class NurbsBeamFamily(BeamFamily):
     @override
     def line(self, carrier: Carrier) -> Line:
         return self.curves.line(self.curves.index(carrier.body), self.kind)
+
+    @override
+    def contact_line(self, name: str) -> ContactLine:
+        return contact_line(self.curves, self.curves.index(name))
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:
