@@ -225,12 +225,16 @@ READERS = {
     ),
     "urdf": Reader(".urdf", lambda: _texts(SOUND), ff.read_urdf, _WORDS_XML),
     "stl": Reader(
-        ".stl", lambda: [*_texts(_STL), _BINARY_STL], any_of(_surface, read_surface_mesh),
+        ".stl",
+        lambda: [*_texts(_STL), _BINARY_STL],
+        any_of(_surface, read_surface_mesh),
         (b"solid b", b"endsolid", b"vertex"),
     ),
     "obj": Reader(
-        ".obj", lambda: _texts(_OBJ), any_of(_surface, read_surface_mesh),
-        (b"f 1 1 1", b"v 1e999 0 0", b"f -9 1 2")
+        ".obj",
+        lambda: _texts(_OBJ),
+        any_of(_surface, read_surface_mesh),
+        (b"f 1 1 1", b"v 1e999 0 0", b"f -9 1 2"),
     ),
     "fmu": Reader(".fmu", _fmu_files, _fmu, _WORDS_XML),
     "history": Reader(".csv", lambda: _texts(_HISTORY), read_history, (b"1,2", b"t,t")),

@@ -56,9 +56,7 @@ def _penalty(serial: NumberedModel, who: ContactBodies) -> Contact:
             raise ValueError(_kept(serial, owner, who, first, second))
     surfaces = [*contact.surfaces, *_shapes(serial, owner, who, slaves)]
     if not slaves or not (masters or surfaces):
-        raise ValueError(
-            f"{owner}: nothing is left that touches: every pair of bodies is excluded"
-        )
+        raise ValueError(f"{owner}: nothing is left that touches: every pair of bodies is excluded")
     solid = [name for name in slaves if not _is(serial, name, Beam)]
     if set(solid) & set(masters) and set(solid) != set(masters):
         raise ValueError(
@@ -157,4 +155,3 @@ def _named(serial: NumberedModel, name: str) -> str:
 
 def _is(serial: NumberedModel, name: str, kinds: type | tuple[type, ...]) -> bool:
     return isinstance(serial.model[name], kinds)
-

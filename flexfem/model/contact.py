@@ -234,8 +234,8 @@ class ContactProbe(AnyProbe):
     """Penetration and forces of a contact.
 
     Columns: name_penetration, the largest one, m; name_fx, name_fy, name_fz, the force on the
-    ``bodies``, N; name_normal, the sum of the sizes of all normal forces, N; name_closed, the number of
-    touching points, those of both passes.
+    ``bodies`` that have nodes, N; name_normal, the sum of the sizes of all normal forces, N;
+    name_closed, the number of touching points, those of both passes.
 
     Attributes:
         name: Unique name in the model.

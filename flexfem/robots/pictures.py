@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from flexfem.core.pose import Pose
+from flexfem.mesh.imported.surface_files import read_surface
 from flexfem.model.bodies.shapes import Box, Capsule, Cylinder, Shape, Sphere, SurfaceShape
 from flexfem.robots.description import origin
 from flexfem.robots.elements import Element
-from flexfem.mesh.imported.surface_files import read_surface
 from flexfem.robots.tree import LinkData
 
 __all__ = ["PICTURES", "link_shapes"]

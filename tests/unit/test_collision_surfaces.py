@@ -40,7 +40,7 @@ def alone(found: CollisionSurfaces, label: str) -> Complex:
 
 def sheet(name: str = "sheet", z: float = 0.0) -> ff.SurfaceMesh:
     points = ff.SurfaceMesh.rectangle(name, (0.6, 0.4), (3, 2))
-    return ff.SurfaceMesh(points.points + [0, 0, z], points.triangles, points.bodies)
+    return ff.SurfaceMesh(points.points + np.array([0, 0, z]), points.triangles, points.bodies)
 
 
 def ball(name: str, at: tuple[float, float, float], shape: object) -> ff.RigidBody:

@@ -8,7 +8,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.surfaces.complexes import Primitives, edges_of
 
-__all__ = ["GROUND", "CollisionBody", "Collected"]
+__all__ = ["GROUND", "Collected", "CollisionBody"]
 
 #: Kind of points that are fixed in space.
 GROUND = -1
@@ -152,9 +152,7 @@ class Collected:
     def all_triangles(self) -> tuple[IntArray, IntArray, IntArray, IntArray]:
         """Triangles (m, 3), their bodies, elements and sides."""
         triangles = [np.zeros((0, 3), np.int64), *(one[0] for one in self._triangles)]
-        body, element, side = (
-            _joined([one[k] for one in self._triangles]) for k in (1, 2, 3)
-        )
+        body, element, side = (_joined([one[k] for one in self._triangles]) for k in (1, 2, 3))
         return np.concatenate(triangles), body, element, side
 
 

@@ -52,7 +52,8 @@ def add_beam(
     Args:
         made: takes it.
         family: of the beam.
-        body: the beam; name: its name.
+        body: the beam.
+        name: its name.
         radius: at which it touches, m.
         spacing: distance between stations that is aimed at, m.
     """

@@ -72,8 +72,8 @@ def _nearest(keys: IntArray, far: FloatArray) -> tuple[IntArray, FloatArray]:
 def _shorter(keys: IntArray, far: FloatArray, found: IntArray, length: FloatArray) -> BoolArray:
     """True for the keys found that are new, or nearer than they were."""
     at = np.minimum(np.searchsorted(keys, found), len(keys) - 1)
-    known = keys[at] == found
-    return ~known | (length < far[at])
+    shorter: BoolArray = (keys[at] != found) | (length < far[at])
+    return shorter
 
 
 def joint_links(

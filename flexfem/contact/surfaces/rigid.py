@@ -5,7 +5,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.contact.surfaces.collected import GROUND, Collected, CollisionBody
 from flexfem.contact.surfaces.shapes import shape_mesh, simple_shapes
 from flexfem.core.marker import Ground, Marker
@@ -60,7 +60,7 @@ class _Carrier:
         """Frame (12,) of the thing at the start."""
         return se3.compose(self.base, self.frame)
 
-    def add(self, made: Collected, points: FloatArray) -> FloatArray:
+    def add(self, made: Collected, points: FloatArray) -> IntArray:
         """Add points (n, 3) in the axes of the thing; returns their numbers."""
         arms = se3.position(self.frame) + points @ se3.rotation(self.frame).T
         start = se3.position(self.base) + arms @ se3.rotation(self.base).T
@@ -79,21 +79,24 @@ def add_rigid_body(made: Collected, serial: NumberedModel, name: str) -> int:
     body: RigidBody = serial.model[name]
     assert body.shape is not None
     owner = f'RigidBody "{name}"'
-    parts = [(shape, pose, _mesh(owner, shape)) for shape, pose in simple_shapes(body.shape)]
-    area = sum(_area(shape, mesh) for shape, _, mesh in parts)
+    parts = simple_shapes(body.shape)
+    meshes = [
+        None if isinstance(shape, (Sphere, Capsule)) else shape_mesh(owner, shape)
+        for shape, _ in parts
+    ]
+    area = sum(float(mesh.areas.sum()) for mesh in meshes if mesh is not None)
+    area += sum(_shadow(shape) for shape, _ in parts if isinstance(shape, (Sphere, Capsule)))
     number = made.body(CollisionBody(owner, name, False, np.inf, body.mass / area))
-    for shape, pose, mesh in parts:
+    for (shape, pose), mesh in zip(parts, meshes, strict=True):
         place = Marker(name, offset=pose.position, rotation=body.rotation @ pose.rotation)
         carrier = _Carrier.of(serial, place)
         if mesh is not None:
             _add_mesh(made, carrier, number, mesh)
         elif isinstance(shape, Sphere):
             _add_sphere(made, carrier, number, shape.radius)
-        else:
-            assert isinstance(shape, Capsule)
+        elif isinstance(shape, Capsule):
             rows = carrier.add(made, shape.ends)
-            half = np.full(2, 0.5 * _area(shape, None))
-            made.touching(rows, shape.radius, number, half)
+            made.touching(rows, shape.radius, number, np.full(2, 0.5 * _shadow(shape)))
             made.edges(rows[np.newaxis], number)
     return number
 
@@ -105,37 +108,28 @@ def add_surface(
     carrier = _Carrier.of(serial, surface.place)
     owner = "" if isinstance(surface.place, Ground) else surface.place.body
     mesh = surface.mesh if isinstance(surface, RigidMesh) else None
-    ball = isinstance(surface, RigidSphere) and not surface.inside
+    ball = surface if isinstance(surface, RigidSphere) and not surface.inside else None
+    body = serial.model.get(owner)
+    mass = body.mass if isinstance(body, (RigidBody, FloatingBody)) else np.inf
     area = np.inf
     if mesh is not None:
         area = float(mesh.areas.sum())
-    elif isinstance(surface, RigidSphere) and ball:
-        area = np.pi * surface.radius**2
-    body = serial.model.get(owner)
-    mass = body.mass if isinstance(body, (RigidBody, FloatingBody)) else np.inf
+    elif ball is not None:
+        area = _shadow(Sphere(ball.radius))
     density = mass / area if np.isfinite(area) else np.inf
     number = made.body(CollisionBody(label, owner, True, np.inf, density))
-    if mesh is not None:
-        side = 0 if isinstance(surface, RigidMesh) and surface.two_sided else 1
-        _add_mesh(made, carrier, number, mesh, side)
-    elif isinstance(surface, RigidSphere) and ball:
-        _add_sphere(made, carrier, number, surface.radius)
+    if isinstance(surface, RigidMesh):
+        _add_mesh(made, carrier, number, surface.mesh, 0 if surface.two_sided else 1)
+    elif ball is not None:
+        _add_sphere(made, carrier, number, ball.radius)
     else:
         field = DistanceField(surface, number, carrier.key, carrier.frame, carrier.start)
         return number, field
     return number, None
 
 
-def _mesh(owner: str, shape: object) -> SurfaceMesh | None:
-    """Triangles of a shape, None for one that is a point or edge with a radius."""
-    return None if isinstance(shape, (Sphere, Capsule)) else shape_mesh(owner, shape)  # type: ignore[arg-type]
-
-
-def _area(shape: object, mesh: SurfaceMesh | None) -> float:
-    """Area of a mesh; of spheres and rods that of their shadow from the side."""
-    if mesh is not None:
-        return float(mesh.areas.sum())
-    assert isinstance(shape, (Sphere, Capsule))
+def _shadow(shape: Sphere | Capsule) -> float:
+    """Area of a sphere or rod as seen from the side, m^2."""
     length = shape.length if isinstance(shape, Capsule) else 0.0
     return shape.radius * (2.0 * length + np.pi * shape.radius)
 

@@ -213,12 +213,10 @@ class _Builder:
         pairs = sorted(set(self._excluded(who, of, surfaces)))
         excluded = np.array(pairs, dtype=np.int64).reshape(-1, 2)
         self._check_left(contact, numbers, excluded)
-        members = [np.zeros(len(self.made.bodies), dtype=np.bool_) for _ in range(2)]
-        for mask, chosen in zip(members, numbers, strict=True):
-            mask[chosen] = True
-        first = make_complex(primitives, members[0])
-        same = np.array_equal(*members)
-        second = first if same else make_complex(primitives, members[1])
+        every = np.arange(len(self.made.bodies))
+        one, other = (np.isin(every, chosen) for chosen in numbers)
+        first = make_complex(primitives, one)
+        second = first if np.array_equal(one, other) else make_complex(primitives, other)
         fields = [self._fields[id(s)] for s in contact.surfaces if id(s) in self._fields]
         return Sides(contact, first, second, fields, excluded)
 

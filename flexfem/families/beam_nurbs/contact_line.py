@@ -45,5 +45,3 @@ def _parts(points: FloatArray, shape: FloatArray) -> int:
         chord = float(np.linalg.norm(end - start)) or 1.0
         most = max(most, float(np.linalg.norm(middle - 0.5 * (start + end))) / chord)
     return int(np.ceil(np.sqrt(most / _OFF)))  # the distance falls with the square
-
-
