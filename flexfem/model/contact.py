@@ -55,10 +55,10 @@ def _pairs(owner: str, what: str, pairs: Any) -> tuple[tuple[str, str], ...]:
     return tuple((first, second) for first, second in pairs)
 
 
-def _not_found(model: Structure, wanted: str, name: str) -> str:
-    """Text for a name that is none of the wanted bodies, with what else it is."""
+def _not_found(model: Structure, name: str) -> str:
+    """Text for a name that is none of a body that touches, with what else it is."""
     thing = model.get(name)
-    text = f'{model!r} has no {wanted} "{name}"'
+    text = f'{model!r} has no body that touches "{name}"'
     if thing is None:
         return text
     kind = type(thing).__name__
@@ -194,8 +194,7 @@ class Contact:
             for name in names:
                 body = model.get(name)
                 if not can_touch(body):
-                    wanted = "body that touches"
-                    raise ValueError(f"{owner}: {what}{_not_found(model, wanted, name)}")
+                    raise ValueError(f"{owner}: {what}{_not_found(model, name)}")
                 if isinstance(body, Beam):
                     self.beam_radius(body)
         known = {body.name for body in model.bodies}
