@@ -73,7 +73,7 @@ def _not_found(model: Structure, name: str) -> str:
             f'"{name}"), ...)], or another RigidSurface'
         )
     if isinstance(thing, Body):
-        return f"{text}, which is a {kind} without thickness: give it one"
+        return f"{text}, which is a {kind}: it needs linear triangles and a thickness"
     return f"{text}, which is a {kind}"
 
 

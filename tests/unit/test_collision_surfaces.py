@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Collision surfaces of all kinds of bodies: points, primitives, weights and exclusions."""
 
+from itertools import combinations
 from math import pi
 
 import numpy as np
@@ -320,3 +321,46 @@ def test_coefficients_of_known_complexes() -> None:
     assert len(faces) + of_edges.sum() + of_vertices.sum() == 2
     assert of_edges[0] == 1
     np.testing.assert_array_equal(of_vertices, [1, 1, 1, 0, 0])
+
+
+def nearest(point: np.ndarray, corners: np.ndarray) -> float:
+    """Distance to the convex hull of one to three corners, by its faces."""
+    found = [np.linalg.norm(corners - point, axis=1).min()]
+    for count in range(2, len(corners) + 1):
+        for chosen in combinations(corners, count):
+            base, *others = chosen
+            sides = np.array(others) - base
+            weights = np.linalg.lstsq(sides.T, point - base)[0]
+            if (weights >= 0.0).all() and weights.sum() <= 1.0:
+                found.append(np.linalg.norm(base + weights @ sides - point))
+    return float(min(found))
+
+
+def barrier_sum(found: CollisionSurfaces, own: Complex, point: np.ndarray, reach: float) -> float:
+    """Sum of a function of the distances to all primitives with their coefficients."""
+    x, total = found.primitives.start, 0.0
+    for rows, factors in (
+        (found.primitives.triangles[own.triangles], np.ones(len(own.triangles))),
+        (found.primitives.edges[own.edges], own.edge_coefficients),
+        (own.vertices[:, np.newaxis], own.vertex_coefficients),
+    ):
+        for row, factor in zip(rows, factors, strict=True):
+            total += factor * max(1.0 - nearest(point, x[row]) / reach, 0.0) ** 3
+    return total
+
+
+@pytest.mark.parametrize("element", ["rotation_free", "director"])
+def test_a_point_sees_a_flat_sheet_and_a_straight_rod_once(element: str) -> None:
+    """Over faces, edges, corners, and beyond the rim: as if they were not divided."""
+    mesh = ff.LineMesh.straight({"rod": [(0, 0, 5), (0.6, 0, 5)]}, 4)
+    model = ff.Model("m", mesh=mesh, surface=sheet())
+    model.add(ff.Shell("sheet", SHEET, element=element), ff.Beam("rod", ROUND), ff.Contact("all"))
+    found, reach = surfaces_of(model), 0.3
+    for label, height, sides in (('Shell "sheet"', 0.0, (0.6, 0.4)), ('Beam "rod"', 5.0, (0.6, 0))):
+        own = alone(found, label)
+        for at in np.random.default_rng(4).uniform((-0.1, -0.1, 0.02), (0.7, 0.5, 0.2), (12, 3)):
+            flat = np.clip(at, 0.0, (*sides, 0.0))
+            expected = max(1.0 - np.linalg.norm(at - flat) / reach, 0.0) ** 3
+            total = barrier_sum(found, own, at + np.array([0, 0, height]), reach)
+            # rounding; an edge that counts twice gives 1e-1
+            assert total == pytest.approx(expected, abs=1e-12)

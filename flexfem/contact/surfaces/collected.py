@@ -22,6 +22,7 @@ class CollisionBody:
         label: for messages.
         owner: name of the body of the model that it is or is carried by, "" for the ground.
         carried: True for a rigid surface of a contact.
+        rigid: True for this and for rigid bodies.
         through: stiffness through the thickness, N/m^3, infinite for rigid ones and where unknown.
         density: mass per area, kg/m^2, infinite on the ground and where unknown.
     """
@@ -29,6 +30,7 @@ class CollisionBody:
     label: str
     owner: str
     carried: bool
+    rigid: bool
     through: float
     density: float
 

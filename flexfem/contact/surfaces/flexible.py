@@ -37,7 +37,7 @@ def add_surfaces(made: Collected, family: Family, names: set[str]) -> dict[str, 
         if radius <= 0.0:
             raise ValueError(f"{label}: contact needs a thickness, got {2.0 * radius:g}")
         numbers = family.surface_numbers(body, radius)
-        found[body.name] = made.body(CollisionBody(label, body.name, False, *numbers))
+        found[body.name] = made.body(CollisionBody(label, body.name, False, False, *numbers))
         triangles = number[surface.triangles[mine]]
         made.touching(np.unique(triangles), radius, found[body.name])
         made.triangles(triangles, found[body.name], surface.element[mine])
@@ -61,7 +61,7 @@ def add_beam(
     assert line is not None
     label = f'{type(body).__name__} "{name}"'
     numbers = family.surface_numbers(body, radius)
-    number = made.body(CollisionBody(label, name, False, *numbers))
+    number = made.body(CollisionBody(label, name, False, False, *numbers))
     used, at = np.unique(line.nodes, return_inverse=True)
     places = family.frames[used, :3]
     nodes = made.fixed(family.kind, used, places, held=family.held[used])

@@ -18,7 +18,7 @@ __all__ = ["joint_links", "near_points"]
 _BENT = 0.5 * np.pi
 
 
-def near_points(primitives: Primitives, links: IntArray) -> Rows:
+def near_points(primitives: Primitives, bodies: Sequence[CollisionBody], links: IntArray) -> Rows:
     """Return the points that each point is near to, itself included, ascending.
 
     Along edges and links the distance is less than pi/2 times the sum of their radii; links have no
@@ -26,14 +26,17 @@ def near_points(primitives: Primitives, links: IntArray) -> Rows:
 
     Args:
         primitives: points and edges at the start.
+        bodies: all bodies that touch; rigid ones do not touch themselves.
         links: (k, 2) pairs of points that joints connect.
     """
-    x, radius, edges = primitives.start, primitives.radius, primitives.edges
-    edges = edges[(radius[edges] > 0.0).any(axis=1)]  # rigid surfaces do not touch themselves
+    x, radius = primitives.start, primitives.radius
+    flexible = ~np.array([body.rigid for body in bodies], dtype=np.bool_)
+    edges = primitives.edges[flexible[primitives.edge_body]]
+    largest = float(radius[np.concatenate([edges, links])].max(initial=0.0))
     lengths = np.linalg.norm(np.diff(x[edges], axis=1)[:, 0], axis=1)
     lengths = np.tile(np.concatenate([lengths, np.zeros(len(links))]), 2)
     ends = np.concatenate([edges, links, edges[:, ::-1], links[:, ::-1]])
-    short = lengths < 2.0 * _BENT * radius.max(initial=0.0)
+    short = lengths < 2.0 * _BENT * largest
     ends, lengths, count = ends[short], lengths[short], len(x)
     order = np.argsort(ends[:, 0], kind="stable")
     ends, lengths = ends[order], lengths[order]
@@ -41,7 +44,7 @@ def near_points(primitives: Primitives, links: IntArray) -> Rows:
     every = np.arange(count)
     keys, far = every * count + every, np.zeros(count)
     front, gone = keys, far
-    reach = _BENT * (radius + radius.max(initial=0.0))
+    reach = _BENT * (radius + largest)
     while len(front):
         source, at = np.divmod(front, count)
         times = np.diff(starts)[at]
@@ -62,11 +65,12 @@ def near_points(primitives: Primitives, links: IntArray) -> Rows:
 
 def _nearest(keys: IntArray, far: FloatArray) -> tuple[IntArray, FloatArray]:
     """Each key once, ascending, with its least distance."""
-    order = np.lexsort((far, keys))
-    keys, far = keys[order], far[order]
-    first = np.ones(len(keys), dtype=np.bool_)
-    first[1:] = keys[1:] != keys[:-1]
-    return keys[first], far[first]
+    if not len(keys):
+        return keys, far
+    order = np.argsort(keys, kind="stable")
+    keys = keys[order]
+    first = np.concatenate([[0], np.flatnonzero(keys[1:] != keys[:-1]) + 1])
+    return keys[first], np.minimum.reduceat(far[order], first)
 
 
 def _shorter(keys: IntArray, far: FloatArray, found: IntArray, length: FloatArray) -> BoolArray:
@@ -86,10 +90,12 @@ def joint_links(
         bodies: all bodies that touch.
         connected: joints.
     """
+    order = np.argsort(primitives.body, kind="stable")
+    cuts = np.searchsorted(primitives.body[order], np.arange(len(bodies) + 1))
     points = dict[str, IntArray]()
     for number, body in enumerate(bodies):
         if not body.carried:
-            own = np.flatnonzero(primitives.body == number)
+            own = order[cuts[number] : cuts[number + 1]]
             points[body.owner] = np.concatenate([points.get(body.owner, own[:0]), own])
     pairs = []
     for one in connected:

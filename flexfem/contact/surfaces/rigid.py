@@ -86,7 +86,7 @@ def add_rigid_body(made: Collected, serial: NumberedModel, name: str) -> int:
     ]
     area = sum(float(mesh.areas.sum()) for mesh in meshes if mesh is not None)
     area += sum(_shadow(shape) for shape, _ in parts if isinstance(shape, (Sphere, Capsule)))
-    number = made.body(CollisionBody(owner, name, False, np.inf, body.mass / area))
+    number = made.body(CollisionBody(owner, name, False, True, np.inf, body.mass / area))
     for (shape, pose), mesh in zip(parts, meshes, strict=True):
         place = Marker(name, offset=pose.position, rotation=body.rotation @ pose.rotation)
         carrier = _Carrier.of(serial, place)
@@ -117,7 +117,7 @@ def add_surface(
     elif ball is not None:
         area = _shadow(Sphere(ball.radius))
     density = mass / area if np.isfinite(area) else np.inf
-    number = made.body(CollisionBody(label, owner, True, np.inf, density))
+    number = made.body(CollisionBody(label, owner, True, True, np.inf, density))
     if isinstance(surface, RigidMesh):
         _add_mesh(made, carrier, number, surface.mesh, 0 if surface.two_sided else 1)
     elif ball is not None:

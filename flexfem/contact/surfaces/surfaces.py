@@ -135,7 +135,7 @@ def collision_surfaces(
     links = joint_links(primitives, made.bodies, connected)
     return CollisionSurfaces(
         kind, node, arms, held, parents, weights, primitives, element, side, made.bodies, sides,
-        near_points(primitives, links),
+        near_points(primitives, made.bodies, links),
     )  # fmt: skip
 
 
