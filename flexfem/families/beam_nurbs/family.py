@@ -16,7 +16,6 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.beam_nurbs.along import whole_arcs
-from flexfem.families.beam_nurbs.contact_line import contact_line
 from flexfem.families.beam_nurbs.curves import NurbsLines
 from flexfem.families.beam_nurbs.elements import NurbsBeams, NurbsCells
 from flexfem.families.beam_nurbs.loads import nurbs_line_forces, nurbs_node_forces
@@ -32,7 +31,9 @@ from flexfem.layout.lines import Line
 from flexfem.layout.mesh_facts import MeshFacts, beam_facts
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.materials.section import Section
 from flexfem.materials.section_wall import SectionWall
+from flexfem.mesh.nurbs.polyline import polyline
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.probes.measured import StrainProbe
@@ -99,8 +100,16 @@ class NurbsBeamFamily(BeamFamily):
         return self.curves.line(self.curves.index(carrier.body), self.kind)
 
     @override
+    def section_of(self, body: Beam) -> Section:
+        return self.curves.middle_section(self.curves.index(body.name))
+
+    @override
     def contact_line(self, name: str) -> ContactLine:
-        return contact_line(self.curves, self.curves.index(name))
+        beam = self.curves.index(name)
+        first, last = self.curves.first_node[beam : beam + 2]
+        points = self.curves.frames[first:last, :3]
+        nodes, weights, edges = polyline(self.curves.parts[beam], points)
+        return ContactLine(first + nodes, weights, edges)
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:
