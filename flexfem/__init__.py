@@ -101,6 +101,7 @@ _MODULES = {
     "Box": "model.bodies.shapes",
     "Sphere": "model.bodies.shapes",
     "Cylinder": "model.bodies.shapes",
+    "Capsule": "model.bodies.shapes",
     "SurfaceShape": "model.bodies.shapes",
     "CompoundShape": "model.bodies.shapes",
     "Marker": "core.marker",

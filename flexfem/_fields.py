@@ -11,6 +11,7 @@ import inspect
 import warnings
 from collections.abc import Callable, Collection
 from dataclasses import MISSING, InitVar, dataclass, field, fields
+from functools import wraps
 from typing import Any, dataclass_transform, get_args, get_origin
 
 import numpy.typing as npt
@@ -20,8 +21,8 @@ from flexfem._types import FloatArray
 
 __all__ = [
     "ZERO", "Array", "ArrayOrNone", "Given", "Renamed", "array", "checked", "choice", "declared",
-    "direction", "flag", "function", "instance", "number", "one_of", "owner_of", "rotation",
-    "settled", "text", "time_function", "vector",
+    "direction", "flag", "function", "instance", "number", "one_of", "owner_of",
+    "renamed_arguments", "rotation", "settled", "text", "time_function", "vector",
 ]  # fmt: skip
 
 #: Takes the object, the field and its value for messages; returns the stored value.
@@ -61,6 +62,33 @@ class Renamed:
             return self
         warnings.warn(f"{self._former} is {self._present} now", DeprecationWarning, stacklevel=2)
         return getattr(instance, self._present)
+
+
+def renamed_arguments[Class: type](**present: str) -> Callable[[Class], Class]:
+    """Let a class take arguments by their former names, too, with a warning.
+
+    Args:
+        present: Present name by the former one.
+    """
+
+    def decorate(cls: Class) -> Class:
+        create: Callable[..., None] = cls.__init__  # type: ignore[misc]
+
+        @wraps(create)
+        def init(self: Any, *given: Any, **named: Any) -> None:
+            for former in [name for name in present if name in named]:
+                new = present[former]
+                if new in named:
+                    raise TypeError(f"{cls.__name__}: {former} is {new} now, give it once")
+                text = f"{cls.__name__}({former}=...) is {new}=... now"
+                warnings.warn(text, DeprecationWarning, stacklevel=2)
+                named[new] = named.pop(former)
+            create(self, *given, **named)
+
+        cls.__init__ = init  # type: ignore[misc]
+        return cls
+
+    return decorate
 
 
 #: Anything that makes an array, stored as a read-only one.

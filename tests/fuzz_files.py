@@ -34,9 +34,10 @@ from flexfem.io.hdf5.arrays import PlainFile
 from flexfem.io.hdf5.checkpoint import write_checkpoint
 from flexfem.io.hdf5.reduced_body import _digest, load_reduced_body, save_reduced_body
 from flexfem.io.hdf5.structure import read_structure
-from flexfem.robots.surface_files import read_surface
+from flexfem.mesh.imported.surface_files import read_surface
+from flexfem.mesh.surface_mesh import read_surface_mesh
 from flexfem.simulation.run.checkpoints import SavedState
-from tests.fuzz_readers import Reader
+from tests.fuzz_readers import Reader, any_of
 from tests.unit.beam_texts import BLADE, MATRICES, PRIMARY, STATIONS, WINDIO_1, WINDIO_2
 from tests.unit.fmu_files import description
 from tests.unit.forged import seal
@@ -224,10 +225,16 @@ READERS = {
     ),
     "urdf": Reader(".urdf", lambda: _texts(SOUND), ff.read_urdf, _WORDS_XML),
     "stl": Reader(
-        ".stl", lambda: [*_texts(_STL), _BINARY_STL], _surface, (b"solid b", b"endsolid", b"vertex")
+        ".stl",
+        lambda: [*_texts(_STL), _BINARY_STL],
+        any_of(_surface, read_surface_mesh),
+        (b"solid b", b"endsolid", b"vertex"),
     ),
     "obj": Reader(
-        ".obj", lambda: _texts(_OBJ), _surface, (b"f 1 1 1", b"v 1e999 0 0", b"f -9 1 2")
+        ".obj",
+        lambda: _texts(_OBJ),
+        any_of(_surface, read_surface_mesh),
+        (b"f 1 1 1", b"v 1e999 0 0", b"f -9 1 2"),
     ),
     "fmu": Reader(".fmu", _fmu_files, _fmu, _WORDS_XML),
     "history": Reader(".csv", lambda: _texts(_HISTORY), read_history, (b"1,2", b"t,t")),

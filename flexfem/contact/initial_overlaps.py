@@ -47,8 +47,8 @@ def _check_depth(
     if part > each.deep:
         raise ValueError(
             f"{owner}: at the start {_body(points, node)} penetrates "
-            f"{points.names[points.body[triangle]]} by {made.deepest:g} m at node "
-            f"{_number(points, node)}, more than half of the distance at which they touch; {_APART}"
+            f"{points.names[points.body[triangle]]} by {made.deepest:g} m at "
+            f"{_place(points, node)}, more than half of the distance at which they touch; {_APART}"
         )
 
 
@@ -88,7 +88,7 @@ def _check_inside(points: ContactPoints, owner: str, one: ContactSurfaces) -> No
             where = "outside" if surface.inside else "inside"
             raise ValueError(
                 f"{owner}: at the start {_body(points, node)} is {where} of "
-                f"{points.names[points.body[rows[0]]]} at node {_number(points, node)}; {_APART}"
+                f"{points.names[points.body[rows[0]]]} at {_place(points, node)}; {_APART}"
             )
 
 
@@ -112,13 +112,19 @@ def _check_rigid(points: ContactPoints, owner: str, one: ContactSurfaces) -> Non
             node = int(one.slaves.nodes[worst])
             raise ValueError(
                 f"{owner}: at the start {_body(points, node)} penetrates a rigid "
-                f"{place.shape.kind.name.lower()} by {-gaps[worst]:g} m at node "
-                f"{_number(points, node)}, more than half of its thickness; {_APART}"
+                f"{place.shape.kind.name.lower()} by {-gaps[worst]:g} m at "
+                f"{_place(points, node)}, more than half of its thickness; {_APART}"
             )
 
 
 def _body(points: ContactPoints, node: int) -> str:
     return points.names[int(points.owner[node])]
+
+
+def _place(points: ContactPoints, node: int) -> str:
+    """Number and position of a point, for messages."""
+    x, y, z = points.start[node].tolist()
+    return f"node {_number(points, node)} at ({x:.6g}, {y:.6g}, {z:.6g}) m"
 
 
 def _number(points: ContactPoints, node: int) -> int:

@@ -134,9 +134,11 @@ class ContactSurfaces:
         return min(max(self._numbers[0] / stiffness, 1.0), STIFFER)
 
 
-def contact_surfaces(serial: NumberedModel, points: ContactPoints) -> list[ContactSurfaces]:
-    """Describe all contacts of a model."""
-    return [_describe(serial, points, contact) for contact in serial.model.contacts]
+def contact_surfaces(
+    serial: NumberedModel, points: ContactPoints, contacts: Sequence[Contact]
+) -> list[ContactSurfaces]:
+    """Describe all contacts of a model, in which all bodies are named."""
+    return [_describe(serial, points, contact) for contact in contacts]
 
 
 def _describe(serial: NumberedModel, points: ContactPoints, contact: Contact) -> ContactSurfaces:
@@ -145,7 +147,8 @@ def _describe(serial: NumberedModel, points: ContactPoints, contact: Contact) ->
     rigid = [
         _rigid_place(serial, one) for one in contact.surfaces if not isinstance(one, RigidMesh)
     ]
-    names = [*contact.slaves, *contact.masters]
+    slave_names, master_names = contact.bodies or (), contact.against or ()
+    names = list(dict.fromkeys([*slave_names, *master_names]))
     keys: list[str | int] = [*names, *(id(surface) for surface in contact.surfaces)]
     used = _triangles(points, keys)
     skin = contact.skin
@@ -162,9 +165,10 @@ def _passes(
     points: ContactPoints, contact: Contact, everything: tuple[Slaves, FloatArray]
 ) -> Iterator[ContactPass]:
     """Passes of one contact: its slaves against triangles, then with exchanged roles."""
-    first, second = (_triangles(points, names) for names in (contact.slaves, contact.masters))
+    slave_names, master_names = contact.bodies or (), contact.against or ()
+    first, second = (_triangles(points, names) for names in (slave_names, master_names))
     meshes = _triangles(points, [id(surface) for surface in contact.surfaces])
-    itself = set(contact.slaves) == set(contact.masters)
+    itself = np.array_equal(first, second)
     shells, beams = _surface_slaves(points, first), _beam_slaves(points, everything)
     for master, deep, both in (
         (second, 0.5, itself or contact.two_pass), (meshes, 1.0, contact.two_pass)
@@ -217,9 +221,9 @@ def _slaves(
     serial: NumberedModel, points: ContactPoints, contact: Contact
 ) -> tuple[Slaves, FloatArray]:
     """All slaves of a contact: nodes of shells, then points of beams with length times diameter."""
-    made, areas = _surface_slaves(points, _triangles(points, contact.slaves))
+    made, areas = _surface_slaves(points, _triangles(points, contact.bodies or ()))
     nodes, offsets, every = [made.nodes], [made.offsets], [areas]
-    for name in contact.slaves:
+    for name in contact.bodies or ():
         body = serial.model[name]
         if isinstance(body, Beam):
             radius = contact.beam_radius(body)

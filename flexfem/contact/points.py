@@ -151,7 +151,7 @@ def contact_points(
                 triangles_of[id(surface)] = _add_mesh(made, serial, surface, name)
     points_of, lengths = dict[str, IntArray](), dict[str, FloatArray]()
     parents, weights, between = [np.zeros((0, 2), np.int64)], [np.zeros((0, 2))], []
-    names = dict.fromkeys(name for contact in contacts for name in contact.slaves)
+    names = dict.fromkeys(name for contact in contacts for name in contact.bodies or ())
     chains = {}
     for name in names:
         family = serial.family_of(name)
@@ -258,9 +258,9 @@ def _parts(
     lengths = np.linalg.norm(start[cells[:, 1]] - start[cells[:, 0]], axis=1)
     wanted, triangles = 1, np.concatenate([np.zeros((0, 3), np.int64), *made.triangles])
     for contact in contacts:
-        if name not in contact.slaves:
+        if name not in (contact.bodies or ()):
             continue
-        keys = [*contact.masters, *map(id, contact.surfaces)]
+        keys = [*(contact.against or ()), *map(id, contact.surfaces)]
         for key in keys:
             if key in triangles_of:
                 edge = mean_edge(start, triangles[triangles_of[key]])

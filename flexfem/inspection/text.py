@@ -20,6 +20,7 @@ from flexfem.model.bodies.basic import Beam
 if TYPE_CHECKING:
     from flexfem.core.load import Load
     from flexfem.model.contact import Contact
+    from flexfem.model.model import Model
 
 __all__ = ["description_text", "findings_text"]
 
@@ -44,7 +45,7 @@ def description_text(description: ModelFacts) -> str:
     lines += [f"  gravity {gravity}", *_bodies(description), *_joints(description.joints)]
     for title, things in (
         ("loads", [(load, _where(load)) for load in model.loads]),
-        ("contacts", [(c, _touching(c)) for c in model.contacts]),
+        ("contacts", [(c, _touching(model, c)) for c in model.contacts]),
         ("events", [(event, listed(list(event.joints))) for event in model.events]),
         ("probes", [(probe, listed(list(probe.columns))) for probe in model.probes]),
     ):
@@ -141,10 +142,11 @@ def _where(load: Load) -> str:
     return ", ".join([listed(places), *(size.strip() for size in sizes), *follows, *more])
 
 
-def _touching(contact: Contact) -> str:
+def _touching(model: Model, contact: Contact) -> str:
     """Return the bodies and surfaces of a contact as text."""
-    others = [*contact.masters, *(type(surface).__name__ for surface in contact.surfaces)]
-    return f"{listed(contact.slaves)} - {listed(others)}"
+    bodies, against = contact.members(model)
+    others = [*against, *(type(surface).__name__ for surface in contact.surfaces)]
+    return f"{listed(bodies)} - {listed(others)}"
 
 
 def _mobility(description: ModelFacts) -> list[str]:

@@ -37,7 +37,9 @@ if TYPE_CHECKING:
     from flexfem.model.probes.base import AnyProbe
     from flexfem.model.structure.place import Place
 
-__all__ = ["BUILT_IN", "ContactSurface", "Family", "Sensor", "one_width", "registry"]
+__all__ = [
+    "BUILT_IN", "ContactLine", "ContactSurface", "Family", "Sensor", "one_width", "registry",
+]  # fmt: skip
 
 #: Families of the package in the order of the nest; those of users follow.
 BUILT_IN = (
@@ -84,6 +86,21 @@ class ContactSurface:
     radius: FloatArray
     body: IntArray
     element: IntArray
+
+
+@dataclass(frozen=True)
+class ContactLine:
+    """Polyline on the axis of a body of lines, which may touch others.
+
+    Attributes:
+        nodes: (v, k) numbers in the family of the nodes that each of its points is a mean of.
+        weights: (v, k) their weights, which add up to one.
+        edges: (e, 2) points of its edges.
+    """
+
+    nodes: IntArray
+    weights: FloatArray
+    edges: IntArray
 
 
 class Family:
@@ -295,6 +312,21 @@ class Family:
     def contact_chain(self, name: str) -> IntArray | None:
         """Nodes (m, 2) of the two-node elements of a body of lines, None for other bodies."""
         return None
+
+    def contact_line(self, name: str) -> ContactLine | None:
+        """Polyline on the axis of a body of lines, None for other bodies."""
+        return None
+
+    def surface_numbers(self, body: Any, radius: float) -> tuple[float, float]:
+        """Stiffness through the thickness of a body, N/m^3, and its mass per area, kg/m^2.
+
+        The area of a beam is its length times its diameter. An unknown number is infinite.
+
+        Args:
+            body: of this family.
+            radius: half of its thickness, m.
+        """
+        return np.inf, np.inf
 
     def contact_numbers(self, body: Any, contact: Contact) -> tuple[float, float]:
         """Stiffness through the thickness of a body, N/m^3, and its mass per area, kg/m^2.

@@ -356,14 +356,17 @@ def read_surface_mesh(
     lines: Sequence[str] | None = None,
     nodes: Sequence[str] | None = None,
 ) -> SurfaceMesh:
-    """Read the triangles and quadrilaterals of a mesh file: gmsh, Abaqus, Nastran or VTK.
+    """Read the triangles and quadrilaterals of a mesh file: gmsh, Abaqus, Nastran, VTK, STL, OBJ.
 
     Element sets are bodies, which must not overlap; all of the file without any set is one body
     called after the file. Quadrilaterals are cut along the shorter diagonal. Sets of lines, edges
     or nodes that follow edges of the triangles are lines, node sets of one node are nodes.
 
+    STL (ASCII and binary) and OBJ (v and f) files have no sets. Their points in the same place
+    are one, and triangles that have two corners in one place are left out.
+
     Args:
-        path: As for :func:`read_mesh`.
+        path: As for :func:`read_mesh`, or ends in .stl or .obj.
         scale: Metres in a unit of length of the file, 1e-3 for millimetres.
         merge: Make nodes that are at most so far apart one, metres; None leaves them apart.
         bodies: Element sets to take; None for all.

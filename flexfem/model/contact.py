@@ -1,12 +1,12 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Contact between shells, and of shells with rigid surfaces."""
+"""Contact of bodies with each other and with rigid surfaces."""
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
 from typing import Any
 
 from flexfem import _checks
-from flexfem._fields import Given, checked, declared, flag, number, text
+from flexfem._fields import Given, Renamed, checked, declared, flag, number, renamed_arguments, text
 from flexfem.model.bodies.base import Body
 from flexfem.model.bodies.basic import Beam, RigidBody
 from flexfem.model.bodies.floating_body import FloatingBody
@@ -15,7 +15,7 @@ from flexfem.model.probes.base import AnyProbe, name_columns
 from flexfem.model.rigid_surface import RigidSurface
 from flexfem.model.structure.structure import Structure
 
-__all__ = ["Contact", "ContactProbe"]
+__all__ = ["Contact", "ContactProbe", "can_touch"]
 
 
 def _names(owner: str, what: str, names: str | Sequence[str]) -> tuple[str, ...]:
@@ -31,47 +31,83 @@ def _names(owner: str, what: str, names: str | Sequence[str]) -> tuple[str, ...]
 
 
 def _surfaces(owner: str, what: str, surfaces: Any) -> tuple[RigidSurface, ...]:
-    """Return checked surfaces."""
+    """Return checked surfaces, each there once."""
     if isinstance(surfaces, RigidSurface):
         return (surfaces,)
     _checks.instance(owner, what, surfaces, (list, tuple))
     for surface in surfaces:
         _checks.instance(owner, what, surface, RigidSurface)
+    if len({id(surface) for surface in surfaces}) < len(surfaces):
+        raise ValueError(f"{owner}: {what} must be different, one is there twice")
     return tuple(surfaces)
 
 
-def _not_found(model: Structure, wanted: str, name: str) -> str:
-    """Text for a name that is none of the wanted bodies, with what else it is."""
+def _pairs(owner: str, what: str, pairs: Any) -> tuple[tuple[str, str], ...]:
+    """Return checked pairs of names."""
+    _checks.instance(owner, what, pairs, (list, tuple))
+    for pair in pairs:
+        if not isinstance(pair, (list, tuple)) or len(pair) != 2:
+            raise TypeError(
+                f"{owner}: {what} must be pairs of names of bodies, got {_checks.show(pair)}"
+            )
+        for name in pair:
+            _checks.text(owner, what, name)
+    return tuple((first, second) for first, second in pairs)
+
+
+def _not_found(model: Structure, name: str) -> str:
+    """Text for a name that is none of a body that touches, with what else it is."""
     thing = model.get(name)
-    text = f'{model!r} has no {wanted} "{name}"'
+    text = f'{model!r} has no body that touches "{name}"'
     if thing is None:
         return text
     kind = type(thing).__name__
-    if isinstance(thing, (RigidBody, FloatingBody)):
+    if isinstance(thing, RigidBody):
+        return (
+            f"{text}, which is a {kind} without shape: give it one, shape=Sphere(...), or what it "
+            f'touches with as surfaces=[RigidSphere(Marker("{name}"), ...)]'
+        )
+    if isinstance(thing, FloatingBody):
         return (
             f"{text}, which is a {kind}: give what it touches with as surfaces=[RigidSphere(Marker("
             f'"{name}"), ...)], or another RigidSurface'
         )
+    if isinstance(thing, Body):
+        return f"{text}, which is a {kind}: it needs linear triangles and a thickness"
     return f"{text}, which is a {kind}"
 
 
+@renamed_arguments(slaves="bodies", masters="against")
 @declared
 class Contact:
-    """Contact of the nodes of shells with the triangles of shells, and with rigid surfaces.
+    """Contact of bodies with each other, with themselves and with rigid surfaces.
 
-    The normal force per area is the stiffness times the penetration. Mid-surfaces touch at half of
-    the sum of the thicknesses, rigid surfaces at half of the thickness. Of director shells the four
-    triangles between corners and midpoints of edges touch.
+    ``Contact("all")`` is that of everything that touches with everything: shells at half of their
+    thickness from the mid-surface (of director shells the four triangles between corners and
+    midpoints of edges), membranes (:class:`UFLBody`) with a ``thickness`` likewise, beams at their
+    radius from the axis, rigid bodies with their ``shape``. Rigid surfaces, fixed in space or on
+    bodies, are added by ``surfaces``. Each kind of contact is one object with its own friction.
 
-    Beams may be slaves, SE(3) ones: points along the chords of their elements touch at their
-    radius, with the area of their length times their diameter. Forces act at the centre line.
+    Bodies that automatic lists bring together do not touch where a joint with a rigid row connects
+    them: not at all if one of them is rigid or a slider's, otherwise near the markers of the joint.
+    Bodies that are both named, or a surface given for named ones, do. A rigid body does not touch
+    itself, nor a surface that it carries.
+
+    At present the nodes of ``bodies`` touch the triangles of ``against``, in a second pass also
+    the other way round, and rigid surfaces: a penalty, the normal force per area is the stiffness
+    times the penetration. Beams touch by points along the chords of their elements, with the area
+    of their length times their diameter; forces act at the centre line. Contact of beams with
+    beams, of rigid bodies with each other and of NURBS beams is refused by name.
 
     Attributes:
         name: Unique name in the model.
-        slaves: Names of the shells whose nodes touch, and of beams.
-        masters: Names of the shells whose triangles are touched: none, others than the slaves, or
-            just these, for contact of all of them with each other and with themselves.
-        surfaces: Rigid surfaces that the slaves touch.
+        bodies: Names of the bodies that touch: shells, beams, membranes and rigid bodies with a
+            shape. None: all of them.
+        against: Names of the bodies that these touch, others or themselves. None: all bodies;
+            only the surfaces where there are some and ``bodies`` are named.
+        surfaces: Rigid surfaces that the bodies touch.
+        exclude: Pairs of names of bodies that do not touch; (name, name) for one that does not
+            touch itself.
         stiffness: Force per penetration and area, N/m^3. None: at first contact the smaller one of
             the stiffness through the thickness, ``A / h^2`` with the membrane stiffness A, and of
             the inertia per area in the matrix of the first time step, with which an impact takes
@@ -81,25 +117,33 @@ class Contact:
         friction: Coulomb's coefficient; statics leave friction and damping out.
         damping: Viscous part of the normal force: the stiffness times this time, seconds, times
             the rate of penetration.
-        two_pass: True if masters, shells or meshes of rigid surfaces, and slaves change roles in a
-            second pass, each with half of the stiffness; beams are slaves only.
+        two_pass: True if both sides, shells or meshes of rigid surfaces, change roles in a second
+            pass, each with half of the stiffness; beams have one role only.
         skin: Distance within which candidates are searched, metres: nothing passes through a
             surface if both move by less than half of it in a step. None: 0.4 edges of the mesh.
         radius: Of the beams, metres; None for that of their circular sections.
 
+    ``slaves`` and ``masters`` are former names of ``bodies`` and ``against``.
+
     Raises:
         TypeError: An argument has the wrong type.
-        ValueError: Nothing that touches, a shell named twice, slaves and masters that overlap in
-            part, or a number out of range.
+        ValueError: Nothing that touches, a body or surface named twice, or a number out of range.
     """
 
     name: str
-    slaves: Given[str | Sequence[str], tuple[str, ...]] = checked(_names)
-    masters: Given[str | Sequence[str], tuple[str, ...]] = checked(_names, default=())
+    bodies: Given[str | Sequence[str] | None, tuple[str, ...] | None] = checked(
+        _names, default=None
+    )
+    against: Given[str | Sequence[str] | None, tuple[str, ...] | None] = checked(
+        _names, default=None
+    )
     surfaces: Given[RigidSurface | Sequence[RigidSurface], tuple[RigidSurface, ...]] = checked(
         _surfaces, default=()
     )
     _: KW_ONLY
+    exclude: Given[Sequence[tuple[str, str]], tuple[tuple[str, str], ...]] = checked(
+        _pairs, default=()
+    )
     stiffness: float | None = number(default=None, positive=True, as_given=True)
     friction: float = number(default=0.0, nonnegative=True)
     damping: float = number(default=0.0, nonnegative=True)
@@ -107,45 +151,58 @@ class Contact:
     skin: float | None = number(default=None, positive=True, as_given=True)
     radius: float | None = number(default=None, positive=True, as_given=True)
 
+    slaves = Renamed("bodies")
+    masters = Renamed("against")
+
     def __post_init__(self) -> None:
-        """Check slaves, masters and surfaces."""
-        owner, slaves, masters = _checks.named(self, self.name), self.slaves, self.masters
-        if not slaves or not (masters or self.surfaces):
-            raise ValueError(f"{owner}: it needs slaves, and masters or surfaces")
-        if set(slaves) & set(masters) and set(slaves) != set(masters):
+        """Check that there may be something that touches."""
+        owner = _checks.named(self, self.name)
+        if self.bodies == () or (self.against == () and not self.surfaces):
             raise ValueError(
-                f"{owner}: masters must be others than the slaves or just these, got "
-                f"{_checks.show(list(masters))} and {_checks.show(list(slaves))}"
+                f"{owner}: it needs bodies, and others or surfaces that they touch (leave bodies "
+                "out for all)"
             )
 
-    def check(self, model: Structure) -> None:
-        """Check the names of shells and beams, and the carriers of the surfaces.
+    def members(self, model: Structure) -> tuple[tuple[str, ...], tuple[str, ...]]:
+        """Return the names of the bodies and of those that they touch, automatic ones included.
 
         Raises:
-            ValueError: The model has no such shell or beam, or contact does not support it.
+            ValueError: The model has nothing that touches.
+        """
+        every = tuple(body.name for body in model.bodies if can_touch(body))
+        bodies = every if self.bodies is None else self.bodies
+        if self.against is not None:
+            against = self.against
+        else:
+            against = () if self.surfaces and self.bodies is not None else every
+        if not bodies or not (against or self.surfaces):
+            raise ValueError(
+                f'Contact "{self.name}": {model!r} has nothing that touches: no shells, no beams, '
+                "no membranes with a thickness and no rigid bodies with a shape"
+            )
+        return bodies, against
+
+    def check(self, model: Structure) -> None:
+        """Check the names of the bodies, and the carriers of the surfaces.
+
+        Raises:
+            ValueError: The model has no such body, or nothing can touch it.
         """
         owner = f'Contact "{self.name}"'
-        for name in self.slaves:
-            body = model.get(name)
-            if isinstance(body, Beam):
-                self._check_beam(owner, body)
-            elif not (isinstance(body, Shell) or _has_surface(body)):
-                raise ValueError(f"{owner}: {_not_found(model, 'shell or beam', name)}")
-        for name in self.masters:
-            body = model.get(name)
-            if not (isinstance(body, Shell) or _has_surface(body)):
-                raise ValueError(f"{owner}: masters: {_not_found(model, 'shell', name)}")
+        bodies, against = self.members(model)
+        for what, names in (("", bodies), ("against: ", against)):
+            for name in names:
+                body = model.get(name)
+                if not can_touch(body):
+                    raise ValueError(f"{owner}: {what}{_not_found(model, name)}")
+                if isinstance(body, Beam):
+                    self.beam_radius(body)
+        known = {body.name for body in model.bodies}
+        for name in dict.fromkeys(name for pair in self.exclude for name in pair):
+            if name not in known:
+                raise ValueError(f'{owner}: exclude: {model!r} has no body "{name}"')
         for surface in self.surfaces:
             surface.check(model, owner)
-
-    def _check_beam(self, owner: str, beam: Beam) -> None:
-        """Raise for beams that contact does not support."""
-        if beam.formulation != "se3":
-            raise ValueError(
-                f'{owner}: Beam "{beam.name}": contact needs the formulation se3, got '
-                f"{beam.formulation}"
-            )
-        self.beam_radius(beam)
 
     def beam_radius(self, beam: Beam) -> float:
         """Return the distance from its axis at which a beam touches, metres.
@@ -164,13 +221,20 @@ class Contact:
         return radius
 
 
+def can_touch(body: object) -> bool:
+    """Return True for what has a surface and a thickness, a line or a shape."""
+    if isinstance(body, RigidBody):
+        return body.shape is not None
+    return isinstance(body, (Shell, Beam)) or (isinstance(body, Body) and body.touches)
+
+
 @declared
 class ContactProbe(AnyProbe):
     """Penetration and forces of a contact.
 
     Columns: name_penetration, the largest one, m; name_fx, name_fy, name_fz, the force on the
-    slaves, N; name_normal, the sum of the sizes of all normal forces, N; name_closed, the number of
-    touching points, those of both passes.
+    ``bodies`` that have nodes, N; name_normal, the sum of the sizes of all normal forces, N;
+    name_closed, the number of touching points, those of both passes.
 
     Attributes:
         name: Unique name in the model.
@@ -193,8 +257,3 @@ class ContactProbe(AnyProbe):
             raise ValueError(
                 f'ContactProbe "{self.name}": {model!r} has no contact "{self.contact}"'
             )
-
-
-def _has_surface(body: object) -> bool:
-    """True if a body has triangles and a thickness, so that it can touch others."""
-    return isinstance(body, Body) and body.touches

@@ -77,8 +77,9 @@ def _details(model: Structure, thing: Any) -> str:
     if isinstance(thing, Body):
         return thing.details
     if isinstance(thing, Contact):
+        bodies, against = thing.members(model)
         surfaces = [type(surface).__name__ for surface in thing.surfaces]
-        return f"{', '.join(thing.slaves)} - {', '.join([*thing.masters, *surfaces])}"
+        return f"{', '.join(bodies)} - {', '.join([*against, *surfaces])}"
     if isinstance(thing, ModalDamping):
         return f"{thing.count} modes"
     if isinstance(thing, Controller):

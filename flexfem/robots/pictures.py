@@ -8,10 +8,10 @@ from pathlib import Path
 import numpy as np
 
 from flexfem.core.pose import Pose
-from flexfem.model.bodies.shapes import Box, Cylinder, Shape, Sphere, SurfaceShape
+from flexfem.mesh.imported.surface_files import read_surface
+from flexfem.model.bodies.shapes import Box, Capsule, Cylinder, Shape, Sphere, SurfaceShape
 from flexfem.robots.description import origin
 from flexfem.robots.elements import Element
-from flexfem.robots.surface_files import read_surface
 from flexfem.robots.tree import LinkData
 
 __all__ = ["PICTURES", "link_shapes"]
@@ -65,11 +65,8 @@ def _shapes(
         return [(_mesh(element.only(("filename", "scale")), packages, folder), Pose())]
     element.only(("radius", "length"))
     radius, length = (element.number(name, positive=True) for name in ("radius", "length"))
-    tube = (Cylinder(radius, length, (0.0, 0.0, 1.0)), Pose())
-    if element.tag == "cylinder":
-        return [tube]
-    ends = [(Sphere(radius), Pose((0.0, 0.0, side * length))) for side in (-0.5, 0.5)]
-    return [tube, *ends]
+    kind = Cylinder if element.tag == "cylinder" else Capsule
+    return [(kind(radius, length, (0.0, 0.0, 1.0)), Pose())]
 
 
 def _mesh(element: Element, packages: Mapping[str, Path], folder: Path) -> SurfaceShape:

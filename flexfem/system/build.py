@@ -15,6 +15,7 @@ from flexfem.constraints.interface import Interface
 from flexfem.contact.contacts import Contacts, ContactShare
 from flexfem.contact.initial_overlaps import check_start
 from flexfem.contact.pairs import ContactSurfaces, contact_surfaces
+from flexfem.contact.penalty_contact import penalty_contacts
 from flexfem.contact.points import ContactPoints, contact_points
 from flexfem.core.marker import SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
@@ -84,8 +85,9 @@ def _touching(serial: NumberedModel) -> tuple[ContactPoints, list[ContactSurface
     """Serial data of the contacts, None without any; raises for surfaces that intersect."""
     if not serial.model.contacts:
         return None
-    points = contact_points(serial, serial.model.contacts, _joined(serial))
-    described = contact_surfaces(serial, points)
+    contacts = penalty_contacts(serial)
+    points = contact_points(serial, contacts, _joined(serial))
+    described = contact_surfaces(serial, points, contacts)
     check_start(points, described)
     return points, described
 

@@ -17,12 +17,12 @@ THICK = 1e-3
 SECTION = ff.ShellSection.isotropic(THICK, ff.Material(2e8, 0.3, 1000.0))
 
 
-def impact(*, low=(0.0, 0.0, 0.0), tilt=0.0, speed=(0.0, 0.0, -1.0), masters="low", **options):
+def impact(*, low=(0.0, 0.0, 0.0), tilt=0.0, speed=(0.0, 0.0, -1.0), against="low", **options):
     """A sheet that flies onto another one."""
     meshes = [sheet("low", 8, 0.3, low), sheet("up", 7, 0.2, (0.013, 0.021, 1.5e-3), tilt)]
     model = ff.Model("impact", surface=ff.SurfaceMesh.join(meshes))
     model.add(ff.Shell("low", SECTION), ff.Shell("up", SECTION, velocity=speed))
-    model.add(ff.Contact("hit", "up", masters, **options))
+    model.add(ff.Contact("hit", "up", against, **options))
     model.add(ff.MomentumProbe("momentum"), ff.EnergyProbe(), ff.ContactProbe("touch", "hit"))
     return model
 
@@ -157,13 +157,13 @@ def test_restart_goes_on_as_before():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("role", ["slaves", "masters"])
-def test_rigid_bodies_touch_with_surfaces(role: str) -> None:
+@pytest.mark.parametrize("role", ["bodies", "against"])
+def test_rigid_bodies_touch_with_shapes_or_surfaces(role: str) -> None:
     model = impact()
     model.add(ff.RigidBody("ball", 1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 1.0)))
-    roles = {"slaves": "up", "masters": "low"} | {role: "ball"}
+    roles = {"bodies": "up", "against": "low"} | {role: "ball"}
     model.add(ff.Contact("more", **roles))
-    message = r'"ball", which is a RigidBody: give .* surfaces=\[RigidSphere\(Marker\("ball"\)'
+    message = r'"ball", which is a RigidBody without shape: .* surfaces=\[RigidSphere\(Marker\("b'
     with pytest.raises(ValueError, match=message):
         model.validate()
 
@@ -174,10 +174,10 @@ def test_rigid_bodies_touch_with_surfaces(role: str) -> None:
     [
         ({"low": (0, 0, 1.2e-3)}, 'Contact "hit": at the start Shell "up" penetrates .*0.0007 m'),
         ({"tilt": 0.1}, 'Contact "hit": at the start Shell "up" intersects Shell "low"'),
-        ({"masters": "none"}, 'Contact "hit": masters: Model "impact" has no shell "none"'),
+        ({"against": "none"}, 'Contact "hit": against: Model "impact" has no body .* "none"'),
         ({"friction": -1.0}, 'Contact "hit": friction must not be negative'),
-        ({"masters": ()}, 'Contact "hit": it needs slaves, and masters or surfaces'),
-        ({"masters": ("up", "low")}, 'Contact "hit": masters must be others than the slaves'),
+        ({"against": ()}, 'Contact "hit": it needs bodies, and others or surfaces'),
+        ({"against": ("up", "low")}, 'Contact "hit": against must be others than the bodies'),
         ({"skin": 0.0}, 'Contact "hit": skin must be positive'),
         (
             {"surfaces": ff.RigidSphere(ff.Ground((0, 0, 0)), 0.05)},

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from flexfem.robots.surface_files import read_surface
+from flexfem.mesh.imported.surface_files import read_surface
 
 pytestmark = pytest.mark.serial
 
@@ -121,7 +121,7 @@ def test_what_is_not_what_it_says(case: str, tmp_path: Path) -> None:
 
 
 def test_files_are_of_bounded_size(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexfem.robots.surface_files._LARGEST", 100)
+    monkeypatch.setattr("flexfem.mesh.imported.surface_files._LARGEST", 100)
     (tmp_path / "a.stl").write_bytes(binary(4))
     with pytest.raises(ValueError, match="it has 284 bytes, at most 100 are read"):
         read_surface(tmp_path / "a.stl")

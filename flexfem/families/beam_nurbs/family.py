@@ -24,14 +24,16 @@ from flexfem.families.beam_nurbs.sensors import CurveStrainSensor
 from flexfem.families.common.beam_family import BeamFamily
 from flexfem.families.common.block_nodes import distributed
 from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import Sensor, one_width
+from flexfem.layout.family import ContactLine, Sensor, one_width
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.line_loads import by_kind
 from flexfem.layout.lines import Line
 from flexfem.layout.mesh_facts import MeshFacts, beam_facts
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.materials.section import Section
 from flexfem.materials.section_wall import SectionWall
+from flexfem.mesh.nurbs.polyline import polyline
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.probes.measured import StrainProbe
@@ -96,6 +98,18 @@ class NurbsBeamFamily(BeamFamily):
     @override
     def line(self, carrier: Carrier) -> Line:
         return self.curves.line(self.curves.index(carrier.body), self.kind)
+
+    @override
+    def section_of(self, body: Beam) -> Section:
+        return self.curves.middle_section(self.curves.index(body.name))
+
+    @override
+    def contact_line(self, name: str) -> ContactLine:
+        beam = self.curves.index(name)
+        first, last = self.curves.first_node[beam : beam + 2]
+        points = self.curves.frames[first:last, :3]
+        nodes, weights, edges = polyline(self.curves.parts[beam], points)
+        return ContactLine(first + nodes, weights, edges)
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:

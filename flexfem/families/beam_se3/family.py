@@ -23,7 +23,7 @@ from flexfem.families.beam_se3.sensors import BeamElongation, StrainSensor
 from flexfem.families.common.along import Places
 from flexfem.families.common.beam_family import BeamFamily
 from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import Sensor
+from flexfem.layout.family import ContactLine, Sensor
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.line_loads import by_kind
 from flexfem.layout.lines import Line, se3_line
@@ -83,15 +83,15 @@ class SE3BeamFamily(BeamFamily):
     def mesh_facts(self, body: Beam) -> MeshFacts:
         ends = self.mesh.points[self._cells(body)]
         lengths = np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)
-        return beam_facts(body, self._section(body), lengths, ends.mean(axis=1))
+        return beam_facts(body, self.section_of(body), lengths, ends.mean(axis=1))
 
     @override
     def patches(self) -> IntArray:
         return self.mesh.cells.cells.astype(np.int64)
 
-    def _section(self, beam: Beam) -> Section:
-        """Section of a beam, that in its middle if it varies."""
-        return self.mesh.section(self._numbers[beam.name])
+    @override
+    def section_of(self, body: Beam) -> Section:
+        return self.mesh.section(self._numbers[body.name])
 
     def _cells(self, beam: Beam) -> IntArray:
         """(m, 2) nodes of the cells of a beam."""
@@ -119,10 +119,18 @@ class SE3BeamFamily(BeamFamily):
 
     @override
     def contact_numbers(self, body: Beam, contact: Contact) -> tuple[float, float]:
-        diameter = 2.0 * contact.beam_radius(body)
-        section = self._section(body)
-        through = _axial(body, section) / (0.25 * np.pi * diameter**3)
-        return through, section.mass_per_length / diameter
+        if self.section_of(body).stiffness is None:
+            raise ValueError(
+                f'Beam "{body.name}": its BeamLaw has no stiffness from which that of contact '
+                "follows, give Contact(stiffness=...)"
+            )
+        return self.surface_numbers(body, contact.beam_radius(body))
+
+    @override
+    def contact_line(self, name: str) -> ContactLine:
+        nodes, edges = np.unique(self.mesh.nodes(self._numbers[name]), return_inverse=True)
+        weights = np.ones((len(nodes), 1))
+        return ContactLine(nodes.astype(np.int64)[:, np.newaxis], weights, edges.reshape(-1, 2))
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:
@@ -184,13 +192,3 @@ def _chain(cells: IntArray) -> IntArray | None:
 def _initial_strain(beam: Beam, ends: FloatArray, time: float) -> FloatArray:
     """Mean initial strains (m, 6) of cells of a beam between arc lengths (m, 2), m."""
     return present_strains(beam, Places.inside(ends), time)
-
-
-def _axial(beam: Beam, section: Section) -> float:
-    """Axial stiffness of a beam, N, at zero strain."""
-    if section.stiffness is not None:
-        return float(section.stiffness[0, 0])
-    raise ValueError(
-        f'Beam "{beam.name}": its BeamLaw has no stiffness from which that of contact follows, '
-        "give Contact(stiffness=...)"
-    )

@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from typing import ClassVar, Protocol, override
 
+import numpy as np
+
 from flexfem._types import FloatArray, IntArray
 from flexfem.layout.family import Family
 from flexfem.layout.numbered_model import NumberedModel
@@ -88,3 +90,13 @@ class BeamFamily(Family):
     @override
     def body_of_node(self) -> IntArray:
         return self._nodes.body_of_node
+
+    @override
+    def surface_numbers(self, body: Beam, radius: float) -> tuple[float, float]:
+        section, diameter = self.section_of(body), 2.0 * radius
+        stiffness = np.inf if section.stiffness is None else float(section.stiffness[0, 0])
+        return stiffness / (0.25 * np.pi * diameter**3), section.mass_per_length / diameter
+
+    def section_of(self, body: Beam) -> Section:
+        """Section of a beam, that in its middle if it varies."""
+        raise NotImplementedError

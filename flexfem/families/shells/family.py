@@ -183,6 +183,10 @@ class ShellFamily(Family):
 
     @override
     def contact_numbers(self, body: Shell, contact: Contact) -> tuple[float, float]:
+        return self.surface_numbers(body, 0.5 * body.section.thickness)
+
+    @override
+    def surface_numbers(self, body: Shell, radius: float) -> tuple[float, float]:
         section = body.section
         through = float(np.diag(section.stiffness)[:2].min()) / section.thickness**2
         return through, section.mass

@@ -247,6 +247,10 @@ class UFLBodyFamily(Family):
         )
 
     @override
+    def surface_numbers(self, body: UFLBody, radius: float) -> tuple[float, float]:
+        return np.inf, body.density
+
+    @override
     def forces(
         self, block: FrameBlock, elements: ElementFamily | None, node_body: IntArray
     ) -> tuple[list[Force], list[InnerForces]]:

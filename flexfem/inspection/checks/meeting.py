@@ -107,5 +107,6 @@ class _JointsAtPlaces:
 
 def _touching(inspection: Inspection, names: list[str]) -> bool:
     """Return True if a contact includes one of the bodies."""
-    touching = {n for c in inspection.model.contacts for n in (*c.slaves, *c.masters)}
+    model = inspection.model
+    touching = {n for c in model.contacts for side in c.members(model) for n in side}
     return bool(touching & set(names))

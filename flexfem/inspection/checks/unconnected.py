@@ -83,7 +83,8 @@ def _groups(inspection: Inspection) -> list[set[int]]:
         outside = {_GROUND} if isinstance(joint, Force) else set[int]()
         join({_end(inspection, marker) for marker in joint.markers} | outside)
     for contact in model.contacts:
-        named = {inspection.parts.number[name] for name in (*contact.slaves, *contact.masters)}
+        bodies, against = contact.members(model)
+        named = {inspection.parts.number[name] for name in (*bodies, *against)}
         join(named | {_end(inspection, surface.place) for surface in contact.surfaces})
     for part in np.unique(inspection.rows.supports().nodes[:, 0]):
         join({int(part), _GROUND})

@@ -11,6 +11,8 @@ from flexfem.inspection.inspection import Inspection
 from flexfem.materials.section import Section
 from flexfem.materials.shell_section import ShellSection
 from flexfem.model.bodies.basic import RigidBody
+from flexfem.model.bodies.shapes import SurfaceShape
+from flexfem.model.rigid_surface import RigidMesh
 
 #: Speed of longitudinal waves, m/s: jelly has some metres a second, diamond 18 km/s.
 _SPEED = (8.0, 3e4)
@@ -69,6 +71,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         )
     else:
         yield from _giants(inspection)
+    yield from _obstacles(inspection)
 
 
 def _giants(inspection: Inspection) -> Iterator[Finding]:
@@ -88,6 +91,29 @@ def _giants(inspection: Inspection) -> Iterator[Finding]:
             f"{max(size for _, size in giants):.3g} m long, other bodies have {smallest:.3g} m",
             "give lengths in m; the functions that read meshes take scale=1e-3 for millimetres",
         )  # fmt: skip
+
+
+def _obstacles(inspection: Inspection) -> Iterator[Finding]:
+    """Meshes of rigid surfaces and shapes beside which the model is a speck."""
+    meshes = {
+        f'{type(surface).__name__} {k} of Contact "{contact.name}"': surface.mesh.points
+        for contact in inspection.model.contacts
+        for k, surface in enumerate(contact.surfaces)
+        if isinstance(surface, RigidMesh)
+    }
+    # the boxes of rigid bodies include their shapes
+    others = [one for one in inspection.bodies if one.kind != "rigid body"]
+    size = max((float(np.linalg.norm(one.size)) for one in others), default=0.0)
+    for body in inspection.model.rigid_bodies:
+        if isinstance(body.shape, SurfaceShape):
+            meshes[f"the shape of {owner_of(body)}"] = body.shape.points
+    for owner, points in meshes.items():
+        extent = float(np.linalg.norm(np.ptp(points, axis=0)))
+        if extent > _LARGE and 0.0 < _TIMES * size < extent:
+            yield Finding(
+                "units", owner, f"{extent:.3g} m long, what moves has {size:.3g} m",
+                "give lengths in m; read_surface_mesh takes scale=1e-3 for millimetres",
+            )  # fmt: skip
 
 
 def _material(

@@ -10,6 +10,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
+from flexfem.mesh.triangles import solids
+
 FloatArray = NDArray[np.float64]
 IntArray = NDArray[np.int64]
 
@@ -45,12 +47,7 @@ def joined(*surfaces: Surface) -> Surface:
 
 def box(sizes: ArrayLike) -> Surface:
     """Box with the given edge lengths (3,) in m, centred at the origin."""
-    corners = np.array([[i, j, k] for i in (-0.5, 0.5) for j in (-0.5, 0.5) for k in (-0.5, 0.5)])
-    quads = np.array(
-        [[0, 1, 3, 2], [4, 6, 7, 5], [0, 4, 5, 1], [2, 3, 7, 6], [0, 2, 6, 4], [1, 5, 7, 3]]
-    )
-    triangles = np.concatenate([quads[:, [0, 1, 2]], quads[:, [0, 2, 3]]])
-    return Surface(corners * np.asarray(sizes, dtype=np.float64), triangles)
+    return Surface(*solids.box(sizes))
 
 
 def cylinder(
@@ -72,6 +69,19 @@ def cylinder(
     ]
     triangles = np.concatenate([np.stack(f, axis=1) for f in (faces if caps else faces[:2])])
     points = points if caps else points[:bottom]
+    return Surface(points @ frames_along(np.atleast_2d(axis))[0].T, triangles)
+
+
+def capsule(radius: float, length: float, axis: ArrayLike, *, sides: int = 32) -> Surface:
+    """Cylinder with half spheres at its ends about an axis (3,), centred at the origin.
+
+    Args:
+        radius: In m.
+        length: Between the centres of the half spheres in m.
+        axis: Of any length but zero.
+        sides: Around the axis; a half sphere has a quarter as many rings.
+    """
+    points, triangles = solids.capsule(radius, length, sides)
     return Surface(points @ frames_along(np.atleast_2d(axis))[0].T, triangles)
 
 
@@ -103,8 +113,9 @@ def body_surface(
     """Surface of a rigid body in its own axes.
 
     Args:
-        shape: Object with ``sizes`` (a box), ``radius``, ``length`` and ``axis`` (a cylinder) or
-            ``radius`` (a sphere), in m, about the reference point; with ``points`` and
+        shape: Object with ``sizes`` (a box), ``radius``, ``length`` and ``axis`` (a cylinder, or a
+            capsule where it has ``round_ends``) or ``radius`` (a sphere), in m, about the
+            reference point; with ``points`` and
             ``triangles``, or with ``parts``, pairs of a shape and its pose; or None: the
             homogeneous box of this mass and inertia about the centre of mass.
         mass: Mass in kg.
@@ -132,6 +143,8 @@ def _shape_surface(shape: Any) -> Surface:
         return Surface(shape.points, shape.triangles)
     if hasattr(shape, "sizes"):
         return box(shape.sizes)
+    if hasattr(shape, "round_ends"):
+        return capsule(shape.radius, shape.length, shape.axis)
     if hasattr(shape, "radius") and hasattr(shape, "length"):
         return cylinder(shape.radius, shape.length, shape.axis)
     if hasattr(shape, "radius"):

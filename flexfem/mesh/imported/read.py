@@ -9,7 +9,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._types import IntArray
-from flexfem.mesh.imported import abaqus, gmsh, nastran, vtk_legacy, vtk_xml
+from flexfem.mesh.imported import abaqus, gmsh, nastran, surface_files, vtk_legacy, vtk_xml
 from flexfem.mesh.imported.limits import check_regular
 from flexfem.mesh.imported.mesh_file import KINDS, MeshFile
 
@@ -27,6 +27,8 @@ FORMATS: dict[str, Callable[[Path], MeshFile]] = {
     ".nas": nastran.read,
     ".vtu": vtk_xml.read,
     ".vtk": vtk_legacy.read,
+    ".stl": surface_files.read,
+    ".obj": surface_files.read,
 }
 
 

@@ -205,7 +205,8 @@ class RigidBody:
         velocity: Initial velocity of the reference point, inertial axes, shape (3,), m/s.
         angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s. It may be
             given in body axes instead, as ``local_angular_velocity``.
-        shape: Appearance of the body in pictures, None for a small default.
+        shape: The body in pictures and contact (:class:`Contact`); None for a small default in
+            pictures, and for a body that touches only with surfaces given for it.
 
     Raises:
         TypeError: An argument has the wrong type.

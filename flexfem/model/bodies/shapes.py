@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Shapes of rigid bodies, for pictures."""
+"""Shapes of rigid bodies, for pictures and contact."""
 
 from collections.abc import Sequence
 from itertools import product
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -13,7 +13,9 @@ from flexfem._fields import Array, Given, array, checked, declared, number, vect
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.pose import Pose
 
-__all__ = ["SHAPES", "Box", "CompoundShape", "Cylinder", "Shape", "Sphere", "SurfaceShape"]
+__all__ = [
+    "SHAPES", "Box", "Capsule", "CompoundShape", "Cylinder", "Shape", "Sphere", "SurfaceShape",
+]  # fmt: skip
 
 
 def _sizes(owner: str, what: str, value: Any) -> None:
@@ -30,7 +32,7 @@ def _corners(sizes: FloatArray) -> FloatArray:
 
 @declared(eq=True)
 class Box:
-    """Box about the reference point, for pictures.
+    """Box about the reference point, for pictures and contact.
 
     Attributes:
         sizes: Edge lengths along the body axes, metres.
@@ -50,7 +52,7 @@ class Box:
 
 @declared(eq=True)
 class Sphere:
-    """Sphere about the reference point, for pictures.
+    """Sphere about the reference point, for pictures and contact.
 
     Attributes:
         radius: Radius, metres.
@@ -70,7 +72,7 @@ class Sphere:
 
 @declared(eq=True)
 class Cylinder:
-    """Cylinder about the reference point, for pictures.
+    """Cylinder with flat ends about the reference point, for pictures and contact.
 
     Attributes:
         radius: Radius, metres.
@@ -94,9 +96,42 @@ class Cylinder:
         return _corners(self.length * along + 2.0 * self.radius * across)
 
 
+@declared(eq=True)
+class Capsule:
+    """Cylinder with half spheres at its ends about the reference point, for pictures and contact.
+
+    Attributes:
+        radius: Radius of the cylinder and of both half spheres, metres.
+        length: Distance between the centres of the half spheres, metres.
+        axis: Direction of the axis in body axes, of any length but zero.
+
+    Raises:
+        TypeError: A value is not a number.
+        ValueError: A length is not positive or the axis is zero.
+    """
+
+    round_ends: ClassVar[bool] = True
+
+    radius: float = number(positive=True, as_given=True)
+    length: float = number(positive=True, as_given=True)
+    axis: tuple[float, float, float] = vector(default=(1.0, 0.0, 0.0), nonzero=True, as_given=True)
+
+    @property
+    def ends(self) -> FloatArray:
+        """Centres (2, 3) of the half spheres in body axes, m."""
+        along = np.array(self.axis) / np.linalg.norm(self.axis)
+        return np.outer([-0.5, 0.5], self.length * along)
+
+    @property
+    def corners(self) -> FloatArray:
+        """Corners (8, 3) of its box along the body axes, m."""
+        along = np.abs(self.axis) / np.linalg.norm(self.axis)
+        return _corners(self.length * along + 2.0 * self.radius)
+
+
 @declared
 class SurfaceShape:
-    """Triangulated surface in body axes, for pictures.
+    """Triangulated surface in body axes, for pictures and contact.
 
     Attributes:
         points: Points (n, 3), body axes, from the reference point, metres.
@@ -139,7 +174,7 @@ def _parts(owner: str, what: str, value: Any) -> tuple[tuple["Shape", Pose], ...
 
 @declared(eq=True)
 class CompoundShape:
-    """Several shapes as one, for pictures.
+    """Several shapes as one, for pictures and contact.
 
     Attributes:
         parts: Shapes and their places in body axes.
@@ -159,5 +194,5 @@ class CompoundShape:
 
 
 #: Appearance of a rigid body.
-Shape = Box | Sphere | Cylinder | SurfaceShape | CompoundShape
-SHAPES = (Box, Sphere, Cylinder, SurfaceShape, CompoundShape)
+Shape = Box | Sphere | Cylinder | Capsule | SurfaceShape | CompoundShape
+SHAPES = (Box, Sphere, Cylinder, Capsule, SurfaceShape, CompoundShape)

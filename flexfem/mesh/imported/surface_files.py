@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Triangles of STL and OBJ files, for pictures of links.
+"""Triangles of STL and OBJ files, for rigid surfaces, shells and pictures of links.
 
 Files may come from anywhere. Their counts are compared with their contents, and memory is taken in
 proportion to their size.
@@ -16,8 +16,9 @@ import numpy as np
 from flexfem._checks import show
 from flexfem._files import number_in, read_bytes
 from flexfem._types import FloatArray, IntArray
+from flexfem.mesh.imported.mesh_file import MeshFile
 
-__all__ = ["FORMATS", "read_surface"]
+__all__ = ["FORMATS", "read", "read_surface"]
 
 #: Bytes of a file, which takes up to ten times as many while it is read.
 _LARGEST = 500_000_000
@@ -43,6 +44,28 @@ def read_surface(path: Path) -> tuple[FloatArray, IntArray]:
     if len(triangles) == 0:
         raise ValueError("it has no triangles")
     return points, triangles
+
+
+def read(path: Path) -> MeshFile:
+    """Read a file as a mesh: points in the same place are one, triangles without area are left out.
+
+    Programs write such triangles where they round; without them the surface is closed as before.
+
+    Raises:
+        ValueError: It cannot be read, or no triangle has an area.
+    """
+    owner = f'mesh file "{path}"'
+    try:
+        points, triangles = read_surface(path)
+    except ValueError as error:
+        raise ValueError(f"{owner}: {error}") from None
+    places, number = np.unique(points, axis=0, return_inverse=True)
+    triangles = number.reshape(-1)[triangles]
+    ends = np.roll(triangles, 1, axis=1)
+    triangles = triangles[(triangles != ends).all(axis=1)]
+    if len(triangles) == 0:
+        raise ValueError(f"{owner}: none of its triangles has an area")
+    return MeshFile(path, places, {"triangle": triangles}, {}, {})
 
 
 def _stl(content: bytes) -> tuple[FloatArray, IntArray]:
