@@ -344,7 +344,7 @@ def test_files_can_be_written_after_reducing() -> None:
     [
         ({}, "give one of modes, frequency and participation"),
         ({"modes": 2, "frequency": 10.0}, "give one of modes"),
-        ({"modes": -1}, "modes must not be negative, got -1"),
+        ({"modes": -1}, "modes must be at least 0, got -1"),
         ({"modes": 10**4}, "at most 45 modes of this mesh can be found, the number"),
         ({"frequency": 1e9}, "modes of this mesh can be found, the frequency 1e.09 Hz asks"),
         ({"participation": 0.5, "basis": "free_free"}, "participation is that of modes with"),

@@ -183,13 +183,14 @@ def test_constant_prestrain_goes_with_energy_momentum() -> None:
         section=lambda s: ff.Section.circle(0.03 - 0.005 * s, STEEL),
     )  # fmt: skip
     options = ff.RunOptions(
-        dt=2e-3, t_end=0.1, rho_inf=1.0, quiet=True, integrator="energy_momentum"
-    )
+        dt=2e-3, t_end=0.1, rho_inf=1.0, quiet=True, integrator="energy_momentum",
+        tolerance=1e-8,
+    )  # fmt: skip
     history = ff.simulate(model, options).history
     total = history["energy_kinetic"] + history["energy_strain"]
     assert history["energy_kinetic"].max() > 0.1 * total[0]
-    # conserved to the tolerance of the iteration
-    np.testing.assert_allclose(total, total[0], rtol=1e-6)
+    # conserved to the tolerance of the iteration, 5e-9; 2e-6 at the default one
+    np.testing.assert_allclose(total, total[0], rtol=1e-7)
 
 
 @pytest.mark.serial
