@@ -22,7 +22,7 @@ the rate is off by 7e-4 of its largest value from 15 to 30 s, the power and ``ou
 the vibrations of the start, of the tower's top and in the plane of rotation, lag by 1.5 and 3 %;
 with 0.05 s by a fourth of this. At 60 s these two differ by 3e-6 in the rate and by 1e-4 in
 ``out``. ``--tolerance`` is that of forces times ``beta h^2``: 1e-3 are 0.4 N, and change the
-history by 1e-8.
+history by 2e-7.
 
 ``--analysis campbell``: modes over the speed of the rotor in this wind, in multiblade coordinates,
 about its steady states without tilt, shear and gravity; ``--air 0`` for those of the structure
