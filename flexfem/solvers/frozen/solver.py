@@ -98,7 +98,7 @@ class FrozenSolver:
         self._bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
         self._vectors = StepVectors(system)
         self._refinement = Refinement(system, mechanics, self._vectors)
-        self._stiff = StiffRows(system, self._vectors, self._solve)
+        self._stiff = StiffRows(system, self._vectors)
 
     def use(self, shifts: Shifts, strains: PartStrains) -> None:
         """Use the kept factors of a step size, or factorise at the trial state (collective)."""
@@ -247,9 +247,9 @@ class FrozenSolver:
         self._multipliers.follow_sliders()
         if not (keep_interface or self._factor_interface(shifts)):
             return False, np.zeros(rows.size), None
-        self._stiff.take(next((c.rows() for c in self.system.contacts), None), shifts)
-        correction = self._stiff.correct(self._solve(rows.values), refine=refine)
-        refined = None
+        for contacts in self.system.contacts:
+            self._stiff.take(contacts.rows(), shifts)
+        correction, refined = self._with_springs(self._solve(rows.values), refine=refine), None
         if refine:
             correction, refined = self._refinement.correct(
                 shifts, strains, correction, self._solve_beyond
@@ -284,7 +284,7 @@ class FrozenSolver:
 
     def again(self, values: FloatArray) -> bool:
         """Blocks' steps for their residuals and given row values (r,), after :meth:`step`."""
-        self._stiff.correct(self._solve(values))
+        self._with_springs(self._solve(values))
         return True
 
     def _factor_interface(self, shifts: Shifts) -> bool:
@@ -313,10 +313,16 @@ class FrozenSolver:
             rigid.solve()
         return correction
 
+    def _with_springs(self, correction: FloatArray, *, refine: bool = False) -> FloatArray:
+        """Add stiff springs, if there are any, to the solve that gave a correction (r,)."""
+        if not self._stiff.active:
+            return correction
+        return self._stiff.correct(correction, self._solve, refine=refine)
+
     def _solve_beyond(self, values: FloatArray) -> FloatArray:
         """Solve for a correction of steps; soft springs are left to the refinement."""
         correction = self._solve(values, beyond=True)
-        return correction if self._stiff.soft else self._stiff.correct(correction)
+        return correction if self._stiff.soft else self._with_springs(correction)
 
     def _load(
         self, values: FloatArray, bodies: Sequence[RigidBodies | FlexibleBodies], *, beyond: bool

@@ -15,6 +15,7 @@ by ``1 / sqrt(c + 1/D)``, c a typical compliance of the rows, since slopes diffe
 """
 
 from collections.abc import Callable
+from functools import partial
 from typing import Protocol
 
 import numpy as np
@@ -24,6 +25,11 @@ from flexfem.solvers.frozen.vectors import StepVectors
 from flexfem.system.system import Shifts, System
 
 __all__ = ["SpringRows", "StiffRows"]
+
+#: Solves with the frozen operator for the blocks' residuals and given values (r,) of the rows.
+Solve = Callable[[FloatArray], FloatArray]
+#: Motions (c,) for forces (c,) of springs alone, a direction with a number.
+Respond = Callable[[FloatArray, int], FloatArray]
 
 #: Largest number of directions; stiffness over that of the frozen operator below which springs are
 #: soft: GMRES with the exact tangent needs no help with them.
@@ -66,57 +72,54 @@ class StiffRows:
         soft: True if they are not much stiffer than the frozen operator.
     """
 
-    def __init__(
-        self, system: System, vectors: StepVectors, solve: Callable[[FloatArray], FloatArray]
-    ) -> None:
-        """Store the frozen solve for the blocks' residuals and given values (r,) of the rows."""
-        self._system, self._vectors, self._solve = system, vectors, solve
+    def __init__(self, system: System, vectors: StepVectors) -> None:
+        """Allocate the responses."""
+        self._system, self._vectors = system, vectors
         self.active = self.soft = False
         self._values = np.zeros(system.constraints.size)
         # of the directions, in pages that are used as they come
         self._responses = np.empty((_MOST if system.contacts else 0, len(vectors)))
 
-    def take(self, rows: SpringRows | None, shifts: Shifts) -> None:
+    def take(self, rows: SpringRows, shifts: Shifts) -> None:
         """Use springs for the next solves, none for a matrix without stiffness (collective)."""
         self.active = False
         scale = shifts.scale * shifts.stiffness
-        if rows is None or scale == 0.0:
+        if scale == 0.0:
             return
         slopes = scale * rows.slopes
         if self._vectors.sum(np.array([float(np.count_nonzero(slopes))]))[0]:
             self.active = True
-            self._forces = _Forces(rows, slopes, self._respond, self._vectors)
+            self._forces = _Forces(rows, slopes, self._vectors)
 
-    def correct(self, correction: FloatArray, *, refine: bool = False) -> FloatArray:
+    def correct(self, correction: FloatArray, solve: Solve, *, refine: bool = False) -> FloatArray:
         """Add the springs to the frozen solve whose steps are in the blocks (collective).
 
         The blocks' residuals are kept.
 
         Args:
             correction: the multipliers' correction (r,) by the frozen solve.
+            solve: this, for the blocks' residuals and given values (r,) of the rows.
             refine: True if GMRES with the exact tangent follows, to which soft springs are left.
 
         Returns:
             That with the springs.
         """
-        if not self.active:
-            return correction
         kept = [part.block.residual.copy() for part in self._system.parts]
         solution = self._vectors.collect(correction)
-        parts = self._forces.solve(leave_soft=refine)
+        parts = self._forces.solve(partial(self._respond, solve), leave_soft=refine)
         self.soft = self._forces.soft
         solution -= parts @ self._responses[: len(parts)]
         for part, residual in zip(self._system.parts, kept, strict=True):
             part.block.residual[:] = residual
         return -self._vectors.put(solution)
 
-    def _respond(self, forces: FloatArray, number: int) -> FloatArray:
+    def _respond(self, solve: Solve, forces: FloatArray, number: int) -> FloatArray:
         """Motions (c,) for forces (c,) of the springs alone; stores the response by its number."""
         rows = self._forces.rows
         for part in self._system.parts:
             part.block.residual[:] = 0.0
         rows.push(forces)
-        self._vectors.collect(self._solve(self._values), self._responses[number])
+        self._vectors.collect(solve(self._values), self._responses[number])
         return rows.motions()
 
 
@@ -128,26 +131,24 @@ class _Forces:
         soft: True if they are not much stiffer than the frozen operator.
     """
 
-    def __init__(
-        self, rows: SpringRows, slopes: FloatArray,
-        respond: Callable[[FloatArray, int], FloatArray], vectors: StepVectors,
-    ) -> None:  # fmt: skip
+    def __init__(self, rows: SpringRows, slopes: FloatArray, vectors: StepVectors) -> None:
         self.rows, self._slopes = rows, slopes
-        self._respond, self._sum = respond, vectors.sum
+        self._sum = vectors.sum
         self._compliance = 1.0 / np.maximum(slopes, _NO_SLOPE)
         self._scaling, self.soft = np.zeros(0), True
         # the scaled motions of directions are a triangle, here inverted, times an orthonormal basis
         self._directions, self._basis = np.zeros((2, 0, len(slopes)))
         self._inverse = np.zeros((0, 0))
 
-    def solve(self, *, leave_soft: bool) -> FloatArray:
+    def solve(self, respond: Respond, *, leave_soft: bool) -> FloatArray:
         """Parts of the responses in that to the springs' forces, for the blocks' steps.
 
         Args:
+            respond: motions (c,) for forces (c,) of the springs alone, a direction by its number.
             leave_soft: True for none if the springs are soft.
         """
         motions = self.rows.motions()
-        if not len(self._basis) and not self._begin(motions):
+        if not len(self._basis) and not self._begin(respond, motions):
             return np.zeros(0)
         if leave_soft and self.soft:
             return np.zeros(0)
@@ -157,30 +158,30 @@ class _Forces:
             left = motions - (found @ self._basis) / self._scaling
             # springs' forces for the motions that are left, beside all
             error, size = self._norms(self._slopes * left, parts @ self._directions)
-            if not error > _ACCURACY * size or not self._extend(left):
+            if not error > _ACCURACY * size or not self._extend(respond, left):
                 return parts
 
-    def _begin(self, motions: FloatArray) -> bool:
+    def _begin(self, respond: Respond, motions: FloatArray) -> bool:
         """Find the scaling by the springs' forces for motions without reaction, if there are."""
         forces = self._slopes * motions
         (size,) = self._norms(forces)
         if not 0.0 < size < np.inf:
             return False
         forces /= size
-        moved = self._respond(forces, 0)
+        moved = respond(forces, 0)
         typical, ratio = self._norms(moved, self._slopes * moved)
         self.soft = ratio < _SOFT
         self._scaling = 1.0 / np.sqrt(typical + self._compliance)
         return self._append(forces, moved)
 
-    def _extend(self, left: FloatArray) -> bool:
+    def _extend(self, respond: Respond, left: FloatArray) -> bool:
         """Add a direction for motions (c,) that are left; False if it depends on the others."""
         forces = self._scaling**2 * left
         (size,) = self._norms(forces)
         if not 0.0 < size < np.inf or len(self._basis) >= _MOST:
             return False
         forces /= size
-        return self._append(forces, self._respond(forces, len(self._basis)))
+        return self._append(forces, respond(forces, len(self._basis)))
 
     def _append(self, forces: FloatArray, moved: FloatArray) -> bool:
         """Add a direction (c,) with its motions (c,); False if it depends on the others."""
