@@ -2,7 +2,8 @@
 
 import numpy as np
 
-from flexfem.contact.primitives.complexes import Complex, Surface, areas
+from flexfem.contact.obstacles.surface_data import node_areas
+from flexfem.contact.primitives.complexes import Complex, Surface
 from flexfem.contact.primitives.data import Kind, Pairs, Response
 from flexfem.contact.primitives.statics import forces_at_rest
 from flexfem.contact.primitives.steps import forces_of_step
@@ -31,7 +32,7 @@ def surface_of(points, triangles, lines=(), label=None, radius=0.01, dhat=0.05, 
     n = len(points)
     cells = Complex.of(np.reshape(triangles, (-1, 3)), np.reshape(lines, (-1, 2)), np.arange(n))
     label = np.zeros(n, np.int64) if label is None else label
-    area = areas(points, cells.vertices[cells.triangles]) if area is None else area
+    area = node_areas(points, cells.vertices[cells.triangles]) if area is None else area
     return Surface(cells, label, np.full(n, radius), np.full(n, dhat), np.full(n, 2e4), area)
 
 

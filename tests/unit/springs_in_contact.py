@@ -12,9 +12,10 @@ from itertools import pairwise
 import numpy as np
 from scipy.linalg import lu_factor, lu_solve
 
+from flexfem.contact.obstacles.surface_data import node_areas
 from flexfem.contact.primitives.candidates import Motion
 from flexfem.contact.primitives.ccd import safe_part
-from flexfem.contact.primitives.complexes import Complex, Surface, areas, lengths
+from flexfem.contact.primitives.complexes import Complex, Surface, lengths
 from flexfem.contact.primitives.data import GAP, Response
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.primitives.search import find_pairs
@@ -59,7 +60,7 @@ class Springs:
             graph[[i, j], [j, i]] -= STIFFNESS
         self.stiffness, self.rest = np.kron(graph, np.eye(3)), points.copy()
         self.mass = np.repeat(MASS / np.bincount(label)[label], 3)
-        area = areas(points, cells.triangles) + 2 * RADIUS * lengths(points, np.asarray(lines))
+        area = node_areas(points, cells.triangles) + 2 * RADIUS * lengths(points, np.asarray(lines))
         self.surface = Surface(
             cells, label, np.full(n, RADIUS), np.full(n, RADIUS), np.full(n, 2 * kappa), area
         )

@@ -4,10 +4,11 @@ import mpmath
 import numpy as np
 import pytest
 
+from flexfem.contact.obstacles.surface_data import node_areas
 from flexfem.contact.primitives.barrier import barrier, curvature, in_series, slope
 from flexfem.contact.primitives.candidates import Motion
 from flexfem.contact.primitives.closest import closest_pairs
-from flexfem.contact.primitives.complexes import Complex, areas, lengths
+from flexfem.contact.primitives.complexes import Complex, lengths
 from flexfem.contact.primitives.data import GAP, POTENTIAL, Kind
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.primitives.search import find_pairs
@@ -99,7 +100,7 @@ def test_coefficients_are_euler_characteristics():
     assert set(flat.coefficients[: len(points)]) == {0, 1}
     np.testing.assert_array_equal(fan.coefficients[:7], [-2, 0, 0, 0, 0, 0, 1])
     np.testing.assert_array_equal(fan.line_coefficients, [-2, 0, 0, 0, 0, 0, 0, 1, 1, 1, 1])
-    np.testing.assert_allclose(areas(points, triangles).sum(), 1.0)
+    np.testing.assert_allclose(node_areas(points, triangles).sum(), 1.0)
     np.testing.assert_allclose(lengths(points[:, [0, 2, 2]], np.array([[0, 1], [1, 2]])).sum(),
                                np.abs(points[[0, 1], 0] - points[[1, 2], 0]).sum())  # fmt: skip
     with pytest.raises(ValueError, match=r"points \[3, 4, 3\] of a cell"):

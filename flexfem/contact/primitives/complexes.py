@@ -19,16 +19,9 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 
-__all__ = ["Complex", "Surface", "areas", "lengths"]
+__all__ = ["Complex", "Surface", "lengths"]
 
 _SIDES = np.array([[0, 1], [1, 2], [2, 0]])
-
-
-def areas(points: FloatArray, triangles: IntArray) -> FloatArray:
-    """Area of every point (n,) at positions (n, 3): a third of that of its triangles, m^2."""
-    x = points[triangles]
-    size = np.linalg.norm(np.cross(x[:, 1] - x[:, 0], x[:, 2] - x[:, 0]), axis=1)
-    return np.bincount(triangles.ravel(), np.repeat(size / 6.0, 3), len(points))
 
 
 def lengths(points: FloatArray, edges: IntArray) -> FloatArray:
