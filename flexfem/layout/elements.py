@@ -5,13 +5,21 @@ from __future__ import annotations
 
 from typing import TYPE_CHECKING, Protocol, runtime_checkable
 
+import numpy as np
+
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 if TYPE_CHECKING:
     from flexfem.core.nodes.frame_block import FrameBlock
 
-__all__ = ["DampedElements", "ElementFamily", "StrainedElements", "TimedElements"]
+__all__ = [
+    "DampedElements",
+    "ElementFamily",
+    "StrainedElements",
+    "StresslessElements",
+    "TimedElements",
+]
 
 
 class ElementFamily(Protocol):
@@ -133,6 +141,27 @@ class ElementFamily(Protocol):
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.nodes.motion``."""
         ...
+
+
+class StresslessElements:
+    """What element families share whose stresses a tangent does not take and that do not damp."""
+
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains | None:
+        """See :class:`ElementFamily`."""
+        return None
+
+    def unstressed(self) -> Strains | None:
+        """See :class:`ElementFamily`."""
+        return None
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """See :class:`ElementFamily`."""
+        return np.empty((0, 6)), np.empty((0, 6))
+
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """See :class:`ElementFamily`."""
+        return np.empty(0, dtype=np.int64), np.empty(0)
 
 
 @runtime_checkable

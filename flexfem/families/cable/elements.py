@@ -18,7 +18,8 @@ from flexfem.families.cable.inertia import (
     tangent_columns,
 )
 from flexfem.families.common.corotating_loops import add_to_nodes, inertial_into, positions_into
-from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
+from flexfem.layout.elements import StresslessElements
+from flexfem.layout.tangent_request import EXACT, TangentRequest
 
 __all__ = ["CableMasses", "HeavyCable"]
 
@@ -60,7 +61,7 @@ class HeavyCable:
         return found
 
 
-class CableMasses:
+class CableMasses(StresslessElements):
     """Inertia and weight of all cables with mass of this rank; their stretch is that of their rows.
 
     Attributes:
@@ -176,14 +177,6 @@ class CableMasses:
         inertial_into(block.frames, block.velocity, self._motion.velocity)
         inertial_into(block.frames, block.acceleration, self._motion.acceleration)
 
-    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains | None:
-        """See :class:`flexfem.layout.elements.ElementFamily`."""
-        return None
-
-    def unstressed(self) -> Strains | None:
-        """See :class:`flexfem.layout.elements.ElementFamily`."""
-        return None
-
     def accept(self, block: FrameBlock) -> None:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
 
@@ -204,15 +197,6 @@ class CableMasses:
     def energies(self, frames: FloatArray) -> FloatArray:
         """See :class:`flexfem.layout.elements.ElementFamily`; rows have the energy of stretch."""
         return np.zeros(len(self.body))
-
-    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """See :class:`flexfem.layout.elements.ElementFamily`."""
-        return np.empty((0, 6)), np.empty((0, 6))
-
-    @property
-    def viscous_at(self) -> tuple[IntArray, FloatArray]:
-        """See :class:`flexfem.layout.elements.ElementFamily`."""
-        return np.empty(0, dtype=np.int64), np.empty(0)
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """See :class:`flexfem.layout.elements.ElementFamily`."""

@@ -31,7 +31,8 @@ from flexfem.kernels.driver import (
     plain_cells,
 )
 from flexfem.kernels.records import Float2D, Record
-from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
+from flexfem.layout.elements import StresslessElements
+from flexfem.layout.tangent_request import EXACT, TangentRequest
 
 __all__ = ["EnergyCells", "EnergyElements", "EnergyKernels", "Points"]
 
@@ -139,7 +140,7 @@ class EnergyCells:
         return ratio
 
 
-class EnergyElements:
+class EnergyElements(StresslessElements):
     """All elements of bodies with an energy in UFL of this rank.
 
     Attributes:
@@ -227,14 +228,6 @@ class EnergyElements:
                 group.add_action(self._at, self._vectors, float(shifts[2]), total)
         add_to_nodes(block.frames, total, scale, block.residual)
 
-    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains | None:
-        """See :class:`flexfem.layout.elements.ElementFamily`."""
-        return None
-
-    def unstressed(self) -> Strains | None:
-        """See :class:`flexfem.layout.elements.ElementFamily`."""
-        return None
-
     def accept(self, block: FrameBlock) -> None:
         """Rotate the axes of the nodes with the cells around them (collective)."""
         positions_into(block.frames, self._points)
@@ -268,15 +261,6 @@ class EnergyElements:
 
     def _of_groups(self, values: Sequence[FloatArray]) -> FloatArray:
         return np.concatenate([np.empty(0), *values])
-
-    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """See :class:`flexfem.layout.elements.ElementFamily`."""
-        return np.empty((0, 6)), np.empty((0, 6))
-
-    @property
-    def viscous_at(self) -> tuple[IntArray, FloatArray]:
-        """See :class:`flexfem.layout.elements.ElementFamily`."""
-        return np.empty(0, dtype=np.int64), np.empty(0)
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
