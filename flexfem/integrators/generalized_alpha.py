@@ -189,7 +189,7 @@ class GeneralizedAlpha(Integrator):
         if self.split is not None:
             self.split.accepted()
 
-    def begin_parts(self, system: System) -> Integrator:
+    def begin_parts(self, system: System) -> "GeneralizedAlpha":
         """See :meth:`Integrator.begin_parts`.
 
         The acceleration-like variable is ``alpha_m - alpha_f`` of a step ahead of the acceleration,
