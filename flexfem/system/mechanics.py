@@ -140,8 +140,12 @@ class EndPoint(Mechanics):
         for part, own in zip(system.parts, system.damped(strains or system.present), strict=True):
             part.add_residual(system.gravity, system.factors, shifts.scale, own)
         system.interface.update()
-        system.constraints.evaluate(shifts.dynamics)
+        self.evaluate_rows(system, shifts)
         system.add_constraint_forces(system.constraints.multipliers)
+
+    def evaluate_rows(self, system: System, shifts: Shifts) -> None:
+        """Equations and gradients of all rows at the interface's state."""
+        system.constraints.evaluate(shifts.dynamics)
 
     def move(self, system: System, sign: float) -> float:
         """See :class:`Mechanics`."""

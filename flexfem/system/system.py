@@ -244,13 +244,16 @@ class System:
         These are the forces for probes, fields and sampled controllers. Multipliers of a time
         integrator, ``constraints.forces``, belong to its own accelerations and velocities: they may
         oscillate or be means over a step; the next step begins with them, and energies use their
-        work. The forces are computed on request, once a state.
+        work. Impulses count as their means over the last step. The forces are computed on request,
+        once a state.
         """
         rows = self.constraints
         if self.row_forces is None or rows.consistent:
-            return rows.forces
+            return rows.forces + rows.impulses if rows.split else rows.forces
         if rows.reported is None:
             rows.reported = self.row_forces()
+            if rows.split:
+                rows.reported = rows.reported + rows.impulses
         return rows.reported
 
     @property
