@@ -29,6 +29,7 @@ from flexfem.integrators.split.step import Split
 from flexfem.solvers.newton.iteration import Equations
 from flexfem.solvers.newton.policy import Policy
 from flexfem.system.mechanics import END_POINT, EndPoint
+from flexfem.system.moving_apart import predict_apart
 from flexfem.system.system import Shifts, System
 
 __all__ = ["TURN_LIMIT", "GeneralizedAlpha", "StepLaws", "predict_step", "step_laws"]
@@ -212,7 +213,7 @@ def predict_step(
     system: System, laws: StepLaws, split: Split | None, prediction: Prediction
 ) -> None:
     """Start a step of the given laws with the predicted trial state."""
-    system.predict(laws.predict[prediction], laws.rates)
+    predict_apart(system, laws.predict[prediction], laws.rates)
     rows = system.constraints
     if split is None:
         rows.multipliers[:] = laws.shifts.scale * rows.forces

@@ -16,14 +16,14 @@ of third order in the step; different matrices (``frozen``, ``updated``) change 
 that.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.solvers.newton.iteration import Equations, SolveAgain
-from flexfem.system.mechanics import END_POINT, EndPoint
+from flexfem.system.mechanics import END_POINT, Correction, EndPoint
 from flexfem.system.system import Shifts, System
 
 __all__ = ["StabilizedIndex2"]
@@ -68,14 +68,15 @@ class _PositionsAndRates:
         self._mechanics.evaluate_rows(system, shifts)
         return total
 
-    def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
+    def correct(self, system: System, again: SolveAgain | None) -> Correction:
         """See :class:`Equations`."""
         assert again is not None
-        largest = END_POINT.move(system, -1.0)
+        moved = END_POINT.correct(system, again).moved
         system.interface.update_steps()
         rows = system.constraints
         gaps = self._gaps - rows.rigid * rows.changes(system.interface.steps)
         for part in system.parts:
             part.block.residual[:] = 0.0
         success = again(gaps)
-        return success, float(np.max([largest, system.shift(-1.0)]))
+        largest = float(np.max([moved.largest, system.shift(-1.0)]))
+        return Correction(success, replace(moved, largest=largest))

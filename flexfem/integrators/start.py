@@ -82,6 +82,8 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
     ``dt`` (s), as a motion need not be defined before the start.
     """
     rows = system.constraints
+    for contacts in system.contacts:
+        contacts.start(dt)
     status = project_velocities(system, tangent, dt, np.zeros(rows.size))
     if status is not Status.OK:
         return status

@@ -18,6 +18,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.constraints.batch import Constraints
 from flexfem.constraints.interface import Interface
+from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.contact.contacts import Contacts, ContactShare
 from flexfem.core.load import Load
 from flexfem.core.nodes.frame_block import FrameBlock
@@ -257,7 +258,7 @@ class System:
         return rows.reported
 
     @property
-    def contacts(self) -> list[Contacts]:
+    def contacts(self) -> list[Contacts | BarrierContacts]:
         """Contacts of all blocks together, none or one."""
         return [part.contacts.contacts for part in self.parts if part.contacts is not None][:1]
 

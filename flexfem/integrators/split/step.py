@@ -24,11 +24,16 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.status import Status
 from flexfem.integrators.split.impulse import Impulse
-from flexfem.integrators.split.unilateral import Unilateral, UnilateralRows
+from flexfem.integrators.split.unilateral import (
+    Unilateral,
+    UnilateralContacts,
+    UnilateralRows,
+)
 from flexfem.system.mechanics import EndPoint
 from flexfem.system.system import Shifts, System
 
@@ -45,7 +50,14 @@ class Split(EndPoint):
     @classmethod
     def of(cls, system: System) -> "Split | None":
         """The unilateral forces of a system; None if it has none on any rank."""
-        return cls(system, [UnilateralRows(system)]) if system.constraints.has_unilateral else None
+        forces: list[Unilateral] = [
+            UnilateralContacts(contacts)
+            for contacts in system.contacts
+            if isinstance(contacts, BarrierContacts)
+        ]
+        if system.constraints.has_unilateral:
+            forces.append(UnilateralRows(system))
+        return cls(system, forces) if forces else None
 
     def __init__(self, system: System, forces: Sequence[Unilateral]) -> None:
         """Store the forces of the system, which act by impulses from now on."""
@@ -150,6 +162,8 @@ class Split(EndPoint):
         nodes by whole turns.
         """
         system = self._system
+        for forces in self._forces:
+            forces.end()
         if not self.acting:
             return
         for part, jumps in zip(system.parts, self._jumps, strict=True):

@@ -8,11 +8,12 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.constraints.rows.step_laws import RowsOverStep, evaluate_over_step
 from flexfem.core.row import RowKind
 from flexfem.system.system import Shifts, System
 
-__all__ = ["Unilateral", "UnilateralRows"]
+__all__ = ["Unilateral", "UnilateralContacts", "UnilateralRows"]
 
 
 class Unilateral(ABC):
@@ -55,6 +56,10 @@ class Unilateral(ABC):
     def add_pressing(self) -> None:
         """Subtract these forces from the blocks' residuals."""
 
+    def end(self) -> None:
+        """End a step that has been accepted."""
+        return
+
     @abstractmethod
     def read_means(self, shifts: Shifts, out: FloatArray) -> None:
         """Write the mean forces of the step of rows (r,) to ``out``."""
@@ -62,6 +67,51 @@ class Unilateral(ABC):
     @abstractmethod
     def read_pressing(self, out: FloatArray) -> None:
         """Write the forces of rows (r,) in the accepted accelerations to ``out``."""
+
+
+class UnilateralContacts(Unilateral):
+    """Contacts, whose forces are added by the blocks' own residuals."""
+
+    def __init__(self, contacts: BarrierContacts) -> None:
+        """Store the contacts of a system."""
+        self._contacts = contacts
+
+    def begin(self, h: float, weight: float) -> None:
+        """See :class:`Unilateral`."""
+        self._contacts.start(h)
+        self._contacts.begin_step(weight)
+
+    def evaluate(self, shifts: Shifts) -> None:
+        """See :class:`Unilateral`."""
+
+    @property
+    def acting(self) -> bool:
+        """See :class:`Unilateral`."""
+        return any(one.count for one in self._contacts.contacts)
+
+    def add_means(self, shifts: Shifts) -> None:
+        """See :class:`Unilateral`."""
+        self._contacts.subtract_means()
+
+    @property
+    def pressing(self) -> bool:
+        """See :class:`Unilateral`."""
+        return self._contacts.pressing
+
+    def add_pressing(self) -> None:
+        """See :class:`Unilateral`."""
+        self._contacts.subtract_means()
+        self._contacts.end_step()
+
+    def read_means(self, shifts: Shifts, out: FloatArray) -> None:
+        """See :class:`Unilateral`."""
+
+    def read_pressing(self, out: FloatArray) -> None:
+        """See :class:`Unilateral`."""
+
+    def end(self) -> None:
+        """See :class:`Unilateral`."""
+        self._contacts.end_step()
 
 
 class UnilateralRows(Unilateral):
