@@ -84,7 +84,7 @@ class BarrierContacts:
         self._low = np.full((count, 3), np.inf)
         self._high = -self._low
         self._known = here
-        self._over_step, self.factor = False, 1.0
+        self._over_step, self.factor, self._cayley = False, 1.0, False
         self.evaluated, self.time = False, 0.0
         self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
 
@@ -108,15 +108,19 @@ class BarrierContacts:
 
     # -- Motion ---------------------------------------------------------------------------------
 
-    def begin_step(self, weight: float) -> None:
-        """Start a step at the accepted state; forces have a factor in its equations (collective)."""
+    def begin_step(self, weight: float, *, cayley: bool = False) -> None:
+        """Start a step at the accepted state (collective).
+
+        Forces have the factor ``weight`` in its equations. ``cayley`` is True where nodes rotate by
+        Cayley vectors.
+        """
         self._place()
         self._before[:] = self._last[:] = self._points
-        self._over_step, self.factor = True, weight
+        self._over_step, self.factor, self._cayley = True, weight, cayley
 
-    def end_step(self) -> None:
-        """End a step: the forces are in the impulses of the accepted state."""
-        self.factor = 0.0
+    def end_step(self, factor: float) -> None:
+        """End a step; forces have a factor in the accelerations of the accepted state."""
+        self.factor = factor
 
     @property
     def pressing(self) -> bool:
@@ -261,7 +265,7 @@ class BarrierContacts:
     def hand_out(self, kind: int, scale: float) -> None:
         """Add the forces gathered last, with the same scale, to the residual of a block."""
         if self._over_step:
-            self._carriers.add_over_step(kind, self._forces, scale)
+            self._carriers.add_over_step(kind, self._forces, scale, cayley=self._cayley)
         else:
             self._carriers.add_loads(kind, self._forces, scale)
 
