@@ -36,6 +36,8 @@ __all__ = ["BarrierContacts"]
 _SKIN, _STEPS = 0.5, 4.0
 #: Part of the largest edge of the cells by which points move at most in one correction.
 _STRIDE = 1.0
+#: Size of steps whose barrier equilibria have, s: rigid bodies carry any weight with it.
+_AT_REST = 1e-3
 #: Relative change of forces, and way of points in parts of the gap at which they repel, at which an
 #: iteration ends.
 _SETTLED, _NEAR = 1e-6, 1e-3
@@ -98,7 +100,7 @@ class BarrierContacts:
     def prepare(self, inertia: float) -> None:
         """Choose it by the factor of the mass in the first matrix, 1/s^2, once; 0 at rest."""
         if self._stiff is None:
-            self.start(2.0 / np.sqrt(inertia) if inertia > 0.0 else np.inf)
+            self.start(2.0 / np.sqrt(inertia) if inertia > 0.0 else _AT_REST)
 
     def _set_stiffness(self, h: FloatArray) -> None:
         self._stiff = h
