@@ -387,7 +387,7 @@ class BarrierContacts:
         return self._comm.allreduce(least, op=MPI.MIN)
 
     def measure(self, name: str) -> FloatArray:
-        """This rank's share in gap, forces and number of a contact, (6,) (collective)."""
+        """This rank's share in gap, penetration, forces and number of a contact, (7,) (collective)."""
         self.refresh()
         least = self.least_gap(name)
         one = next(one for one in self.contacts if one.name == name)
@@ -404,7 +404,7 @@ class BarrierContacts:
         pushes = np.add.reduceat(first, begins) if len(begins) else np.zeros((0, 3))
         normal = np.linalg.norm(pushes, axis=1).sum()
         share = least * float(self._comm.rank == 0)
-        return np.array([share, *total, normal, len(begins)])
+        return np.array([share, 0.0, *total, normal, len(begins)])
 
 
 def _own_cells(one: ContactPairs, own: BoolArray) -> IntArray:
