@@ -100,6 +100,14 @@ class CollisionSurfaces:
         return self.primitives.start
 
     @cached_property
+    def links(self) -> IntArray:
+        """Pairs (l, 2) of points of different bodies that joints connect, in both orders."""
+        first = np.repeat(np.arange(len(self.start)), np.diff(self.near.starts))
+        second, body = self.near.values, self.primitives.body
+        across = body[first] != body[second]
+        return np.column_stack([first[across], second[across]])
+
+    @cached_property
     def density(self) -> FloatArray:
         """Mass per area of the body of each point, kg/m^2, infinite where nothing gives it."""
         return self._of_points([body.density for body in self.bodies])
