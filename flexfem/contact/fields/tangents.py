@@ -123,6 +123,35 @@ def _cross(u: FloatArray, v: FloatArray, a: int) -> float:
     return float(u[b] * v[c] - u[c] * v[b])
 
 
+@inlined
+def _lever(
+    touch: float, frame: FloatArray, numbers: FloatArray, load: FloatArray, q: FloatArray
+) -> None:
+    """Write the load of a pair and where it acts, in the axes of the carrier.
+
+    In steps that is the arm, at rest the point itself, which is on the same line.
+    """
+    _local(frame, numbers[NORMAL:], q)
+    _local(frame, numbers[LOAD:], load)
+    loaded = load[0] != 0.0 or load[1] != 0.0 or load[2] != 0.0
+    over = numbers[GAP] + touch if loaded else 0.0
+    for a in range(3):
+        q[a] = numbers[ARM + a] + over * q[a]
+
+
+@inlined
+def _stiff(numbers: FloatArray, scale: float, e: FloatArray, h: FloatArray) -> None:
+    """Write the forces against a relative motion e."""
+    approach = 0.0
+    for a in range(3):
+        approach += numbers[NORMAL + a] * e[a]
+    for a in range(3):
+        h[a] = numbers[SLOPE] * approach * numbers[NORMAL + a]
+        for b in range(3):
+            h[a] += numbers[BEND + 3 * a + b] * e[b]
+        h[a] *= scale
+
+
 @kernel
 def add_actions(
     pairs: Memory, state: Memory, response: Memory, scale: float, steps: FloatArray,
@@ -140,44 +169,26 @@ def add_actions(
         sums: (n, 3), to which the part of the points is added.
         wrenches: (f, 6), to which that of the carriers is added, in their axes.
     """
-    paired, at, own = (
-        unpack(FieldPairs, pairs),
-        unpack(FieldState, state),
-        unpack(FieldResponse, response),
-    )
-    n, q, v, e, h, load, change = (
-        np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3), np.empty(3)
-    )  # fmt: skip
+    paired, at = unpack(FieldPairs, pairs), unpack(FieldState, state)
+    own, load, q = unpack(FieldResponse, response), np.empty(3), np.empty(3)
+    v, e, h, turned = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
     for k in range(own.count[0]):
         p, numbers = own.pairs[k], own.numbers[k]
         point, f = paired.points[p], paired.fields[p]
         frame, twist = at.frames[f], twists[f]
-        # at rest the load is that of the point itself, on the same line
-        _local(frame, numbers[NORMAL:], n)
-        _local(frame, numbers[LOAD:], load)
-        bent = load[0] != 0.0 or load[1] != 0.0 or load[2] != 0.0
-        over = numbers[GAP] + paired.touch[p] if bent else 0.0
-        for a in range(3):
-            q[a] = numbers[ARM + a] + over * n[a]
+        _lever(paired.touch[p], frame, numbers, load, q)
         for a in range(3):
             v[a] = twist[a] + _cross(twist[3:], q, a)
         _turned(frame, v, e)
-        approach = 0.0
         for a in range(3):
             e[a] = steps[point, a] - e[a]
-            approach += numbers[NORMAL + a] * e[a]
+            v[a] = _cross(twist[3:], load, a)
+        _turned(frame, v, turned)
+        _stiff(numbers, scale, e, h)
         for a in range(3):
-            h[a] = numbers[SLOPE] * approach * numbers[NORMAL + a]
-            for b in range(3):
-                h[a] += numbers[BEND + 3 * a + b] * e[b]
-            h[a] *= scale
+            sums[point, a] += h[a] - scale * turned[a]
+            h[a] = -h[a]
         _local(frame, h, v)
-        for a in range(3):
-            change[a] = -scale * _cross(twist[3:], load, a)
-        _turned(frame, change, n)
-        for a in range(3):
-            sums[point, a] += h[a] + n[a]
-            v[a] = -v[a]
         _add_wrench(v, q, wrenches[f])
         _local(frame, e, v)
         for a in range(3):
