@@ -36,9 +36,9 @@ def thrown(h, **laws):
 def test_balls_rebound_with_the_part_e_of_their_speed(h):
     for e in (0.0, 0.5, 0.8):
         ball = thrown(h, restitution=e)
-        # the rest speed; without the limit of the final speed the error is 0.2 where the impact
-        # takes four steps, with the mean speed in place of the final one as much
-        assert abs(ball.v[3, 2] - e) < 1.01e-3
+        # the rest speed; without the limit of the final speed, or with the mean speed in place of
+        # it, the error is 0.1 and more where the impact takes four steps
+        assert abs(ball.v[3, 2] - e) < (1.01e-3 if e > 0 else 2e-3)
         assert max(ball.iterations) <= 15
     ball = thrown(h)
     # round-off: no law, no loss

@@ -52,7 +52,7 @@ GROUP_FIELDS = 28
 KNOWN = 0
 #: separation, normal force, and slope
 LAST_NORMAL = 1
-#: slip, friction, and minus its derivative
+#: slip, friction over the normal force, and minus the derivative of friction
 LAST_SLIP, LAST_FORCE, LAST_TANGENT = 4, 7, 10
 LAST_FIELDS = 19
 

@@ -50,6 +50,8 @@ __all__ = ["rub"]
 #: Part of |s|^2 up to which sigma counts as inside for the derivative: steady slip is on the rim of
 #: the ball, and most of what changes it slows it down.
 _RIM = 1e-9
+#: Part of the largest friction from which on slip is predicted: all but round-off.
+_SLIPS = 1.0 - 1e-9
 
 
 @inlined
@@ -218,13 +220,13 @@ def _bridged(
     square = reverse = 0.0
     wanted = np.empty(3)
     for a in range(3):
-        wanted[a] = last[LAST_FORCE + a]
+        wanted[a] = push * last[LAST_FORCE + a]
         for b in range(3):
             wanted[a] -= last[LAST_TANGENT + 3 * a + b] * (s[b] - last[LAST_SLIP + b])
         square += wanted[a] * wanted[a]
         reverse += wanted[a] * final[a]
     size, most, width = np.sqrt(square), law.static_friction * push, law.slip_speed * dt
-    if size >= most and reverse < 0.0:
+    if size >= _SLIPS * most and reverse < 0.0:
         return -1.0
     part = min(size / most, 1.0)
     share, place = 0.0, width * inverse(part)
@@ -275,7 +277,7 @@ def rub(law: Law, step: StepMotion, groups: Groups, g: int, last: FloatArray) ->
     _write_directions(numbers, x, size)
     _write_tangent(numbers, push, along, wide, change)
     for a in range(3):
-        last[LAST_SLIP + a], last[LAST_FORCE + a] = s[a], numbers[FORCE + a]
+        last[LAST_SLIP + a], last[LAST_FORCE + a] = s[a], -across * x[a]
     for k in range(9):
         last[LAST_TANGENT + k] = numbers[TANGENT + k]
     groups.slopes[g, 1] = _stiffness(numbers, ALONG)

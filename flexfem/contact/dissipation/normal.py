@@ -42,8 +42,9 @@ from flexfem.kernels.compiled import inlined, subroutine
 
 __all__ = ["apply_laws", "normal_speed"]
 
-#: Smallest restitution: the forces of approach grow by its square.
-_LEAST = 0.03
+#: Restitution below which forces in approach are those with this one, since Newton's method has
+#: trouble with larger factors; the limit of the final speed does the rest.
+_LEAST = 0.25
 #: Largest growth of the slopes of single pairs: that of the group is exact.
 _STEEPEST = 1e12
 
