@@ -51,7 +51,6 @@ class Points:
 
     Attributes:
         exact: False for the tangent of the solver's rows.
-        accuracy: of steps, m; slip far below the slip speed is not worth its many iterations.
         iterations: of Newton's method in steps with contact.
         losses: of all steps, by normal laws and by friction.
     """
@@ -65,7 +64,6 @@ class Points:
     g: np.ndarray = field(default_factory=lambda: np.zeros(3))
     tilts: Tilts | None = None
     exact: bool = True
-    accuracy: float = 1e-13
     iterations: list = field(default_factory=list)
     losses: list = field(default_factory=list)
 
@@ -153,7 +151,7 @@ class Points:
             move, turn = self._vectors(d)
             part = safe_part(pairs, y, y + move, 0.1)
             y, phi = y + part * move, phi + part * turn
-            if np.abs(d).max() < self.accuracy * max(1.0, np.abs(y).max()):
+            if np.abs(d).max() < 1e-13 * max(1.0, np.abs(y).max()):
                 break
         else:
             raise AssertionError("Newton's method does not end")

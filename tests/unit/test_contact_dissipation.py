@@ -125,7 +125,7 @@ def test_way_to_stop_is_that_of_coulomb_at_all_scales():
 
 def test_sliding_spheres_roll():
     ball = over_plane([[0.0, 0.0]], 0.1, 1e-4, 4e5, 1.0, law(friction=0.3))
-    ball.v[3, 0], ball.accuracy, h = 1.0, 1e-9, 1e-2
+    ball.v[3, 0], h = 1.0, 1e-2
     for _ in range(40):
         ball.step(h)
     arm, spin = ball.x[3, 2], ball.spin[3, 1]

@@ -191,6 +191,16 @@ def _write_tangent(
 
 
 @inlined
+def _stiffen(numbers: FloatArray, more: float) -> None:
+    """Add a stiffness to the tangent in all tangential directions."""
+    for a in range(3):
+        for b in range(3):
+            unit = 1.0 if a == b else 0.0
+            along = numbers[NORMAL + a] * numbers[NORMAL + b]
+            numbers[TANGENT + 3 * a + b] += more * (unit - along)
+
+
+@inlined
 def _stiffness(numbers: FloatArray, at: int) -> float:
     """Stiffness in a direction of the group, N/m."""
     total = 0.0
@@ -205,7 +215,7 @@ def _bridged(
     law: Law, last: FloatArray, s: FloatArray, final: FloatArray, force: FloatArray, push: float,
     dt: float, steep: bool,
 ) -> float:  # fmt: skip
-    """Slope over N towards where the friction is the predicted one; -1 for that of the law.
+    """Slope over N towards where the friction is the predicted one; 0 for that of the law.
 
     Args:
         law: the laws.
@@ -227,7 +237,7 @@ def _bridged(
         reverse += wanted[a] * final[a]
     size, most, width = np.sqrt(square), law.static_friction * push, law.slip_speed * dt
     if size >= _SLIPS * most and reverse < 0.0:
-        return -1.0
+        return 0.0
     part = min(size / most, 1.0)
     share, place = 0.0, width * inverse(part)
     if size > 0.0:
@@ -245,7 +255,7 @@ def _bridged(
         lack += (force[a] - share * wanted[a]) ** 2
         way += (s[a] + half * place * wanted[a] - (1.0 - half) * start) ** 2
     if is_near(np.sqrt(way), width, steep):
-        return -1.0
+        return 0.0
     return float(np.sqrt(lack / way) / push)
 
 
@@ -267,15 +277,18 @@ def rub(law: Law, step: StepMotion, groups: Groups, g: int, last: FloatArray) ->
         numbers[FORCE + a] = -push * across * x[a]
         done += numbers[FORCE + a] * s[a]
     groups.losses[FRICTION] -= done
+    steep = along > 0.0 and final[0] * s[0] + final[1] * s[1] + final[2] * s[2] > 0.0
+    bridge = 0.0
     if last[KNOWN] > 0.0 and push > 0.0:
         force = numbers[FORCE : FORCE + 3]
-        steep = along > 0.0 and final[0] * s[0] + final[1] * s[1] + final[2] * s[2] > 0.0
         bridge = _bridged(law, last, s, final, force, push, step.dt, steep)
-        if bridge >= 0.0:
-            along = wide = 0.5 * bridge
-            _set_twice(change)
     _write_directions(numbers, x, size)
+    if bridge > 0.0 and steep:
+        _set_twice(change)
+        along = wide = 0.0
     _write_tangent(numbers, push, along, wide, change)
+    if bridge > 0.0:
+        _stiffen(numbers, push * bridge)
     for a in range(3):
         last[LAST_SLIP + a], last[LAST_FORCE + a] = s[a], -across * x[a]
     for k in range(9):
