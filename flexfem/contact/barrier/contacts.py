@@ -36,7 +36,7 @@ __all__ = ["BarrierContacts"]
 
 #: Least way by which cells may approach before pairs are searched again, in parts of the largest
 #: gap below which they repel, and the number of steps as long as the last one for which they do.
-_SKIN, _STEPS = 0.5, 4.0
+_SKIN, _STEPS = 0.5, 16.0
 #: Part of the largest edge of the cells by which points move at most in one correction.
 _STRIDE = 1.0
 #: Size of steps whose barrier equilibria have, s: rigid bodies carry any weight with it.

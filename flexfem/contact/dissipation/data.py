@@ -174,5 +174,5 @@ class Groups(Record):
         )  # fmt: skip
 
     def forget(self) -> None:
-        """Begin another step with the same pairs."""
-        self.last[:] = 0.0
+        """Begin another step with the same pairs, whose normal forces are those of the last one."""
+        self.last[:, :LAST_PUSH] = 0.0

@@ -274,11 +274,11 @@ def _predicted(
             apart += w * numbers[NORMAL + a] * (step.after[p, a] - step.before[p, a])
     push = numbers[PUSH]
     if step.settled == 0.0:
-        push = 0.0
         if last[KNOWN] > 0.0:
             push = max(last[LAST_PUSH + 1] - last[LAST_PUSH + 2] * (apart - last[LAST_PUSH]), 0.0)
         else:
-            lack = law.static_friction * numbers[PUSH]
+            push = last[LAST_PUSH + 1]  # that of the last step
+            lack = law.static_friction * abs(numbers[PUSH] - push)
             groups.losses[MISSING] = max(groups.losses[MISSING], lack)
     last[LAST_PUSH], last[LAST_PUSH + 1] = apart, numbers[PUSH]
     last[LAST_PUSH + 2] = groups.slopes[g, 0]
