@@ -308,12 +308,17 @@ def begin_step(memory: Memory, interface_nodes: Memory, step: Memory) -> None:
 
 
 @kernel
-def open_rows(memory: Memory, which: IntArray, out: BoolArray) -> bool:
-    """True if any of the rows (k,) is within its limits: ``out`` (k,). Markers have been placed."""
+def open_rows(memory: Memory, which: IntArray, forces: FloatArray, out: BoolArray) -> bool:
+    """True if any of the rows (k,) is within its limits, or beyond the other one.
+
+    Those that are so are in ``out`` (k,). Forces (r,) are those at the start of the step; markers
+    have been placed.
+    """
     own, g, scratch, some = unpack(RowArrays, memory), np.empty(12), np.empty((5, 3)), False
     for k in range(which.size):
         r = which[k]
-        out[k] = _beyond(own.elastic[r], _sum(own, r, g, scratch) - own.targets[r]) == 0.0
+        beyond = _beyond(own.elastic[r], _sum(own, r, g, scratch) - own.targets[r])
+        out[k] = beyond == 0.0 or beyond * forces[r] < 0.0
         some = some or out[k]
     return some
 

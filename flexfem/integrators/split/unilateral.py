@@ -193,8 +193,9 @@ class UnilateralRows(Unilateral):
         """See :class:`Unilateral`."""
         if not len(self._within):
             return False
-        self._rows.place_markers()
-        return open_rows(self._rows.own.memory, self._within, self._open)
+        rows = self._rows
+        rows.place_markers()
+        return open_rows(rows.own.memory, self._within, rows.forces, self._open)
 
     def _beyond(self, which: IntArray, values: FloatArray) -> FloatArray:
         """(k,) distances by which values of rows are beyond their limits."""
@@ -203,9 +204,11 @@ class UnilateralRows(Unilateral):
 
     def release(self, *, every: bool) -> None:
         """See :class:`Unilateral`."""
-        self._leaving[:] = self._rows.forces[self._numbers] != 0.0
+        rows = self._rows
+        self._leaving[:] = rows.forces[self._numbers] != 0.0
         if not every:
             self._leaving &= np.isin(self._numbers, self._within[self._open])
+        rows.settled[self._numbers[self._leaving]] = 0.0
 
     def accept(self) -> None:
         """See :class:`Unilateral`."""
