@@ -41,8 +41,9 @@ _EXACT = int(RowKind.ANGLE)
 #: eleven digits there, while the force in the middle is off by the square of the change.
 _SMALL = 1e-5
 #: Part of the motion of a row's nodes that its sum must at least change by for its mean gradient to
-#: be scaled to that change, and the largest relative change by scaling.
-_LEAST, _MOST = 1e-6, 0.5
+#: be scaled to that change, and the largest relative change by scaling. A difference of the last
+#: size is round-off, which the quotient would enlarge where the sum hardly changes.
+_LEAST, _MOST, _ROUND = 1e-6, 0.5, 1e-10
 #: Argument beyond which tanh is constant.
 _FLAT = 20.0
 
@@ -263,7 +264,9 @@ def _scale(own: RowArrays, nodes: InterfaceNodes, r: int, way: float) -> None:
                 second = own.force_jacobian[t, side, 3 + k] * turned[k]
                 found += first + second
                 size += abs(first) + abs(second)
-    if abs(found) <= _LEAST * size or abs(way / found - 1.0) > _MOST:
+    if abs(found) <= _LEAST * size or abs(way - found) <= _ROUND * size:
+        return
+    if abs(way / found - 1.0) > _MOST:
         return
     for t in range(own.term_start[r], own.term_start[r + 1]):
         for side in range(2):
