@@ -224,7 +224,7 @@ class UnilateralRows(Unilateral):
 
 
 #: Relative change of a row's stretch in a step up to which it counts as closed for good, and number
-#: of such steps in a row: some contacts last so long, but with 75 steps within each.
+#: of such steps in a row: half a wave of a sine has so many from 47 steps on.
 _STEADY, _SETTLED = 0.05, 20.0
 #: Factors with which rows are evaluated at a state, not as part of a time step.
 _UNSCALED = np.array([1.0, 1.0])
