@@ -2,7 +2,7 @@
 """Contacts of stops and slack springs that few steps resolve, where their forces are recorded.
 
 The motion after such a contact has the right energy (``integrators.split``), but forces are means
-over steps, which are less than the largest ones: by up to 10 % for half a wave of a sine in four steps.
+over steps, less than the largest ones: by up to 10 % for half a wave of a sine in four steps.
 """
 
 import numpy as np
