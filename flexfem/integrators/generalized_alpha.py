@@ -219,7 +219,7 @@ def predict_step(
     def predict(share: float) -> None:
         system.predict(law * (1.0 + (share - 1.0) * parts), laws.rates)
         if split is not None and split.steady and prediction is Prediction.ACCELERATION:
-            split.move(share)
+            split.continue_impulses(share)
 
     predict_apart(system, predict)
     if split is None:

@@ -201,7 +201,7 @@ class Split(EndPoint):
         rows = self._system.constraints
         rows.multipliers[:] = shifts.scale * (rows.forces + self._weight * rows.impulses)
 
-    def move(self, share: float) -> None:
+    def continue_impulses(self, share: float) -> None:
         """Move the predicted trial state by a share of what lasting impulses move (collective)."""
         for part, jumps in zip(self._system.parts, self._jumps, strict=True):
             part.block.step[:] = 0.5 * self._h * self._h * share * jumps
