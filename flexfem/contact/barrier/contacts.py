@@ -39,8 +39,6 @@ __all__ = ["BarrierContacts"]
 _SKIN, _STEPS = 0.5, 16.0
 #: Part of the largest edge of the cells by which points move at most in one correction.
 _STRIDE = 1.0
-#: Size of steps whose barrier equilibria have, s: rigid bodies carry any weight with it.
-_AT_REST = 1e-3
 #: Relative change of forces, and way of points in parts of the gap at which they repel, at which an
 #: iteration ends.
 _SETTLED, _NEAR = 1e-6, 1e-3
@@ -89,7 +87,8 @@ class BarrierContacts:
         self._rows = GroupRows(self._carriers, self._spins, self.contacts)
         self._reach = max(float(one.own.surface.dhat.max()) for one in self.contacts)
         self._stride = _STRIDE * max(_longest_edge(surfaces, one) for one in self.contacts)
-        self._stiff: FloatArray | None = None
+        self._speed: FloatArray | None = None
+        self._gravity = gravity
         self._points, self._before = self._motion.after, self._motion.before
         # positions at which the last correction has begun
         self._last = surfaces.start.copy()
@@ -106,19 +105,30 @@ class BarrierContacts:
     # -- Stiffness ------------------------------------------------------------------------------
 
     def start(self, h: float) -> None:
-        """Choose the stiffness of the barriers by the size h (s) of the first step, once."""
-        if self._stiff is None:
-            self._set_stiffness(np.array([h]))
+        """Choose the stiffness of the barriers, once, for a first step of size h, s (collective).
+
+        It depends on the speeds at the start.
+        """
+        if self._speed is not None:
+            return
+        rates, spins = np.zeros((2, *self._points.shape))
+        self._carriers.rates(rates, spins)
+        fastest = float(np.linalg.norm(rates, axis=1).max(initial=0.0))
+        if self._comm.size > 1:
+            fastest = self._comm.allreduce(fastest, op=MPI.MAX)
+        speeds = [one.own.speed(fastest, self._gravity, h) for one in self.contacts]
+        self._set_speed(np.array(speeds))
 
     def prepare(self, inertia: float) -> None:
-        """Choose it by the factor of the mass in the first matrix, 1/s^2, once; 0 at rest."""
-        if self._stiff is None:
-            self.start(2.0 / np.sqrt(inertia) if inertia > 0.0 else _AT_REST)
+        """Choose it for an equilibrium, where the factor of the mass in the matrix is zero."""
+        if self._speed is None and inertia == 0.0:
+            self.start(np.inf)
 
-    def _set_stiffness(self, h: FloatArray) -> None:
-        self._stiff = h
-        for one in self.contacts:
-            one.stiffen(one.own.stiffness(float(h[0])))
+    def _set_speed(self, speeds: FloatArray) -> None:
+        """Set the speeds of impacts that the barriers are made for, (c,), m/s."""
+        self._speed = speeds
+        for one, speed in zip(self.contacts, speeds.tolist(), strict=True):
+            one.stiffen(one.own.stiffness(speed))
         self._low[:], self._high[:] = np.inf, -np.inf
 
     # -- Motion ---------------------------------------------------------------------------------
@@ -376,12 +386,12 @@ class BarrierContacts:
 
     def state(self) -> State:
         """Stiffness, and whether forces are in the impulses."""
-        h = np.array([np.nan]) if self._stiff is None else self._stiff
+        speeds = np.full(len(self.contacts), np.nan) if self._speed is None else self._speed
         here = self._carriers.here
         impacts = {
             f"{one.contact.name}_impacts": one.impacts[here, np.newaxis] for one in self.contacts
         }
-        values = {"contact_stiffness": h, "contact_factor": np.array([self.factor])}
+        values = {"contact_speeds": speeds, "contact_factor": np.array([self.factor])}
         return State(values, {"contacts": impacts})
 
     def doubts(self, state: State) -> str:
@@ -390,9 +400,9 @@ class BarrierContacts:
 
     def restore(self, state: State) -> None:
         """Restore the return value of :meth:`state`, after the blocks have (collective)."""
-        h = state.values["contact_stiffness"].copy()
-        if np.isfinite(h[0]):
-            self._set_stiffness(h)
+        speeds = state.values["contact_speeds"].copy()
+        if np.isfinite(speeds).all():
+            self._set_speed(speeds)
         self.factor = float(state.values["contact_factor"][0])
         for one in self.contacts:
             impacts = state.rows["contacts"][f"{one.contact.name}_impacts"]

@@ -15,9 +15,9 @@ __all__ = ["ContactSurface", "contact_surface"]
 #: Gap below which surfaces repel, in parts of their radius, and, of those without, of the size of
 #: their body.
 _REACH, _REACH_OF_SIZE = 0.1, 1e-3
-#: Speed, in sizes of the model per time step, at which rigid bodies may meet: their barrier stores
-#: the energy of impacts at this speed within a part of its reach.
-_FAST = 0.1
+#: Speed of impacts that barriers are made for where nothing moves or falls: sizes of the largest
+#: body that moves per second, and per time step.
+_SLOW, _SLOW_STEPS = 0.1, 1e-3
 
 
 @dataclass(frozen=True)
@@ -31,7 +31,7 @@ class ContactSurface:
         touching: bodies that touch each other, (b, b).
         through: stiffness through the thickness of the body of each point, N/m^3, or infinite.
         density: its mass per area, kg/m^2, or infinite.
-        size: of all bodies together, m.
+        size: of the largest body that moves, m.
     """
 
     contact: Contact
@@ -42,17 +42,26 @@ class ContactSurface:
     density: FloatArray
     size: float
 
-    def stiffness(self, h: float) -> FloatArray:
+    def speed(self, fastest: float, gravity: float, h: float) -> float:
+        """Speed of the impacts that the barrier is made for, m/s.
+
+        Args:
+            fastest: largest speed of points at the start, m/s.
+            gravity: acceleration, m/s^2.
+            h: size of the first step, s; infinite in equilibria.
+        """
+        slow = max(_SLOW, _SLOW_STEPS / h) * self.size
+        return max(fastest, float(np.sqrt(gravity * self.size)), slow)
+
+    def stiffness(self, speed: float) -> FloatArray:
         """Stiffness of the barrier at each point (n,), N/m^3.
 
-        It is that through the thickness of flexible bodies. Rigid bodies have that with which they
-        store the energy of impacts at a tenth of the model's size in a step of size ``h`` (s).
+        With it the barrier stores the energy of an impact of a ``speed`` (m/s) within its reach;
+        that through the thickness of flexible bodies is an upper bound.
         """
         if self.contact.stiffness is not None:
             return np.full(len(self.through), self.contact.stiffness)
-        speed = _FAST * self.size / h
-        heavy = self.density * (speed / self.surface.dhat) ** 2
-        found = np.where(np.isfinite(self.through), self.through, heavy)
+        found = np.minimum(self.through, self.density * (speed / self.surface.dhat) ** 2)
         return np.where(np.isfinite(found), found, 0.0)
 
     def stiff(self, kappa: FloatArray) -> Surface:
@@ -83,24 +92,29 @@ def contact_surface(surfaces: CollisionSurfaces, sides: Sides) -> ContactSurface
     label = np.where(own.body >= 0, own.body, bodies)
     wide = np.zeros((bodies + 1, bodies + 1), dtype=np.bool_)
     wide[:bodies, :bodies] = touching
-    dhat = _reach(surfaces, sides.contact)
+    sizes = _sizes(surfaces)
+    dhat = _reach(surfaces, sides.contact, sizes)
     surface = Surface(cells, label, own.radius, dhat, np.zeros(len(area)), area)
-    points = own.start[cells.vertices]
-    size = float(np.linalg.norm(np.ptp(points, axis=0)))
+    moving = np.flatnonzero(np.isfinite([body.density for body in surfaces.bodies]) & members)
+    size = max((float(sizes[b] + 2.0 * own.radius[own.body == b].max()) for b in moving),
+               default=1.0)  # fmt: skip
     return ContactSurface(
         sides.contact, surface, np.append(first, False), wide, surfaces.through, surfaces.density, size
     )  # fmt: skip
 
 
-def _reach(surfaces: CollisionSurfaces, contact: Contact) -> FloatArray:
+def _sizes(surfaces: CollisionSurfaces) -> FloatArray:
+    """Diagonal (b,) of the box around the points of each body, m."""
+    own = surfaces.primitives
+    points = [own.start[own.body == b] for b in range(len(surfaces.bodies))]
+    return np.array([float(np.linalg.norm(np.ptp(p, axis=0))) if len(p) else 0.0 for p in points])
+
+
+def _reach(surfaces: CollisionSurfaces, contact: Contact, sizes: FloatArray) -> FloatArray:
     """Gap (n,) below which each point repels, m."""
     own = surfaces.primitives
     if contact.reach is not None:
         return np.full(len(own.body), contact.reach)
-    sizes = np.array([
-        np.linalg.norm(np.ptp(own.start[own.body == b], axis=0)) if (own.body == b).any() else 0.0
-        for b in range(len(surfaces.bodies))
-    ])  # fmt: skip
     of_size = np.append(_REACH_OF_SIZE * sizes, 0.0)[own.body]
     found: FloatArray = np.where(own.radius > 0.0, _REACH * own.radius, of_size)
     return found
