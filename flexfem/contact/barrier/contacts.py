@@ -85,7 +85,7 @@ class BarrierContacts:
             used=any(one.rubs for one in self.contacts),
         )  # fmt: skip
         self._rows = GroupRows(self._carriers, self._spins, self.contacts)
-        self._reach = max(float(one.own.surface.dhat.max()) for one in self.contacts)
+        self._reach = max(one.own.reach for one in self.contacts)
         self._stride = _STRIDE * max(_longest_edge(surfaces, one) for one in self.contacts)
         self._speed: FloatArray | None = None
         self._gravity = gravity
@@ -217,7 +217,7 @@ class BarrierContacts:
         sets = [self._last, self._points, *([self._before] if self._over_step else [])]
         longest = np.zeros(1)
         if self._over_step:
-            longest[0] = _farthest(self._before, self._last, known)
+            longest[0] = _farthest(self._before, self._points, known)
         if self._comm.size > 1:
             self._comm.Allreduce(MPI.IN_PLACE, longest, op=MPI.MAX)
         skin = max(_SKIN * self._reach, min(_STEPS * longest[0], self._stride))
@@ -440,7 +440,7 @@ class BarrierContacts:
         """Least gap of a contact on all ranks, m; its reach if no pair is nearer (collective)."""
         one = next(one for one in self.contacts if one.contact.name == name)
         gaps = one.gaps()
-        least = min(float(gaps.min(initial=np.inf)), float(one.own.surface.dhat.max()))
+        least = min(float(gaps.min(initial=np.inf)), one.own.reach)
         return self._comm.allreduce(least, op=MPI.MIN)
 
     def measure(self, name: str) -> FloatArray:
@@ -465,11 +465,13 @@ def _own_cells(one: ContactPairs, own: BoolArray) -> IntArray:
 
 
 def _longest_edge(surfaces: CollisionSurfaces, one: ContactPairs) -> float:
-    """Longest edge of the cells at the start, or the largest radius if there are none, m."""
+    """Longest edge of what moves at the start, or the largest radius if there are none, m."""
     cells, x = one.own.surface.complex, surfaces.start
     ends = cells.vertices[cells.edges]
+    ends = ends[np.isfinite(one.own.density[ends]).all(axis=1)]
     lengths = np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)
-    radius = float(one.own.surface.radius[cells.vertices].max(initial=0.0))
+    moving = cells.vertices[np.isfinite(one.own.density[cells.vertices])]
+    radius = float(one.own.surface.radius[moving].max(initial=0.0))
     return max(float(lengths.max(initial=0.0)), radius)
 
 

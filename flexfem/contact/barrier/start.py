@@ -26,8 +26,16 @@ def start_apart(surfaces: CollisionSurfaces) -> list[tuple[ContactSurface, Neigh
     that no energy is stored at the start.
 
     Raises:
-        ValueError: two bodies touch or overlap, with the place and the depth.
+        ValueError: two bodies touch or overlap, with the place and the depth; or a surface that
+            barriers cannot touch yet.
     """
+    for sides in surfaces.contacts:
+        for field in sides.fields:
+            raise ValueError(
+                f'Contact "{sides.contact.name}": surfaces: a {type(field.surface).__name__} that '
+                "is hollow, has ends or is a signed distance cannot be touched by barriers yet: "
+                "give a RigidMesh"
+            )
     return [_apart(surfaces, contact_surface(surfaces, sides)) for sides in surfaces.contacts]
 
 

@@ -42,6 +42,12 @@ class ContactSurface:
     density: FloatArray
     size: float
 
+    @property
+    def reach(self) -> float:
+        """Largest gap below which something that moves repels, m."""
+        moves = np.isfinite(self.density) & (self.surface.label < len(self.first) - 1)
+        return float(self.surface.dhat[moves].max(initial=0.0))
+
     def speed(self, fastest: float, gravity: float, h: float) -> float:
         """Speed of the impacts that the barrier is made for, m/s.
 
@@ -117,4 +123,6 @@ def _reach(surfaces: CollisionSurfaces, contact: Contact, sizes: FloatArray) -> 
         return np.full(len(own.body), contact.reach)
     of_size = np.append(_REACH_OF_SIZE * sizes, 0.0)[own.body]
     found: FloatArray = np.where(own.radius > 0.0, _REACH * own.radius, of_size)
-    return found
+    # of what is fixed, such as a plane, not more than that of the others
+    moves = np.append(np.isfinite([body.density for body in surfaces.bodies]), False)[own.body]
+    return np.minimum(found, found[moves].max(initial=0.0)) if moves.any() else found

@@ -16,9 +16,18 @@ from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies.basic import RigidBody
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.bodies.shapes import Capsule, Sphere
-from flexfem.model.rigid_surface import RigidMesh, RigidSphere, RigidSurface
+from flexfem.model.rigid_surface import (
+    RigidCylinder,
+    RigidMesh,
+    RigidPlane,
+    RigidSphere,
+    RigidSurface,
+)
 
 __all__ = ["DistanceField", "add_rigid_body", "add_surface"]
+
+#: Where planes and cylinders end, in parts of the distance of the model.
+_FAR = 300.0
 
 
 @dataclass(frozen=True)
@@ -26,7 +35,7 @@ class DistanceField:
     """A rigid surface that stations touch by its signed distance.
 
     Attributes:
-        surface: of the model: a plane, a cylinder, or a hollow sphere.
+        surface: of the model: a cylinder with ends, a hollow surface, or a signed distance.
         body: its number.
         carrier: node that carries it, None for the ground.
         frame: relative to that node, absolute on the ground, (12,); start: at the start, (12,).
@@ -122,10 +131,37 @@ def add_surface(
         _add_mesh(made, carrier, number, surface.mesh, 0 if surface.two_sided else 1)
     elif ball is not None:
         _add_sphere(made, carrier, number, ball.radius)
+    elif isinstance(surface, RigidPlane):
+        _add_plane(made, carrier, number, _FAR * _extent(serial, carrier))
+    elif isinstance(surface, RigidCylinder) and surface.length == np.inf and not surface.inside:
+        _add_rod(made, carrier, number, surface.radius, _FAR * _extent(serial, carrier))
     else:
         field = DistanceField(surface, number, carrier.key, carrier.frame, carrier.start)
         return number, field
     return number, None
+
+
+def _extent(serial: NumberedModel, carrier: _Carrier) -> float:
+    """Largest distance of nodes from a surface at the start, at least the size of the model, m."""
+    frames = [family.frames[:, :3] for family in serial.families.values() if len(family.frames)]
+    points = np.concatenate([np.zeros((0, 3)), *frames])
+    away = np.linalg.norm(points - se3.position(carrier.start), axis=1)
+    return max(float(away.max(initial=0.0)), 1.0)
+
+
+def _add_plane(made: Collected, carrier: _Carrier, number: int, half: float) -> None:
+    """Add a plane as two triangles whose ends are far away."""
+    corners = half * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float64)
+    rows = carrier.add(made, corners)
+    made.touching(rows, 0.0, number)
+    made.triangles(rows[np.array([[0, 1, 2], [0, 2, 3]])], number, side=1)
+
+
+def _add_rod(made: Collected, carrier: _Carrier, number: int, radius: float, half: float) -> None:
+    """Add a cylinder whose ends are far away."""
+    rows = carrier.add(made, half * np.array([[0.0, 0.0, -1.0], [0.0, 0.0, 1.0]]))
+    made.touching(rows, radius, number, np.full(2, 2.0 * half * radius))
+    made.edges(rows[np.newaxis], number)
 
 
 def _shadow(shape: Sphere | Capsule) -> float:

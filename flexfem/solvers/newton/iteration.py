@@ -40,6 +40,8 @@ SolveAgain = Callable[[FloatArray], bool]
 _DIVERGENCE = 2.0
 #: Multiple of the tolerance below which growing steps are round-off.
 _NOISE = 10.0
+#: Part of the tolerance below which changes of contact forces are round-off of positions.
+_ROUND_OFF = 1e-5
 
 
 @dataclass(frozen=True)
@@ -108,7 +110,8 @@ def iterate(
         if not (isfinite(sizes[0]) and isfinite(sizes[1])):
             return Status.DIVERGED
         size = max(sizes[0], sizes[1])
-        converged = size <= options.tolerance and moved.part == 1.0 and sizes[3] <= 1.0
+        settled = sizes[3] <= 1.0 or size <= _ROUND_OFF * options.tolerance
+        converged = size <= options.tolerance and moved.part == 1.0 and settled
         contraction = size / previous if previous > 0.0 else 0.0
         if observe is not None:
             observe(iteration, size, sizes[0], contraction, strains)
