@@ -27,7 +27,7 @@ from flexfem.model.rigid_surface import (
 __all__ = ["DistanceField", "add_rigid_body", "add_surface"]
 
 #: Where planes and cylinders end, in parts of the distance of the model.
-_FAR = 300.0
+_FAR = 100.0
 
 
 @dataclass(frozen=True)

@@ -42,6 +42,9 @@ _DIVERGENCE = 2.0
 _NOISE = 10.0
 #: Part of the tolerance below which changes of contact forces are round-off of positions.
 _ROUND_OFF = 1e-5
+#: Ratio of these changes above which they are round-off, too, and the largest such ones, in parts
+#: of those that end an iteration.
+_STAGNATION, _ALIKE = 0.5, 100.0
 
 
 @dataclass(frozen=True)
@@ -95,7 +98,7 @@ def iterate(
             elements only; the others have the present ones.
     """
     rows, strains = system.constraints, system.accepted_strains(thin=thin)
-    previous, before = inf, inf
+    previous, before, change_of_forces = inf, inf, inf
     for iteration in range(1, options.max_iterations + 1):
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
@@ -110,7 +113,9 @@ def iterate(
         if not (isfinite(sizes[0]) and isfinite(sizes[1])):
             return Status.DIVERGED
         size = max(sizes[0], sizes[1])
-        settled = sizes[3] <= 1.0 or size <= _ROUND_OFF * options.tolerance
+        stagnates = _STAGNATION * change_of_forces < sizes[3] <= _ALIKE
+        settled = sizes[3] <= 1.0 or size <= _ROUND_OFF * options.tolerance or stagnates
+        change_of_forces = sizes[3]
         converged = size <= options.tolerance and moved.part == 1.0 and settled
         contraction = size / previous if previous > 0.0 else 0.0
         if observe is not None:
