@@ -1,8 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact of bodies with each other and with rigid surfaces."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import KW_ONLY
+from types import MappingProxyType
 from typing import Any
 
 from flexfem import _checks
@@ -11,11 +12,14 @@ from flexfem.model.bodies.base import Body
 from flexfem.model.bodies.basic import Beam, RigidBody
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.bodies.shell import Shell
-from flexfem.model.probes.base import AnyProbe, name_columns
+from flexfem.model.probes.base import AnyProbe, check_columns, name_columns
 from flexfem.model.rigid_surface import RigidSurface
 from flexfem.model.structure.structure import Structure
 
 __all__ = ["Contact", "ContactProbe", "can_touch"]
+
+#: What a ContactProbe measures.
+_MEASURED = ("gap", "penetration", "fx", "fy", "fz", "normal", "closed")
 
 
 def _names(owner: str, what: str, names: str | Sequence[str]) -> tuple[str, ...]:
@@ -240,6 +244,15 @@ def can_touch(body: object) -> bool:
     return isinstance(body, (Shell, Beam)) or (isinstance(body, Body) and body.touches)
 
 
+def _columns(owner: str, what: str, names: Any) -> Mapping[str, str]:
+    """Return checked names of columns by what they hold."""
+    _checks.instance(owner, what, names, Mapping)
+    for measured, name in names.items():
+        _checks.word(owner, what, measured, _MEASURED)
+        _checks.text(owner, f'{what}["{measured}"]', name)
+    return MappingProxyType(dict(names))
+
+
 @declared
 class ContactProbe(AnyProbe):
     """Gap and forces of a contact.
@@ -252,17 +265,24 @@ class ContactProbe(AnyProbe):
     Attributes:
         name: Unique name in the model.
         contact: Name of the contact.
+        names: Other names of some columns, such as ``{"gap": "clearance", "fz": "lift"}``.
 
     Raises:
         TypeError: A name is no string.
+        ValueError: ``names`` has no such column, or one that would break the table.
     """
 
     name: str
     contact: str = text()
+    names: Mapping[str, str] = checked(_columns, default=MappingProxyType({}))
 
     def __post_init__(self) -> None:
         """Name the columns."""
-        name_columns(self, ("gap", "penetration", "fx", "fy", "fz", "normal", "closed"))
+        name_columns(self, _MEASURED)
+        pairs = zip(_MEASURED, self.columns, strict=True)
+        columns = tuple(self.names.get(measured, column) for measured, column in pairs)
+        check_columns(_checks.named(self, self.name), columns)
+        _checks.assign(self, columns=columns)
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""

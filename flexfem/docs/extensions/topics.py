@@ -19,7 +19,11 @@ SOURCES = Path(__file__).parents[1]
 #: Examples, and pictures of them and of the cases.
 EXAMPLES, GALLERY = SOURCES.parents[1] / "examples", SOURCES / "figures" / "gallery"
 #: Options of cases in the gallery, whose defaults run long or show little.
-SHORTER = {"draping": "--mesh 31x31", "solar_array": "--t-end 2.5"}
+SHORTER = {
+    "draping": "--mesh 31x31",
+    "sheet_landing": "--tilt 20 --t-end 0.06",
+    "solar_array": "--t-end 2.5",
+}
 
 #: Modules of all public names, by their full names.
 PLACES = {
