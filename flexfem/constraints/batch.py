@@ -57,6 +57,9 @@ class Constraints(NumberedRows):
         own: markers, terms and rows in the format of the compiled loops.
         multipliers: (r,) trial values, scaled by ``beta h^2``.
         forces: (r,) accepted multipliers, not scaled (N or N m for rows in m or rad).
+        impulses: (r,) forces besides, means over the last step: of unilateral rows, and what other
+            rows take of these and of contacts, see ``integrators.split``.
+        split: True if unilateral rows act by such impulses.
         poses: (m, 12) frames of the markers at the last evaluation, see ``marker_start``.
         mean_forces: True if ``forces`` are means over the last step, not those at its end.
         consistent: True if ``forces`` belong to accelerations that satisfy the constraints, as at a
@@ -96,7 +99,9 @@ class Constraints(NumberedRows):
         self.values, self.compliance = np.zeros(total), np.zeros(total)
         self.coupling, self.slopes = np.zeros(len(self.coupled)), np.zeros((total, 2))
         self.force_jacobian, self.step_jacobian = np.zeros((terms, 2, 6)), np.zeros((terms, 2, 6))
-        self.mean_forces = self.consistent = False
+        self.impulses = np.zeros(total)
+        self.mean_forces = self.consistent = self.split = False
+        self.has_unilateral: bool = comm.allreduce(bool(self.unilateral.any()), op=MPI.LOR)
         self.instant = 0.0
         self.reported: FloatArray | None = None
         self.held: BoolArray = np.zeros(total, dtype=np.bool_)
@@ -136,6 +141,8 @@ class Constraints(NumberedRows):
         """State of the rows at the accepted step: forces, targets, active and locked rows."""
         active, held = self.active.astype(np.float64), self.held.astype(np.float64)
         rows = {"forces": self.forces, "targets": self.targets, "active": active, "held": held}
+        if self.has_unilateral:
+            rows["impulses"] = self.impulses
         values = {"relaxation": np.array([self.relaxation])}
         lines = {
             "places": {"places": self.lines.accepted_places()},
@@ -149,6 +156,8 @@ class Constraints(NumberedRows):
         rows = state.rows["rows"]
         self.forces[:], self.targets[:] = rows["forces"], rows["targets"]
         self.active[:], self.held[:] = rows["active"] > 0.0, rows["held"] > 0.0
+        if self.has_unilateral:
+            self.impulses[:] = rows["impulses"]
         self.angles[:] = state.rows["terms"]["angles"]
         self.lines.restore_places(state.rows["places"]["places"])
         self.lines.angles[:] = state.rows["line_terms"]["line_angles"]
@@ -232,7 +241,7 @@ class Constraints(NumberedRows):
         rows = self.rows_of(name)
         self.held[rows] = hold
         if hold:
-            self._place_markers()
+            self.place_markers()
             self.targets[rows] = self.sums()[rows]
         self._switch(rows, active)
 
@@ -248,13 +257,31 @@ class Constraints(NumberedRows):
 
     def _switch(self, rows: IntArray, active: bool) -> None:
         self.active[rows] = active
-        self.multipliers[rows] = self.forces[rows] = 0.0
+        self.multipliers[rows] = self.forces[rows] = self.impulses[rows] = 0.0
 
     @property
     def rigid(self) -> BoolArray:
         """(r,) True for constraint equations; the other rows have a force law, or are released."""
         held: BoolArray = self.active & (self.elastic[:, 0] == LawKind.RIGID)
         return held
+
+    @property
+    def unilateral(self) -> BoolArray:
+        """(r,) rows that are slack between limits, but for normal forces and tensions of friction.
+
+        Released rows count as well.
+        """
+        kinds, lower, upper = self.elastic[:, 0], self.elastic[:, 3], self.elastic[:, 4]
+        slack = np.isin(kinds, (LawKind.LIMIT, LawKind.PRESS))
+        slack |= (kinds == LawKind.CURVE) & (lower < upper)
+        slack[self.coupled[:, 1]] = False
+        found: BoolArray = slack
+        return found
+
+    @property
+    def apart(self) -> BoolArray:
+        """(r,) rows that act by ``impulses`` alone."""
+        return self.unilateral & self.split
 
     @property
     def of_elements(self) -> BoolArray:
@@ -380,8 +407,7 @@ class Constraints(NumberedRows):
                 self.step_jacobian,
             )  # fmt: skip
             self._add_line_dampers(self.slopes[:, 1], dynamics[0])
-        self._hold(self.force_jacobian)
-        self._hold(self.step_jacobian)
+        self.hold_gradients()
         if self.elements.groups:
             self.elements.evaluate(self, dynamics)
             self._hold(self.step_jacobian)
@@ -438,6 +464,11 @@ class Constraints(NumberedRows):
                 pulls,
             )  # fmt: skip
         return energies, pulls
+
+    def hold_gradients(self) -> None:
+        """Set all gradients to zero along fixed unknowns."""
+        self._hold(self.force_jacobian)
+        self._hold(self.step_jacobian)
 
     def _hold(self, gradient: FloatArray) -> None:
         """Set gradients (t, 2, 6) to zero along fixed unknowns."""
@@ -508,6 +539,12 @@ class Constraints(NumberedRows):
         """Add ``G^T multipliers`` to the owned nodes of one block; ``local`` node of each node."""
         add_forces(self.own.memory, multipliers, local, residual)
 
+    def leave_out(self, chosen: BoolArray) -> None:
+        """Replace the equations of rows (r,) that have been evaluated by zero forces."""
+        self.values[chosen] = -self.multipliers[chosen]
+        self.compliance[chosen], self.slopes[chosen] = 1.0, 0.0
+        self.step_jacobian[chosen[self.row_of_term]] = 0.0
+
     def accept(self) -> None:
         """Store the present angles, so that later ones are continuous."""
         self.consistent, self.reported = False, None
@@ -527,7 +564,7 @@ class Constraints(NumberedRows):
             marker_poses(self.own.memory, self.interface.frames, self.poses)
             update_wraps(self.own.memory)
 
-    def _place_markers(self) -> None:
+    def place_markers(self) -> None:
         """Poses of all markers at the interface's state."""
         frames = self.interface.frames
         marker_poses(self.own.memory, frames, self.poses)

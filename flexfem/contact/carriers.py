@@ -8,6 +8,7 @@ the ground are distributed.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from typing import Protocol
 
 from mpi4py import MPI
 
@@ -17,17 +18,57 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.obstacles.carried import (
     Carried,
     add_carried,
+    add_over_step,
     add_turned,
     carried_into,
     moved_into,
     spread_means,
     weigh_means,
 )
-from flexfem.contact.points import GROUND, ContactPoints
+from flexfem.contact.surfaces.collected import GROUND
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.halo import HaloExchange
 
-__all__ = ["CarriedPoints", "Carriers"]
+__all__ = ["CarriedPoints", "Carriers", "Points"]
+
+
+class Points(Protocol):
+    """Serial data of points, those fixed to nodes first.
+
+    Attributes:
+        kind: kind of block of the node of each fixed point, ``GROUND`` for none, (n,).
+        node: number of the node in its block, (n,).
+        arms: positions in the axes of the nodes, m, (n, 3).
+        held: fixed unknowns of the nodes, (n, 6).
+        start: positions of all points at the start, m, (n + d, 3).
+        parents, weights: fixed points that each of the others is a mean of, and their weights,
+            (d, q).
+        carried: number of points fixed to nodes.
+    """
+
+    @property
+    def kind(self) -> IntArray: ...  # noqa: D102
+
+    @property
+    def node(self) -> IntArray: ...  # noqa: D102
+
+    @property
+    def arms(self) -> FloatArray: ...  # noqa: D102
+
+    @property
+    def held(self) -> BoolArray: ...  # noqa: D102
+
+    @property
+    def start(self) -> FloatArray: ...  # noqa: D102
+
+    @property
+    def parents(self) -> IntArray: ...  # noqa: D102
+
+    @property
+    def weights(self) -> FloatArray: ...  # noqa: D102
+
+    @property
+    def carried(self) -> int: ...  # noqa: D102
 
 
 @dataclass
@@ -69,7 +110,7 @@ class CarriedPoints:
         return self.own.loads
 
     @classmethod
-    def of(cls, points: ContactPoints, kind: int, block: FrameBlock) -> "CarriedPoints":
+    def of(cls, points: Points, kind: int, block: FrameBlock) -> "CarriedPoints":
         """Select the points of a kind."""
         rows = np.flatnonzero(points.kind == kind)
         rows = rows[np.isin(points.node[rows], block.node_ids)]
@@ -93,20 +134,17 @@ class Carriers:
         by_kind: those that each block carries.
         home: rank of every point, (n + d,).
         numbers: global number of each carrier in its block, (n,).
-        ranks: rank that searches the neighbours of each triangle, (m,).
     """
 
     def __init__(
-        self, comm: MPI.Intracomm, points: ContactPoints, blocks: Mapping[int, FrameBlock],
-        element_ranks: Mapping[int, IntArray],
-    ) -> None:  # fmt: skip
-        """Exchange the owners of nodes and triangles (collective).
+        self, comm: MPI.Intracomm, points: Points, blocks: Mapping[int, FrameBlock]
+    ) -> None:
+        """Exchange the owners of nodes (collective).
 
         Args:
             comm: communicator.
             points: the points of the model.
             blocks: blocks with points, by kind.
-            element_ranks: rank of every element of the blocks, by kind.
         """
         self._comm, self.serial = comm, points
         self.by_kind = {kind: CarriedPoints.of(points, kind, one) for kind, one in blocks.items()}
@@ -118,11 +156,6 @@ class Carriers:
         ground = np.flatnonzero(points.kind == GROUND)
         owner[ground] = np.arange(len(ground)) * comm.size // max(len(ground), 1)
         self.home: IntArray = np.concatenate([owner, owner[points.parents[:, 0]]])
-        self.ranks: IntArray = owner[points.masters.triangles[:, 0]]
-        of_triangle = points.kind[points.masters.triangles[:, 0]]
-        for kind, ranks in element_ranks.items():
-            own = np.flatnonzero((of_triangle == kind) & (points.element >= 0))
-            self.ranks[own] = ranks[points.element[own]]
         between = np.flatnonzero(self.home[points.carried :] == comm.rank)
         self._between = (
             points.parents[between], points.weights[between], points.carried + between
@@ -185,6 +218,22 @@ class Carriers:
         loads = one.loads
         add_carried(one.block.nodes.memory, one.own.memory, forces, loads)
         loads /= scale
+
+    def add_over_step(self, kind: int, forces: FloatArray, scale: float) -> None:
+        """Add gathered forces (n + d, 3) over a step, which have been scaled, to a residual."""
+        one = self.by_kind[kind]
+        add_over_step(one.block.nodes.memory, one.own.memory, forces)
+        one.own.loads /= scale
+
+    def at_nodes(self, kind: int, stiffness: FloatArray) -> FloatArray:
+        """Bounds (n_owned, 6) of rows of stiffness, N/m and N m, for that of points (n + d,)."""
+        one = self.by_kind[kind]
+        found = np.zeros((one.block.owned, 6))
+        k, arms = stiffness[one.rows], np.linalg.norm(one.arms, axis=1)
+        np.add.at(found[:, 0], one.local, k * (1.0 + arms))
+        np.add.at(found[:, 3], one.local, k * arms * (1.0 + arms))
+        found[:, 1:3], found[:, 4:] = found[:, :1], found[:, 3:4]
+        return found
 
     def add_forces(self, kind: int, forces: FloatArray) -> None:
         """Add gathered forces (n + d, 3) to a block's residual."""

@@ -14,6 +14,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.contact.carriers import Carriers
 from flexfem.contact.detection.broad_phase import triangle_boxes
 from flexfem.contact.frames import SurfaceFrames
@@ -60,7 +61,8 @@ class Contacts:
         places = [place for one in described for place in one.rigid]
         self._frames = SurfaceFrames(comm, places, blocks)
         carrying = {kind: blocks[kind] for kind in np.unique(points.kind).tolist() if kind >= 0}
-        self._carriers = Carriers(comm, points, carrying, element_ranks)
+        self._carriers = Carriers(comm, points, carrying)
+        self._ranks = _triangle_ranks(points, self._carriers.home, element_ranks)
         moving = self._frames.kind[self._frames.moving].tolist()
         self.kinds = sorted({*carrying, *moving})
         self._points, self._forces = points.start.copy(), np.zeros((count, 3))
@@ -74,6 +76,24 @@ class Contacts:
         self._evaluated = False
         self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
         self.update()
+
+    def start(self, h: float) -> None:
+        """Do nothing: the stiffness is that of the first matrix."""
+
+    def mark(self) -> None:
+        """Do nothing: corrections of the trial state are not cut."""
+
+    def safe_part(self, keep: float) -> float:
+        """Part of a correction of the trial state that may be taken: all of it."""
+        return 1.0
+
+    def safe_part_of_step(self, keep: float) -> float:
+        """Part of a predicted motion that may be taken: all of it."""
+        return 1.0
+
+    def unsettled(self) -> float:
+        """Return zero: the size of corrections tells when an iteration ends."""
+        return 0.0
 
     def prepare(self, inertia: float) -> None:
         """Choose the stiffness from the first matrix; see ``ContactSurfaces.stiffness``."""
@@ -127,7 +147,7 @@ class Contacts:
 
     def _nearby(self, made: TriangleContact, one: ContactPass) -> IntArray:
         """Master triangles near the slaves of this rank, ascending (collective)."""
-        mine = one.chosen[self._carriers.ranks[one.chosen] == self._comm.rank]
+        mine = one.chosen[self._ranks[one.chosen] == self._comm.rank]
         triangles, thickness = made.masters.triangles[mine], made.masters.thickness[mine]
         low, high = np.empty((len(mine), 3)), np.empty((len(mine), 3))
         triangle_boxes(self._points, triangles, thickness + made.skin, low, high)
@@ -336,7 +356,7 @@ class ContactShare:
         kind: kind of the block.
     """
 
-    def __init__(self, contacts: Contacts, kind: int) -> None:
+    def __init__(self, contacts: Contacts | BarrierContacts, kind: int) -> None:
         """Store the contacts and the kind of the block."""
         self.contacts, self.kind = contacts, kind
         self._first = kind == contacts.kinds[0]
@@ -369,3 +389,15 @@ class ContactShare:
     def nearby_turns(self) -> FloatArray:
         """Rotational stiffness (n_owned,) of the same contacts, N m (collective)."""
         return self.contacts.nearby(self.kind)[:, 3]
+
+
+def _triangle_ranks(
+    points: ContactPoints, home: IntArray, element_ranks: Mapping[int, IntArray]
+) -> IntArray:
+    """Rank that searches the neighbours of each triangle, (m,)."""
+    first = points.masters.triangles[:, 0]
+    ranks: IntArray = home[first].copy()
+    for kind, own in element_ranks.items():
+        mine = np.flatnonzero((points.kind[first] == kind) & (points.element >= 0))
+        ranks[mine] = own[points.element[mine]]
+    return ranks

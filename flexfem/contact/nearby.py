@@ -64,13 +64,8 @@ def _at_nodes(
     frames.wrenches[:] = wrenches
     frames.gather()
     block = frames.block(kind)
-    found = np.zeros((block.owned, 6))
-    if kind in carriers.by_kind:
-        one = carriers.by_kind[kind]
-        k, arms = total[one.rows], np.linalg.norm(one.arms, axis=1)
-        np.add.at(found[:, 0], one.local, k * (1.0 + arms))
-        np.add.at(found[:, 3], one.local, k * arms * (1.0 + arms))
-        found[:, 1:3], found[:, 4:] = found[:, :1], found[:, 3:4]
+    carried = kind in carriers.by_kind
+    found = carriers.at_nodes(kind, total) if carried else np.zeros((block.owned, 6))
     for node, wrench in frames.sums(kind):
         found[node] += wrench
     return found

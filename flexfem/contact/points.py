@@ -14,6 +14,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.law.data import Masters
 from flexfem.contact.obstacles.surface_data import mean_edge, rim_bits
+from flexfem.contact.surfaces.collected import GROUND
 from flexfem.core.marker import Ground
 from flexfem.layout.family import ContactSurface, Family
 from flexfem.layout.numbered_model import NumberedModel
@@ -24,8 +25,6 @@ from flexfem.model.rigid_surface import RigidMesh
 
 __all__ = ["GROUND", "RINGS", "ContactPoints", "contact_points"]
 
-#: Kind of fixed points.
-GROUND = -1
 #: Number of edges up to which points and edges near a triangle are excluded from its contacts.
 RINGS = 2
 #: Largest number of parts of a beam element.

@@ -21,8 +21,11 @@ Triplets = tuple[IntArray, IntArray, FloatArray]
 class ContactEntries:
     """Collection of tangents in inertial axes of points, converted to entries of blocks."""
 
-    def __init__(self, carriers: Carriers, frames: SurfaceFrames) -> None:
-        """Receive the axes of the carriers of points nearby (collective)."""
+    def __init__(self, carriers: Carriers, frames: SurfaceFrames | None = None) -> None:
+        """Receive the axes of the carriers of points nearby (collective).
+
+        ``frames`` are those of rigid surfaces of simple shapes, if there are any.
+        """
         self._carriers, self._frames = carriers, frames
         self._turns = np.zeros((len(carriers.serial.start), 9))
         for one in carriers.by_kind.values():
@@ -57,6 +60,7 @@ class ContactEntries:
 
     def add_surface(self, nodes: IntArray, blocks: FloatArray, surface: int) -> None:
         """Add tangents (c, 9, 9) of points (c,) and the twist of a surface."""
+        assert self._frames is not None
         self.add(nodes[:, np.newaxis], np.ascontiguousarray(blocks[:, :3, :3]))
         kind = int(self._frames.kind[surface])
         if kind < 0 or not len(nodes):
@@ -92,7 +96,9 @@ class ContactEntries:
     def entries(self) -> dict[tuple[int, int], Triplets]:
         """Rows, columns and values in the blocks of all pairs of kinds."""
         none = np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0)
-        kinds = sorted({*self._width, *self._frames.kind[self._frames.moving].tolist()})
+        frames = self._frames
+        moving = [] if frames is None else frames.kind[frames.moving].tolist()
+        kinds = sorted({*self._width, *moving})
         result = {}
         for pair in ((i, j) for i in kinds for j in kinds):
             rows, columns, values = zip(none, *self._found[pair], strict=True)
@@ -100,30 +106,29 @@ class ContactEntries:
         return result
 
     def _parents(self, nodes: IntArray) -> tuple[bool, FloatArray, IntArray]:
-        """Carriers (c, p) of points (c,) with their weights (c, p)."""
+        """Carriers (c, ..., q) of points (c, ...) with their weights."""
         serial = self._carriers.serial
         inner = nodes >= serial.carried
         if not inner.any():
-            return False, np.ones((len(nodes), 1)), nodes[:, np.newaxis]
-        parents = np.column_stack([nodes, nodes])
-        weights = np.tile([1.0, 0.0], (len(nodes), 1))
+            return False, np.ones((*nodes.shape, 1)), nodes[..., np.newaxis]
+        width = serial.parents.shape[1]
+        parents = np.repeat(nodes[..., np.newaxis], width, axis=-1)
+        weights = np.zeros(parents.shape)
+        weights[..., 0] = 1.0
         parents[inner] = serial.parents[nodes[inner] - serial.carried]
         weights[inner] = serial.weights[nodes[inner] - serial.carried]
         return True, weights, parents
 
     def _between_carriers(self, nodes: IntArray, blocks: FloatArray) -> tuple[IntArray, FloatArray]:
-        """Contacts of carriers, from contacts whose first points may be means of two carriers."""
-        between, weights, parents = self._parents(nodes[:, 0])
+        """Contacts of carriers, from contacts whose points may be means of several carriers."""
+        between, weights, parents = self._parents(nodes)
         if not between:
             return nodes, blocks
         count, width = nodes.shape
-        B = np.zeros((count, width, 1 + width))
-        B[:, 0, :2] = weights
-        B[:, np.arange(1, width), np.arange(2, width + 1)] = 1.0
         K = blocks.reshape(count, width, 3, width, 3)
-        K = np.einsum("cpk,cpiqj,cql->ckilj", B, K, B, optimize=True)
-        every = np.concatenate([parents, nodes[:, 1:]], axis=1)
-        return every, K.reshape(count, 3 * width + 3, 3 * width + 3)
+        K = np.einsum("cpk,cpiqj,cql->cpkiqlj", weights, K, weights, optimize=True)
+        size = width * weights.shape[2]
+        return parents.reshape(count, size), K.reshape(count, 3 * size, 3 * size)
 
     def _maps(self, nodes: IntArray) -> FloatArray:
         """Inertial steps of points (c, w) for the steps of their nodes, (c, w, 3, 3 or 6)."""

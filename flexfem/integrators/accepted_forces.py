@@ -83,17 +83,24 @@ class AcceptedForces:
         face.update()
         rows.multipliers[:], velocities = rows.forces, face.velocities.copy()
         drives = drive_rates(rows, system.time, self._span, self._end)
-        rows.evaluate(_UNSCALED)
+        self._evaluate()
         right, gradients = self._out_of_balance(), rows.gradients_of(rigid)
         if self._turning:
             self._project(-(rows.rates() + drives.first) * rigid, gradients, right)
         gaps = drives.second + 2.0 * drives.of_rates(rows)
         if self._laws:
-            rows.evaluate(_UNSCALED)
+            self._evaluate()
         gaps += rows.second_rates() + self._second_rates()
         found = self._forces(rigid, gaps, gradients, right)
         face.velocities[:] = velocities
         return found
+
+    def _evaluate(self) -> None:
+        """Evaluate all rows; forces of those that act by impulses alone are zero."""
+        rows = self._system.constraints
+        rows.evaluate(_UNSCALED)
+        if rows.split:
+            rows.leave_out(rows.apart)
 
     def _any(self, mine: np.bool_) -> bool:
         """Return True if a flag is set on any rank (collective)."""
@@ -163,7 +170,7 @@ class AcceptedForces:
             if not self._rubbing or laws_settled(self._system, found):
                 break
             rows.multipliers[:] = found
-            rows.evaluate(_UNSCALED)
+            self._evaluate()
         return found
 
     def _solve(

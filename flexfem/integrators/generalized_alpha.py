@@ -13,7 +13,7 @@ rotates it by the error of the scheme (flying spaghetti, 40 elements, step 5e-3:
 """
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field, replace
 from functools import lru_cache, partial
 from math import inf
 from typing import ClassVar
@@ -25,12 +25,14 @@ from flexfem.constraints.elements.states import StateStep, state_step
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.status import Status
 from flexfem.integrators.integrator import Integrator, discard, predictions
+from flexfem.integrators.split.step import Split
 from flexfem.solvers.newton.iteration import Equations
 from flexfem.solvers.newton.policy import Policy
-from flexfem.system.mechanics import END_POINT
+from flexfem.system.mechanics import END_POINT, EndPoint
+from flexfem.system.moving_apart import predict_apart
 from flexfem.system.system import Shifts, System
 
-__all__ = ["TURN_LIMIT", "GeneralizedAlpha", "StepLaws", "step_laws"]
+__all__ = ["TURN_LIMIT", "GeneralizedAlpha", "StepLaws", "predict_step", "step_laws"]
 
 #: Rotation of a flexible body in a step, over ``1 - rho_inf``, beyond which unresolved axial
 #: vibrations grow, see ``GeneralizedAlpha.turn_limit``.
@@ -58,18 +60,20 @@ class StepLaws:
     states: StateStep
 
 
-@dataclass(frozen=True)
+@dataclass
 class GeneralizedAlpha(Integrator):
-    """Coefficients of the scheme.
+    """Coefficients of the scheme, and the unilateral forces of the system that it was prepared for.
 
     Derived classes have the same coefficients: those of steps are results of :func:`step_laws`,
     whose argument is the spectral radius alone.
 
     Attributes:
         rho_inf: spectral radius at infinite frequency, 0 (annihilates) to 1 (no dissipation).
+        split: forces that act by impulses, None without any.
     """
 
     rho_inf: float = 0.9
+    split: Split | None = field(default=None, repr=False, compare=False)
 
     order: ClassVar[int] = 2
 
@@ -102,6 +106,15 @@ class GeneralizedAlpha(Integrator):
         """Newmark's beta."""
         return 0.25 * (self.gamma + 0.5) ** 2
 
+    @property
+    def weight(self) -> float:
+        """Factor of the mean forces of a step in its equations, see ``integrators.split.step``."""
+        return (1.0 - self.alpha_m) / (1.0 - self.alpha_f) / (2.0 * self.beta)
+
+    def prepare(self, system: System) -> None:
+        """See :meth:`Integrator.prepare`."""
+        self.split = Split.of(system)
+
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""
         return step_laws(self.rho_inf, h).shifts
@@ -120,16 +133,24 @@ class GeneralizedAlpha(Integrator):
 
     def _equations(self, h: float) -> Equations:
         """Return the equations solved at the end of a step of size ``h`` (s)."""
-        return END_POINT
+        return self._mechanics
+
+    @property
+    def _mechanics(self) -> EndPoint:
+        return self.split or END_POINT
 
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """See :meth:`Integrator.solve`."""
-        laws, start = step_laws(self.rho_inf, h), system.time
+        laws, start, split = step_laws(self.rho_inf, h), system.time, self.split
+        if split is not None and not split.begin(h, self.weight):
+            return Status.SINGULAR
         equations = self._equations(h)
         system.set_time(start + h)
         status = Status.DIVERGED
-        for restart in predictions(system, partial(_predict, system, laws)):
+        for restart in predictions(system, partial(predict_step, system, laws, split)):
             status = policy.solve(laws.shifts, restart, equations)
+            if status is Status.OK and split is not None:
+                status = split.finish(laws.shifts, h, lambda block: block.kick(h))
             if status is Status.OK:
                 return status
         discard(system, start)
@@ -161,19 +182,26 @@ class GeneralizedAlpha(Integrator):
     def accept(self, system: System, h: float) -> None:
         """See :meth:`Integrator.accept`."""
         rows, laws = system.constraints, step_laws(self.rho_inf, h)
-        np.divide(rows.multipliers, laws.shifts.scale, out=rows.forces)
+        if self.split is None:
+            np.divide(rows.multipliers, laws.shifts.scale, out=rows.forces)
+        else:
+            self.split.accept(laws.shifts)
         system.accept(laws.accept, h)
+        if self.split is not None:
+            self.split.accepted()
 
-    def begin_parts(self, system: System) -> Integrator:
+    def begin_parts(self, system: System) -> "GeneralizedAlpha":
         """See :meth:`Integrator.begin_parts`.
 
         The acceleration-like variable is ``alpha_m - alpha_f`` of a step ahead of the acceleration,
         which is unknown after a kink. With the radius 1 it is the acceleration: the trapezoidal
         rule, which makes no error in the impulse of loads that are linear in time.
         """
+        if self.split is not None:
+            self.split.separate()
         for part in system.parts:
             part.block.lead_auxiliary(part.block.accelerations, 0.0)
-        return type(self)(1.0)
+        return replace(self, rho_inf=1.0)
 
     def end_parts(self, system: System, before: Sequence[FloatArray], ratio: float) -> None:
         """See :meth:`Integrator.end_parts`."""
@@ -181,11 +209,16 @@ class GeneralizedAlpha(Integrator):
             part.block.lead_auxiliary(accelerations, (self.alpha_m - self.alpha_f) * ratio)
 
 
-def _predict(system: System, laws: StepLaws, prediction: Prediction) -> None:
+def predict_step(
+    system: System, laws: StepLaws, split: Split | None, prediction: Prediction
+) -> None:
     """Start a step of the given laws with the predicted trial state."""
-    system.predict(laws.predict[prediction], laws.rates)
+    predict_apart(system, laws.predict[prediction], laws.rates)
     rows = system.constraints
-    rows.multipliers[:] = laws.shifts.scale * rows.forces
+    if split is None:
+        rows.multipliers[:] = laws.shifts.scale * rows.forces
+    else:
+        split.predict(laws.shifts)
     rows.elements.begin(laws.states)
 
 

@@ -14,21 +14,22 @@ K. Mani, E. J. Haug, K. E. Atkinson, J. Mech., Trans., and Automation 107 (1985)
 """
 
 from collections.abc import Sequence
+from functools import partial
 from typing import ClassVar
 
 import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
-from flexfem.integrators.generalized_alpha import GeneralizedAlpha, step_laws
+from flexfem.integrators.generalized_alpha import GeneralizedAlpha, predict_step, step_laws
 from flexfem.integrators.integrator import Integrator, discard, predictions
+from flexfem.integrators.split.step import Split
 from flexfem.integrators.start import drives, second_rates
 from flexfem.solvers.independent_motions import IndependentMotions
 from flexfem.solvers.newton.policy import Policy
-from flexfem.system.mechanics import END_POINT, Mechanics
+from flexfem.system.mechanics import END_POINT, EndPoint, Mechanics
 from flexfem.system.system import Shifts, System
 
 __all__ = ["IndependentCoordinates"]
@@ -72,6 +73,7 @@ class IndependentCoordinates(Integrator):
                 f"{system.unknowns} unknowns are more than {LARGEST}"
             )
         self._motions = IndependentMotions(system)
+        self._usual.prepare(system)
 
     @property
     def turn_limit(self) -> float:
@@ -97,26 +99,38 @@ class IndependentCoordinates(Integrator):
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """See :meth:`Integrator.solve`."""
         assert self._motions is not None
-        laws, start = step_laws(self.scheme.rho_inf, h), system.time
+        laws, start, split = step_laws(self.scheme.rho_inf, h), system.time, self.scheme.split
+        if split is not None and not split.begin(h, self.scheme.weight):
+            return Status.SINGULAR
         system.interface.update()
         system.constraints.evaluate(laws.shifts.dynamics)
         if not self._motions.begin():
             return Status.SINGULAR
         system.set_time(start + h)
-        step = _Step(system, self._motions, laws.shifts, h, policy.tolerance)
-
-        def predict(prediction: Prediction) -> None:
-            system.predict(laws.predict[prediction], laws.rates)
-            rows = system.constraints
-            rows.multipliers[:] = laws.shifts.scale * rows.forces
-            rows.elements.begin(laws.states)
-
+        equations = END_POINT if split is None else split
+        step = _Step(system, self._motions, laws.shifts, h, policy.tolerance, equations)
         status = Status.DIVERGED
-        for _ in predictions(system, predict):
+        for _ in predictions(system, partial(predict_step, system, laws, split)):
             status = step.solve()
+            if status is Status.OK and split is not None:
+                status = self._finish(system, split, step, h)
             if status is Status.OK:
                 return status
         discard(system, start)
+        return status
+
+    def _finish(self, system: System, split: Split, step: "_Step", h: float) -> Status:
+        """Impulses of a step that has been solved, see ``integrators.split.step`` (collective)."""
+        scheme, rows = self.scheme, system.constraints
+        velocity = 1.0 - scheme.gamma / (2.0 * scheme.beta)
+        status = split.finish(
+            self.shifts(h), h, lambda block: block.kick_rates(h, velocity, -scheme.weight / h)
+        )
+        if status is Status.OK and split.acting and velocity != 0.0:
+            multipliers = rows.multipliers.copy()
+            if not step.rates():
+                status = Status.DIVERGED
+            rows.multipliers[:] = multipliers
         return status
 
     def error(self, system: System, policy: Policy, h: float) -> float:
@@ -135,8 +149,7 @@ class IndependentCoordinates(Integrator):
 
     def begin_parts(self, system: System) -> Integrator:
         """See :meth:`Integrator.begin_parts`."""
-        self.scheme = GeneralizedAlpha(1.0)
-        self._usual.begin_parts(system)
+        self.scheme = self._usual.begin_parts(system)
         return self
 
     def end_parts(self, system: System, before: Sequence[FloatArray], ratio: float) -> None:
@@ -155,13 +168,18 @@ class IndependentCoordinates(Integrator):
             {name: values.copy() for name, values in part.block.state().items()}
             for part in system.parts
         ]
-        np.divide(rows.multipliers, self.shifts(h).scale, out=rows.forces)
+        if scheme.split is None:
+            np.divide(rows.multipliers, self.shifts(h).scale, out=rows.forces)
+        else:
+            scheme.split.accept(self.shifts(h))
         system.take()
         for part, before in zip(system.parts, old, strict=True):
             now = part.block.state()
             total = (1.0 - scheme.alpha_f) * now["acceleration"]
             total += scheme.alpha_f * before["acceleration"] - scheme.alpha_m * before["auxiliary"]
             now["auxiliary"][:] = total / (1.0 - scheme.alpha_m)
+        if scheme.split is not None:
+            scheme.split.accepted()
 
 
 class _Step:
@@ -169,9 +187,9 @@ class _Step:
 
     def __init__(
         self, system: System, motions: IndependentMotions, shifts: Shifts, h: float,
-        tolerance: float,
+        tolerance: float, equations: EndPoint,
     ) -> None:  # fmt: skip
-        self._system, self._motions = system, motions
+        self._system, self._motions, self._equations = system, motions, equations
         self._shifts, self._h, self._tolerance = shifts, h, tolerance
 
     def solve(self) -> Status:
@@ -179,7 +197,7 @@ class _Step:
         system, motions, rows = self._system, self._motions, self._system.constraints
         size, previous, renew = np.inf, np.inf, True
         for _ in range(_ITERATIONS):
-            if not (self._close() and self._rates()):
+            if not (self._close() and self.rates()):
                 return Status.DIVERGED
             residual = self._evaluate()
             if not np.isfinite(residual).all():
@@ -217,7 +235,7 @@ class _Step:
             END_POINT.move(system, 1.0)
         return gap <= self._tolerance
 
-    def _rates(self) -> bool:
+    def rates(self) -> bool:
         """Compute dependent velocities and accelerations from the constraints (collective)."""
         system, motions, rows = self._system, self._motions, self._system.constraints
         system.interface.update()
@@ -252,7 +270,7 @@ class _Step:
         system, motions, rows = self._system, self._motions, self._system.constraints
         rigid = rows.rigid
         rows.multipliers[rigid] = 0.0
-        END_POINT.evaluate(system, self._shifts)
+        self._equations.evaluate(system, self._shifts)
         residual = motions.of_nodes("residual")
         rows.multipliers[rigid] = motions.to_rows(motions.multipliers(residual))[rigid]
         return residual

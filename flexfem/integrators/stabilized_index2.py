@@ -16,14 +16,14 @@ of third order in the step; different matrices (``frozen``, ``updated``) change 
 that.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.solvers.newton.iteration import Equations, SolveAgain
-from flexfem.system.mechanics import END_POINT
+from flexfem.system.mechanics import END_POINT, Correction, EndPoint
 from flexfem.system.system import Shifts, System
 
 __all__ = ["StabilizedIndex2"]
@@ -33,25 +33,25 @@ _SPAN = 1.0 / 16.0
 _WEIGHTS = ((-2, 1.0 / 12.0), (-1, -2.0 / 3.0), (1, 2.0 / 3.0), (2, -1.0 / 12.0))
 
 
-@dataclass(frozen=True)
+@dataclass
 class StabilizedIndex2(GeneralizedAlpha):
     """Coefficients of the scheme, those of generalized-alpha."""
 
     def _equations(self, h: float) -> Equations:
-        return _PositionsAndRates(_SPAN * h)
+        return _PositionsAndRates(_SPAN * h, self._mechanics)
 
 
 class _PositionsAndRates:
     """Equations of motion, and constraints on positions and velocities."""
 
-    def __init__(self, span: float) -> None:
-        """Store ``span`` (s), over which drives are differentiated."""
-        self._span = span
+    def __init__(self, span: float, mechanics: EndPoint) -> None:
+        """Store the equations of motion, and ``span`` (s), over which drives are differentiated."""
+        self._span, self._mechanics = span, mechanics
         self._gaps: FloatArray = np.zeros(0)
 
     def evaluate(self, system: System, shifts: Shifts) -> None:
         """See :class:`Equations`."""
-        END_POINT.evaluate(system, shifts)
+        self._mechanics.evaluate(system, shifts)
         by_time = self._by_time(system, shifts)
         self._gaps = system.constraints.use_rates(shifts.velocity, by_time)
 
@@ -65,17 +65,18 @@ class _PositionsAndRates:
             rows.evaluate(shifts.dynamics)
             total += weight / self._span * rows.values
         rows.set_time(system.instant)
-        rows.evaluate(shifts.dynamics)
+        self._mechanics.evaluate_rows(system, shifts)
         return total
 
-    def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
+    def correct(self, system: System, again: SolveAgain | None) -> Correction:
         """See :class:`Equations`."""
         assert again is not None
-        largest = END_POINT.move(system, -1.0)
+        moved = END_POINT.correct(system, again).moved
         system.interface.update_steps()
         rows = system.constraints
         gaps = self._gaps - rows.rigid * rows.changes(system.interface.steps)
         for part in system.parts:
             part.block.residual[:] = 0.0
         success = again(gaps)
-        return success, float(np.max([largest, system.shift(-1.0)]))
+        largest = float(np.max([moved.largest, system.shift(-1.0)]))
+        return Correction(success, replace(moved, largest=largest))

@@ -82,6 +82,8 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
     ``dt`` (s), as a motion need not be defined before the start.
     """
     rows = system.constraints
+    for contacts in system.contacts:
+        contacts.start(dt)
     status = project_velocities(system, tangent, dt, np.zeros(rows.size))
     if status is not Status.OK:
         return status
@@ -98,7 +100,7 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
         part.block.spread_step()
         part.block.acceleration[:] = part.block.step
         part.block.start()
-    rows.forces[:] = tangent.multiplier_step
+    rows.forces[:], rows.impulses[:] = tangent.multiplier_step, 0.0
     rows.consistent = True
     rows.elements.start(rows)
     return Status.OK

@@ -30,7 +30,8 @@ class LimitStop(Joint):
     spring and damper while the damper's force is small against the spring's, which begins softly
     and never pulls. A function gives the force in their place: ``force(d)`` or ``force(d, v)``, or
     a `Curve`; it presses where it is positive, ``force(d, 0)`` is elastic, and what v adds is
-    dissipated.
+    dissipated. In motions it acts by its mean over each step, the change of the stored energy over
+    that of the coordinate: impacts neither make nor lose energy in the scheme, whatever the step.
 
     Attributes:
         motion: "translation" of b from a along an axis fixed in a (m), "rotation" by which b has

@@ -6,7 +6,7 @@ from dataclasses import KW_ONLY
 from typing import Any
 
 from flexfem import _checks
-from flexfem._fields import Given, Renamed, checked, declared, flag, number, renamed_arguments, text
+from flexfem._fields import Given, Renamed, checked, choice, declared, flag, number, renamed_arguments, text
 from flexfem.model.bodies.base import Body
 from flexfem.model.bodies.basic import Beam, RigidBody
 from flexfem.model.bodies.floating_body import FloatingBody
@@ -144,6 +144,8 @@ class Contact:
     exclude: Given[Sequence[tuple[str, str]], tuple[tuple[str, str], ...]] = checked(
         _pairs, default=()
     )
+    reach: float | None = number(default=None, positive=True, as_given=True)
+    law: str | None = choice(("barrier", "penalty"), default=None)
     stiffness: float | None = number(default=None, positive=True, as_given=True)
     friction: float = number(default=0.0, nonnegative=True)
     damping: float = number(default=0.0, nonnegative=True)

@@ -12,11 +12,14 @@ from flexfem._types import IntArray
 from flexfem.constraints.batch import Constraints
 from flexfem.constraints.connect import all_ends, connect
 from flexfem.constraints.interface import Interface
+from flexfem.contact.barrier.contacts import BarrierContacts
+from flexfem.contact.barrier.start import check_apart
 from flexfem.contact.contacts import Contacts, ContactShare
 from flexfem.contact.initial_overlaps import check_start
 from flexfem.contact.pairs import ContactSurfaces, contact_surfaces
 from flexfem.contact.penalty_contact import penalty_contacts
 from flexfem.contact.points import ContactPoints, contact_points
+from flexfem.contact.surfaces.surfaces import CollisionSurfaces, collision_surfaces
 from flexfem.core.marker import SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.forms.beam_law import law_expressions
@@ -81,10 +84,18 @@ def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> Syste
     return system
 
 
-def _touching(serial: NumberedModel) -> tuple[ContactPoints, list[ContactSurfaces]] | None:
+#: Serial data of the contacts: collision surfaces, or points and surfaces of the penalty.
+type _Touching = CollisionSurfaces | tuple[ContactPoints, list[ContactSurfaces]]
+
+
+def _touching(serial: NumberedModel) -> _Touching | None:
     """Serial data of the contacts, None without any; raises for surfaces that intersect."""
     if not serial.model.contacts:
         return None
+    if any(contact.law == "barrier" for contact in serial.model.contacts):
+        surfaces = collision_surfaces(serial)
+        check_apart(surfaces)
+        return surfaces
     contacts = penalty_contacts(serial)
     points = contact_points(serial, contacts, _joined(serial))
     described = contact_surfaces(serial, points, contacts)
@@ -93,13 +104,16 @@ def _touching(serial: NumberedModel) -> tuple[ContactPoints, list[ContactSurface
 
 
 def _add_contacts(
-    comm: MPI.Intracomm, touching: tuple[ContactPoints, list[ContactSurfaces]],
-    parts: list[BlockPart], placement: Placement,
-) -> None:  # fmt: skip
+    comm: MPI.Intracomm, touching: _Touching, parts: list[BlockPart], placement: Placement
+) -> None:
     """Give each block its share of the contacts (collective)."""
-    points, described = touching
     blocks = {part.kind: part.block for part in parts}
-    contacts = Contacts(comm, described, points, blocks, placement.elements)
+    contacts: Contacts | BarrierContacts
+    if isinstance(touching, CollisionSurfaces):
+        contacts = BarrierContacts(comm, touching, blocks)
+    else:
+        points, described = touching
+        contacts = Contacts(comm, described, points, blocks, placement.elements)
     for part in parts:
         if part.kind in contacts.kinds:
             part.contacts = ContactShare(contacts, part.kind)

@@ -7,6 +7,7 @@ equations derives a class from :class:`Mechanics`, which is an argument of solve
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
+from dataclasses import dataclass
 from math import isnan, nan
 
 import numpy as np
@@ -14,9 +15,23 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.nodes.action_kernels import add_products, subtract_forces
 from flexfem.layout.tangent_request import TangentRequest
+from flexfem.system.moving_apart import Moved, move_apart
 from flexfem.system.system import MASS, BlockPart, PartStrains, Shifts, System
 
-__all__ = ["END_POINT", "EndPoint", "Mechanics"]
+__all__ = ["END_POINT", "Correction", "EndPoint", "Mechanics"]
+
+
+@dataclass(frozen=True)
+class Correction:
+    """Result of a correction of the trial state.
+
+    Attributes:
+        success: False if it could not be found.
+        moved: its motion.
+    """
+
+    success: bool
+    moved: Moved
 
 
 class Mechanics(ABC):
@@ -35,11 +50,9 @@ class Mechanics(ABC):
             strains: strains of each part whose stresses are used; None for the present ones.
         """
 
-    def correct(
-        self, system: System, again: Callable[[FloatArray], bool] | None
-    ) -> tuple[bool, float]:
-        """Subtract the blocks' steps: success, and the largest entry on this rank (collective)."""
-        return True, self.move(system, -1.0)
+    def correct(self, system: System, again: Callable[[FloatArray], bool] | None) -> Correction:
+        """Subtract the blocks' steps (collective)."""
+        return Correction(True, Moved(self.move(system, -1.0)))
 
     def subtract_tangent(
         self, system: System, shifts: Shifts, hessians: FloatArray,
@@ -140,8 +153,16 @@ class EndPoint(Mechanics):
         for part, own in zip(system.parts, system.damped(strains or system.present), strict=True):
             part.add_residual(system.gravity, system.factors, shifts.scale, own)
         system.interface.update()
-        system.constraints.evaluate(shifts.dynamics)
+        self.evaluate_rows(system, shifts)
         system.add_constraint_forces(system.constraints.multipliers)
+
+    def evaluate_rows(self, system: System, shifts: Shifts) -> None:
+        """Equations and gradients of all rows at the interface's state."""
+        system.constraints.evaluate(shifts.dynamics)
+
+    def correct(self, system: System, again: Callable[[FloatArray], bool] | None) -> Correction:
+        """See :class:`Mechanics`."""
+        return Correction(True, move_apart(system, lambda: self.move(system, -1.0)))
 
     def move(self, system: System, sign: float) -> float:
         """See :class:`Mechanics`."""

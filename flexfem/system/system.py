@@ -18,6 +18,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.constraints.batch import Constraints
 from flexfem.constraints.interface import Interface
+from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.contact.contacts import Contacts, ContactShare
 from flexfem.core.load import Load
 from flexfem.core.nodes.frame_block import FrameBlock
@@ -244,17 +245,20 @@ class System:
         These are the forces for probes, fields and sampled controllers. Multipliers of a time
         integrator, ``constraints.forces``, belong to its own accelerations and velocities: they may
         oscillate or be means over a step; the next step begins with them, and energies use their
-        work. The forces are computed on request, once a state.
+        work. Impulses count as their means over the last step. The forces are computed on request,
+        once a state.
         """
         rows = self.constraints
         if self.row_forces is None or rows.consistent:
-            return rows.forces
+            return rows.forces + rows.impulses if rows.split else rows.forces
         if rows.reported is None:
             rows.reported = self.row_forces()
+            if rows.split:
+                rows.reported = rows.reported + rows.impulses
         return rows.reported
 
     @property
-    def contacts(self) -> list[Contacts]:
+    def contacts(self) -> list[Contacts | BarrierContacts]:
         """Contacts of all blocks together, none or one."""
         return [part.contacts.contacts for part in self.parts if part.contacts is not None][:1]
 

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 
 from flexfem.contact.obstacles.surface_data import node_areas
-from flexfem.contact.primitives.barrier import barrier, curvature, in_series, slope
+from flexfem.contact.primitives.barrier import barrier, curvature, slope
 from flexfem.contact.primitives.candidates import Motion
 from flexfem.contact.primitives.closest import closest_pairs
 from flexfem.contact.primitives.complexes import Complex, lengths
@@ -87,7 +87,6 @@ def test_barrier_and_its_derivatives_are_those_of_many_digits():
     assert [called(f)(0.3, 0.3, 7.0) for f in (barrier, slope, curvature)] == [0, 0, 0]
     assert called(barrier)(0.0, 0.3, 7.0) == called(curvature)(-1.0, 0.3, 7.0) == np.inf
     assert called(slope)(-0.1, 0.3, 7.0) == -np.inf
-    np.testing.assert_array_equal(in_series(np.array([3.0, np.inf]), np.array([6.0, 5.0])), [2, 5])
 
 
 def test_coefficients_are_euler_characteristics():

@@ -62,7 +62,8 @@ class Run:
         rows, found = self.system.constraints, None
         for i, placed in enumerate(rows.joints):
             if placed.owned and placed.joint.name == joint:
-                found = rows.reactions(rows.forces)[rows.marker_start[i] + marker]
+                forces = rows.forces + rows.impulses
+                found = rows.reactions(forces)[rows.marker_start[i] + marker]
         return next(w for w in self.system.comm.allgather(found) if w is not None)
 
 

@@ -19,7 +19,9 @@ __all__ = [
     "SPRING",
     "elastic_part",
     "force_law",
+    "function_beyond",
     "static_forces",
+    "stored",
 ]
 
 (
@@ -63,7 +65,7 @@ def _limit(law: FloatArray, value: float, rate: float, out: FloatArray) -> None:
 
 
 @subroutine
-def _curve(
+def function_beyond(
     law: FloatArray, function: int, data: FloatArray, value: float, rate: float, out: FloatArray
 ) -> None:
     """Force of a function beyond a slack range; one that presses does not pull."""
@@ -172,7 +174,7 @@ def force_law(
     elif law[0] == LIMIT:
         _limit(law, value, rate, out)
     elif law[0] == CURVE or law[0] == PRESS:
-        _curve(law, function, data, value, rate, out)
+        function_beyond(law, function, data, value, rate, out)
     elif law[0] == FUNCTION:
         given = np.empty(2)
         given[0], given[1] = value, rate
@@ -217,7 +219,7 @@ def static_forces(
 
 
 @subroutine
-def _stored(law: FloatArray, function: int, data: FloatArray, value: float) -> float:
+def stored(law: FloatArray, function: int, data: FloatArray, value: float) -> float:
     """Energy of a function: the integral of its force at rest, by Gauss's rule in panels."""
     rest = min(max(value, law[3]), law[4])
     half, total, out = 0.5 * (value - rest) / _PANELS, 0.0, np.empty(4)
@@ -226,7 +228,7 @@ def _stored(law: FloatArray, function: int, data: FloatArray, value: float) -> f
     for panel in range(_PANELS):
         for k in range(_POINTS.size):
             at = rest + half * (2 * panel + 1 + _POINTS[k])
-            _curve(law, function, data, at, 0.0, out)
+            function_beyond(law, function, data, at, 0.0, out)
             total += half * _WEIGHTS[k] * out[0]
     return total
 
@@ -247,9 +249,9 @@ def elastic_part(
         if not active[r]:
             continue
         if kind in (CURVE, PRESS):
-            _curve(laws[r], functions[r], data[r], values[r], 0.0, out)
+            function_beyond(laws[r], functions[r], data[r], values[r], 0.0, out)
             pulls[r] = out[0]
-            energies[r] = _stored(laws[r], functions[r], data[r], values[r])
+            energies[r] = stored(laws[r], functions[r], data[r], values[r])
             continue
         if kind == SPRING:
             stretch = values[r]

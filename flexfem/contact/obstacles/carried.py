@@ -17,6 +17,7 @@ from flexfem.kernels.records import Float2D, Int1D, Memory, Record, unpack
 __all__ = [
     "Carried",
     "add_carried",
+    "add_over_step",
     "add_turned",
     "carried_into",
     "moved_into",
@@ -93,6 +94,44 @@ def add_carried(nodes: Memory, carried: Memory, forces: FloatArray, loads: Float
             residual[local[k], a] += loads[k, a]
             if turns:
                 residual[local[k], 3 + a] += _cross(arms[k], loads[k], a)
+
+
+@kernel
+def add_over_step(nodes: Memory, carried: Memory, forces: FloatArray) -> None:
+    """Add inertial forces (n, 3) on points (k,) over a step to the residuals of nodes.
+
+    With the increments (u, theta) of a node over the step, its frame at the start (x0, R0), and the
+    left tangent operator S, a point moves by ``R0 S (u + theta x a)``, and by ``u + R0 S theta x
+    a`` where u is in inertial axes. The work of the residual along the increments is hence exactly
+    that of the force along the way of the point, with ``g = S^T R0^T f`` in the place of ``R^T f``.
+    """
+    state, own, g, x = unpack(Nodes, nodes), unpack(Carried, carried), np.empty(3), np.empty(3)
+    residual, loads = state.residual, own.loads
+    local, arms, rows = own.local, own.arms, own.rows
+    for k in range(local.size):
+        node = local[k]
+        H0, H, n, f = state.frames0[node], state.frames[node], state.increment[node], forces[rows[k]]
+        for a in range(3):
+            x[a] = H0[3 + a] * f[0] + H0[6 + a] * f[1] + H0[9 + a] * f[2]
+            loads[k, a] = H[3 + a] * f[0] + H[6 + a] * f[1] + H[9 + a] * f[2]
+        if not own.turns:
+            for a in range(3):
+                residual[node, a] += loads[k, a]
+            continue
+        theta = n[3:]
+        angle = np.sqrt(theta[0] * theta[0] + theta[1] * theta[1] + theta[2] * theta[2])
+        if angle > 1e-3:
+            first, second = (1.0 - np.cos(angle)) / angle**2, (angle - np.sin(angle)) / angle**3
+        else:
+            first, second = 0.5 - angle**2 / 24.0, 1.0 / 6.0 - angle**2 / 120.0
+        along = theta[0] * x[0] + theta[1] * x[1] + theta[2] * x[2]
+        for a in range(3):
+            # theta x (theta x x) without the inner product
+            twice = theta[a] * along - angle * angle * x[a]
+            g[a] = x[a] - first * _cross(theta, x, a) + second * twice
+        for a in range(3):
+            residual[node, a] += loads[k, a] if state.inertial else g[a]
+            residual[node, 3 + a] += _cross(arms[k], g, a)
 
 
 @kernel

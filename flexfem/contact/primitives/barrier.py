@@ -11,10 +11,9 @@ and zero beyond: twice continuously differentiable (Li and others, Incremental p
 
 import numpy as np
 
-from flexfem._types import FloatArray
 from flexfem.kernels.compiled import inlined
 
-__all__ = ["barrier", "curvature", "in_series", "slope"]
+__all__ = ["barrier", "curvature", "slope"]
 
 
 @inlined
@@ -49,12 +48,3 @@ def curvature(gap: float, dhat: float, kappa: float) -> float:
     q = gap / dhat
     rest = (q - 1.0) / q
     return float(-kappa * (2.0 * np.log(q) + 4.0 * rest - rest * rest))
-
-
-def in_series(kappa: FloatArray, other: FloatArray) -> FloatArray:
-    """Stiffness of pairs (m,), N/m^3, of that of both sides: of two springs, one after the other.
-
-    A side that is infinitely stiff leaves that of the other one.
-    """
-    with np.errstate(divide="ignore"):
-        return np.asarray(1.0 / (1.0 / kappa + 1.0 / other))

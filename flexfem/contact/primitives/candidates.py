@@ -23,11 +23,14 @@ class Motion:
         before: Positions at the start, shape (n, 3), metres.
         after: Positions at the end, shape (n, 3), metres.
         skin: Way by which two cells may approach farther, metres.
+        known: Points whose positions are known here, shape (n,); cells with others have no pairs.
+            None: all.
     """
 
     before: FloatArray
     after: FloatArray
     skin: float = 0.0
+    known: BoolArray | None = None
 
 
 @dataclass(frozen=True)
@@ -39,12 +42,14 @@ class Boxes:
         touching: Bodies that touch each other, shape (b, b); on the diagonal themselves.
         low: Lower corners, shape (c, 3), metres.
         high: Upper corners, shape (c, 3), metres.
+        here: Cells whose boxes are known, shape (c,); the others have no pairs.
     """
 
     surface: Surface
     touching: BoolArray
     low: FloatArray
     high: FloatArray
+    here: BoolArray
 
     @classmethod
     def of(cls, surface: Surface, touching: BoolArray, motion: Motion) -> "Boxes":
@@ -53,7 +58,9 @@ class Boxes:
         low, high = np.empty((2, len(cells), 3))
         margins = surface.cell_radius + 0.5 * (surface.cell_dhat + motion.skin)
         _sweep(motion.before, motion.after, cells, margins, low, high)
-        return cls(surface, touching, low, high)
+        known = motion.known
+        here = np.ones(len(cells), np.bool_) if known is None else known[cells].all(axis=1)
+        return cls(surface, touching, low, high, here)
 
     @property
     def complex(self) -> Complex:
@@ -62,6 +69,7 @@ class Boxes:
 
     def _between(self, cells: IntArray, others: IntArray) -> tuple[IntArray, IntArray]:
         """Pairs of cells that overlap, of bodies that touch."""
+        cells, others = cells[self.here[cells]], others[self.here[others]]
         starts, found = overlaps(
             self.low[cells], self.high[cells], self.low[others], self.high[others]
         )

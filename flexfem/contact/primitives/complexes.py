@@ -21,6 +21,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 
 __all__ = ["Complex", "Surface", "lengths"]
 
+_NONE = np.zeros(0, np.int64)
 _SIDES = np.array([[0, 1], [1, 2], [2, 0]])
 
 
@@ -41,6 +42,7 @@ class Complex:
         triangles: Vertices of the triangles, shape (t, 3).
         sides: Edges of the triangles, shape (t, 3).
         lines: Edges that belong to polylines, ascending, shape (l,).
+        stations: Vertices that touch others, but are not touched: points inside edges, shape (s,).
     """
 
     vertices: IntArray
@@ -48,10 +50,13 @@ class Complex:
     triangles: IntArray
     sides: IntArray
     lines: IntArray
+    stations: IntArray
 
     @classmethod
-    def of(cls, triangles: IntArray, lines: IntArray, points: IntArray) -> "Complex":
-        """Number the cells of triangles (t, 3), edges of polylines (l, 2) and points (k,).
+    def of(
+        cls, triangles: IntArray, lines: IntArray, points: IntArray, stations: IntArray = _NONE
+    ) -> "Complex":
+        """Number the cells of triangles (t, 3), edges of polylines (l, 2), points and stations.
 
         Raises:
             ValueError: a triangle or an edge has a point twice.
@@ -61,13 +66,18 @@ class Complex:
             twice = (cell == np.roll(cell, 1, axis=1)).any(axis=1)
             if twice.any():
                 raise ValueError(f"points {cell[twice][0].tolist()} of a cell: one is there twice")
-        vertices = np.unique(np.concatenate([c.ravel() for c in (*cells, np.asarray(points))]))
+        vertices = np.unique(np.concatenate([
+            c.ravel() for c in (*cells, np.asarray(points), np.asarray(stations))
+        ]))
         corners, ends = (np.searchsorted(vertices, cell) for cell in cells)
         both = np.sort(np.concatenate([corners[:, _SIDES].reshape(-1, 2), ends]), axis=1)
         edges, at = np.unique(both, axis=0, return_inverse=True)
         at = at.ravel()
         sides = at[: 3 * len(corners)].reshape(-1, 3)
-        return cls(vertices.astype(np.int64), edges, corners, sides, np.unique(at[sides.size :]))
+        inside = np.searchsorted(vertices, stations)
+        return cls(
+            vertices.astype(np.int64), edges, corners, sides, np.unique(at[sides.size :]), inside
+        )  # fmt: skip
 
     @property
     def count(self) -> int:
@@ -80,7 +90,9 @@ class Complex:
         edges = 1.0 - np.bincount(self.sides.ravel(), minlength=len(self.edges))
         corners = np.bincount(self.triangles.ravel(), minlength=len(self.vertices))
         ends = np.bincount(self.edges.ravel(), np.repeat(edges, 2), len(self.vertices))
-        return np.concatenate([1.0 - corners - ends, edges, np.ones(len(self.triangles))])
+        result = np.concatenate([1.0 - corners - ends, edges, np.ones(len(self.triangles))])
+        result[self.stations] = 0.0
+        return result
 
     @cached_property
     def line_coefficients(self) -> FloatArray:
@@ -117,7 +129,7 @@ class Surface:
         label: Number of the body of each point, shape (n,).
         radius: Distance of the surface from the points, shape (n,), metres.
         dhat: Gap below which it repels, shape (n,), metres.
-        kappa: Stiffness of the barrier, shape (n,), N/m^3.
+        kappa: Stiffness of the barrier, shape (n,), N/m^3; a pair has the larger one.
         area: Area for which a point stands where it touches others, 0 if it does not touch itself,
             shape (n,), square metres.
     """

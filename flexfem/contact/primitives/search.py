@@ -12,7 +12,6 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.contact.primitives.barrier import in_series
 from flexfem.contact.primitives.candidates import (
     Boxes,
     Motion,
@@ -70,10 +69,10 @@ def find_pairs(
     )
     starts = [np.flatnonzero(np.diff(part.group, prepend=-1)) for part in parts]
     begins = np.cumsum([0, *(len(part.first) for part in parts)])
-    kappa = surface.kappa[points[:, 0]], surface.kappa[points[:, 3]]
+    kappa = np.maximum(surface.kappa[points[:, 0]], surface.kappa[points[:, 3]])
     return Pairs(
         kind=kind, points=points, weight=weight, touch=surface.touch(first, second),
-        dhat=surface.reach(first, second), kappa=in_series(*kappa),
+        dhat=surface.reach(first, second), kappa=kappa,
         starts=np.concatenate([*(s + b for s, b in zip(starts, begins, strict=False)),
                                begins[-1:]]),
     )  # fmt: skip

@@ -94,6 +94,11 @@ class CollisionSurfaces:
         """Number of points fixed to nodes, the first ones."""
         return len(self.kind)
 
+    @property
+    def start(self) -> FloatArray:
+        """Positions of all points at the start, m, (n + d, 3)."""
+        return self.primitives.start
+
     @cached_property
     def density(self) -> FloatArray:
         """Mass per area of the body of each point, kg/m^2, infinite where nothing gives it."""

@@ -13,9 +13,11 @@ from flexfem.core.nodes.frame_kernels import (
     Nodes,
     accept,
     correct,
+    kick,
     orthonormalise,
     predict,
     shift,
+    slow,
     to_inertial,
 )
 from flexfem.core.nodes.prediction import Misses
@@ -182,10 +184,49 @@ class FrameBlock:
             The largest entry of the step.
         """
         self.spread_step()
-        if self._offset is None:
-            self._offset = self.nodes.offset = np.zeros_like(self.increment)
+        self._have_offset()
         largest: float = shift(self.nodes.memory, sign)
         return largest
+
+    def _have_offset(self) -> None:
+        if self._offset is None:
+            self._offset = self.nodes.offset = np.zeros_like(self.increment)
+
+    def kick(self, h: float) -> None:
+        """Change the velocities by the twists ``step`` over a step of size ``h`` (s).
+
+        See ``frame_kernels.kick``.
+        """
+        self.spread_step()
+        self._have_offset()
+        kick(self.nodes.memory, h)
+
+    def kick_rates(self, h: float, velocity: float, acceleration: float) -> None:
+        """The same where trial velocities and accelerations do not follow from the increments.
+
+        Args:
+            h: size of the step, s.
+            velocity: factor of the twists ``step`` in the change of velocities.
+            acceleration: their factor in that of accelerations, 1/s.
+        """
+        self.spread_step()
+        self._have_offset()
+        before = np.cross(self.velocity[:, 3:], self.velocity[:, :3])
+        self.velocity += velocity * self.step
+        self.acceleration += acceleration * self.step
+        change = 0.5 * h * self.step
+        if self.inertial:
+            now = np.cross(self.velocity[:, 3:], self.velocity[:, :3])
+            self.acceleration[:, :3] += before - now
+            turns = self.frames[:, 3:].reshape(-1, 3, 3)
+            change[:, :3] = np.einsum("nij,nj->ni", turns, change[:, :3])
+        assert self._offset is not None
+        self._offset += change
+
+    def slow(self) -> None:
+        """Subtract the twists ``step`` (m/s^2, rad/s^2) from the accepted accelerations."""
+        self.spread_step()
+        slow(self.nodes.memory)
 
     def jump_to_step(self, law: FloatArray, factor: float) -> None:
         """Put ``factor`` times the change of the acceleration-like variable into the steps.

@@ -14,9 +14,11 @@ __all__ = [
     "Nodes",
     "accept",
     "correct",
+    "kick",
     "orthonormalise",
     "predict",
     "shift",
+    "slow",
     "step_changes",
     "step_rates",
     "step_rates_into",
@@ -269,6 +271,47 @@ def shift(memory: Memory, sign: float) -> float:
         largest = _larger(largest, step[i])
         _configure(nodes, T, i)
     return largest
+
+
+@inlined
+def _turned(inertial: bool, H: FloatArray, step: FloatArray, out: FloatArray) -> None:
+    """A local twist as a change of the rates of the increments."""
+    for k in range(6):
+        out[k] = step[k]
+    if inertial:
+        for k in range(3):
+            j = 3 + 3 * k
+            out[k] = H[j] * step[0] + H[j + 1] * step[1] + H[j + 2] * step[2]
+
+
+@kernel
+def kick(memory: Memory, h: float) -> None:
+    """Change the velocities by the local twists ``step``, constant accelerations of a step.
+
+    The increments over the step of size ``h`` have ``h/2`` times the changes in them already, which
+    are no longer integrated from rates.
+    """
+    nodes, change, T = unpack(Nodes, memory), np.empty(6), np.empty(9)
+    rates, step = nodes.rates, nodes.step
+    for i in range(step.shape[0]):
+        _turned(nodes.inertial, nodes.frames[i], step[i], change)
+        for k in range(6):
+            part = 0.5 * h * change[k]
+            nodes.offset[i, k] += part
+            nodes.velocity_base[i, k] += change[k] - rates[0] * part
+            nodes.acceleration_base[i, k] -= rates[1] * part
+        _configure(nodes, T, i)
+
+
+@kernel
+def slow(memory: Memory) -> None:
+    """Subtract the local twists ``step`` from the accepted accelerations."""
+    nodes, change = unpack(Nodes, memory), np.empty(6)
+    for i in range(nodes.step.shape[0]):
+        _turned(nodes.inertial, nodes.frames0[i], nodes.step[i], change)
+        for k in range(6):
+            nodes.acceleration0[i, k] -= change[k]
+            nodes.auxiliary0[i, k] -= change[k]
 
 
 @subroutine

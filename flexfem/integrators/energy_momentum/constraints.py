@@ -3,22 +3,27 @@
 
 Rigid rows are satisfied at the end of the step. The force of a spring is ``k`` times the mean of
 its values at both ends, which is the change of its energy divided by that of its value; dampers use
-the mean rate, and applied forces are means as well.
+the mean rate, and applied forces are means as well. Forces of stops, slack springs and functions
+that store energy are the same quotients (``constraints.rows.step_laws``), without numerical
+dissipation.
 """
 
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.batch import Constraints
 from flexfem.constraints.rows.kernels import marker_poses
-from flexfem.core.laws import LawKind
+from flexfem.constraints.rows.step_laws import step_forces
+from flexfem.core.laws import STORING_FUNCTIONS, LawKind
 from flexfem.core.row import RowKind
 from flexfem.integrators.energy_momentum.rows import StepTerms, add_step_hessians, evaluate_step
 
 __all__ = ["StepRows"]
 
-_SUPPORTED = (LawKind.RIGID, LawKind.SPRING)
+#: Laws whose energy is no quadratic form.
+_QUOTIENTS = (LawKind.LIMIT, *STORING_FUNCTIONS)
+_SUPPORTED = (LawKind.RIGID, LawKind.SPRING, *_QUOTIENTS)
 
 
 class StepRows:
@@ -48,6 +53,8 @@ class StepRows:
         # stiffness, damping and applied force at the start of the step
         self._laws0 = rows.elastic[:, 1:4].T.copy()
         self._values0, self._values = np.zeros(rows.size), np.zeros(rows.size)
+        quotients = np.isin(rows.elastic[:, 0], _QUOTIENTS)
+        self._quotients: IntArray = np.flatnonzero(quotients).astype(np.int64)
         self._h = self._weight = self._memory = 1.0
 
     def begin(self, h: float, weight: float, last_h: float) -> None:
@@ -112,7 +119,12 @@ class StepRows:
         force = k * (mean + 0.5 * chi * (change - self._memory * self._last)) + c * rate
         force += applied
         slope = 0.5 * (1.0 + chi) * k + c / h
-        scale = 1.0 / (1.0 / self._weight + slope)
+        if len(self._quotients):
+            found, values0 = np.zeros((len(self._quotients), 2)), self._values0 - self._targets0
+            values = self._values - rows.targets
+            step_forces(rows.own.memory, self._quotients, values0, values, rate, h, found)
+            force[self._quotients], slope[self._quotients] = found.T
+        scale = 1.0 / (1.0 / self._weight + np.abs(slope))
         scale, slope, force = (
             np.where(rows.active, one, free)
             for one, free in ((scale, self._weight), (slope, 0.0), (force, 0.0))
@@ -134,7 +146,7 @@ class StepRows:
 
 def _check_laws(rows: Constraints) -> None:
     laws = np.unique(rows.joint_of_row[~np.isin(rows.elastic[:, 0], _SUPPORTED)]).tolist()
-    found = [(i, "friction, stops, slack springs and functions of forces") for i in laws]
+    found = [(i, "friction and functions of forces") for i in laws]
     functions = np.unique(rows.joint_of_row[rows.row_of_term[rows.kinds >= RowKind.FUNCTION]])
     found += [(i, "functions as constraints") for i in functions.tolist()]
     spans = np.isin(rows.kinds, (RowKind.SPAN, RowKind.TOUCH, RowKind.CATENARY))

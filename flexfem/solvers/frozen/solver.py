@@ -78,6 +78,7 @@ class FrozenSolver:
     Attributes:
         shifts: factors of the scheme of the factors in use, None before the first factorisation.
         keepable: True if factors of the multipliers' system may serve several iterations.
+        correction: (r,) of the multipliers, of the last solve.
     """
 
     def __init__(self, system: System, mechanics: Mechanics = END_POINT) -> None:
@@ -94,11 +95,16 @@ class FrozenSolver:
         ]
         # right-hand side, residual, and local node of each interface node, of every part
         self._loads = [(g.own.right, g.part.block.residual, g.part.interface_nodes) for g in groups]
-        self._nothing = np.zeros(0)
+        self._nothing = self.correction = np.zeros(0)
         self._bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
         self._vectors = StepVectors(system)
         self._refinement = Refinement(system, mechanics, self._vectors)
         self._stiff = StiffRows(system, self._vectors)
+
+    @property
+    def exact(self) -> bool:
+        """True if there are rigid bodies alone, whose matrices are never kept."""
+        return not self._flexible
 
     def use(self, shifts: Shifts, strains: PartStrains) -> None:
         """Use the kept factors of a step size, or factorise at the trial state (collective)."""
@@ -284,7 +290,7 @@ class FrozenSolver:
 
     def again(self, values: FloatArray) -> bool:
         """Blocks' steps for their residuals and given row values (r,), after :meth:`step`."""
-        self._with_springs(self._solve(values))
+        self.correction = self._with_springs(self._solve(values))
         return True
 
     def _factor_interface(self, shifts: Shifts) -> bool:

@@ -13,7 +13,8 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
 from flexfem.solvers.linear.schur_kernels import largest_entry
-from flexfem.system.mechanics import END_POINT
+from flexfem.system.mechanics import END_POINT, Correction
+from flexfem.system.moving_apart import Moved
 from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = [
@@ -62,8 +63,8 @@ class Equations(Protocol):
         """Residuals of blocks and constraints at the trial state (collective)."""
         ...
 
-    def correct(self, system: System, again: SolveAgain | None) -> tuple[bool, float]:
-        """Subtract the blocks' steps: success, and the largest entry on this rank (collective)."""
+    def correct(self, system: System, again: SolveAgain | None) -> Correction:
+        """Subtract the blocks' steps (collective)."""
         ...
 
 
@@ -98,34 +99,38 @@ def iterate(
         system.counters.newton_iterations += 1
         success, change = linear_step(shifts, strains)
         strains = system.continued_strains(thin=thin)
-        projected, largest = equations.correct(system, again)
-        rows.multipliers -= change
-        sizes = _largest(system.comm, largest, change, success and projected)
+        done = equations.correct(system, again)
+        moved = done.moved
+        rows.multipliers -= change if moved.part == 1.0 else moved.part * change
+        sizes = _largest(system.comm, moved, change, success and done.success)
         if sizes[2] > 0.0:
             return Status.SINGULAR
         if not (isfinite(sizes[0]) and isfinite(sizes[1])):
             return Status.DIVERGED
         size = max(sizes[0], sizes[1])
-        converged = size <= options.tolerance
+        converged = size <= options.tolerance and moved.part == 1.0 and sizes[3] <= 1.0
         contraction = size / previous if previous > 0.0 else 0.0
         if observe is not None:
             observe(iteration, size, sizes[0], contraction, strains)
         if converged:
             return Status.OK
-        if size > max(_DIVERGENCE * max(previous, before), _NOISE * options.tolerance):
+        grows = size > max(_DIVERGENCE * max(previous, before), _NOISE * options.tolerance)
+        if grows and moved.part == 1.0:
             return Status.DIVERGED
         previous, before = size, previous
     return Status.NOT_CONVERGED
 
 
 def _largest(
-    comm: MPI.Intracomm, largest: float, change: FloatArray, success: bool
-) -> tuple[float, float, float]:
-    """Largest steps of blocks and multipliers over all ranks, and True if a rank failed."""
-    values = (largest, largest_entry(change), 0.0 if success else 1.0)
+    comm: MPI.Intracomm, moved: Moved, change: FloatArray, success: bool
+) -> tuple[float, float, float, float]:
+    """Largest steps of blocks and multipliers, failures, and changes of contacts on all ranks."""
+    values = (
+        moved.largest, largest_entry(change), 0.0 if success else 1.0, moved.unsettled
+    )  # fmt: skip
     if comm.size == 1:
         return values
     # MPI's maximum does not order NaN
     buffer = np.nan_to_num(np.array(values), nan=np.inf)
     comm.Allreduce(MPI.IN_PLACE, buffer, op=MPI.MAX)
-    return float(buffer[0]), float(buffer[1]), float(buffer[2])
+    return float(buffer[0]), float(buffer[1]), float(buffer[2]), float(buffer[3])

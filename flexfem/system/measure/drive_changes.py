@@ -152,7 +152,11 @@ class DriveChanges:
             at_one, stiffness = self._energies_at_one()
             self.work[0] += 0.5 * float((stiffness - self._stiffness) @ (self._at_one + at_one))
             self._at_one, self._stiffness = at_one, stiffness
+        before = self._last[1].copy() if rows.split else self._last[1]
         _work(self.rows, self._forces(), self._values(), rows.mean_forces, self._last, self.work)
+        if rows.split:  # means over the step
+            values = self._values()[self.rows]
+            self.work[0] -= float(rows.impulses[self.rows] @ (values - before))
         if len(self.wrenches):
             (t0, F0, v0), self._powers = self._powers, self._wrench_powers()
             t1, F1, v1 = self._powers

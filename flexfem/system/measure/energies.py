@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.core.laws import LawKind
+from flexfem.core.laws import STORING_FUNCTIONS, LawKind
 from flexfem.core.nodes import motion
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.kernels.compiled import kernel
@@ -43,11 +43,12 @@ class _State:
         loads: (k, 12) force, moment, position and angular velocity of each load, inertial axes.
         viscous, stretching: (j, 6) viscous stress of the elements, and the rate of their strain.
         elastic, initial: (j, 6) stress and initial strain of elements where the latter changes.
-        forces: (r,) of all rows.
+        forces: (r,) of all rows, without impulses.
+        impulses: (r,) means over the last step of forces besides.
         rates: (r,) rates of the rows that do work, by the motion of their working sides.
         sprung, pulls: (r,) energy stored in rows, and the elastic part of their forces.
         all_rates: (r,) of all rows; of none if there are no dampers.
-        values: (r,) sums less targets, where drives move springs; else none.
+        values: (r,) sums less targets, of moved springs and forces that are quotients, or none.
         stiffness: (r,) of all rows, N/m or N m/rad.
         own_rates: (r,) rates of the targets that dampers see.
         modal, shares: (k,) rates of damped modes, and this rank's share of them in chosen elements.
@@ -60,6 +61,7 @@ class _State:
     elastic: FloatArray
     initial: FloatArray
     forces: FloatArray
+    impulses: FloatArray
     rates: FloatArray
     sprung: FloatArray
     pulls: FloatArray
@@ -127,8 +129,13 @@ class EnergyMeter:
         # a drive works on all its sides, any row works on a chosen body against another one
         self._working = sides & (owned & (driven | crossing))[rows.row_of_term][:, np.newaxis]
         self._springs = owned & ~crossing
-        self._dampers = self._springs & (rows.elastic[:, 0] != LawKind.RIGID) & ~driven
-        self._damped = bool(self._dampers.any())
+        # rows whose forces over a step are the change of what they store over that of their value
+        stores = np.isin(rows.elastic[:, 0], (LawKind.LIMIT, *STORING_FUNCTIONS))
+        self._quotients = self._springs & ~self._moved
+        self._quotients &= rows.apart | (stores & rows.mean_forces)
+        laws = (rows.elastic[:, 0] != LawKind.RIGID) & ~self._quotients
+        self._dampers = self._springs & laws & ~driven
+        self._damped, self._exact = bool(self._dampers.any()), bool(self._quotients.any())
         # strain energies and viscous stresses, with the weights of the chosen elements in sums
         self._elastic, self._viscous = [], []
         self._timed: list[tuple[StrainedElements, FrameBlock]] = []
@@ -199,9 +206,10 @@ class EnergyMeter:
         change = rows.side_changes(system.interface.velocities)
         return _State(
             self.loads(), *self._viscosity(), *self._eigenstates(), rows.forces.copy(),
-            rows.of_rows(change * self._working), *rows.stored(),
+            rows.impulses.copy(), rows.of_rows(change * self._working), *rows.stored(),
             rows.of_rows(change) if self._damped else _NONE,
-            rows.sums() - rows.targets if self._moves else _NONE, rows.elastic[:, 1].copy(),
+            rows.sums() - rows.targets if self._moves or self._exact else _NONE,
+            rows.elastic[:, 1].copy(),
             rows.target_rates.copy(), *self._modal_rates(), self.power(),
         )  # fmt: skip
 
@@ -282,6 +290,10 @@ class EnergyMeter:
         if self._damped:
             rate = 0.5 * (before.all_rates + after.all_rates - before.own_rates - after.own_rates)
             total = h * float((self._damping(before, after) * self._dampers) @ rate)
+        if self._exact:
+            way, forces = after.values - before.values, after.forces + after.impulses
+            lost = forces * way - (after.sprung - before.sprung)
+            total += float(lost[self._quotients].sum())
         if self._viscous:
             stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
             total += float(np.einsum("m,mi,mi->", 0.25 * h * self._lengths, stress, rate))
@@ -305,7 +317,7 @@ class EnergyMeter:
         """(r,) mean forces of all rows over a step."""
         if self._system.constraints.mean_forces:
             return after.forces
-        return 0.5 * (before.forces + after.forces)
+        return 0.5 * (before.forces + after.forces) + after.impulses
 
     def _damping(self, before: _State, after: _State) -> FloatArray:
         """(r,) mean forces of dampers over a step."""

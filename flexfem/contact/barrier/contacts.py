@@ -1,0 +1,435 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""All contacts of a system on this rank.
+
+A group of pairs belongs to the rank of its first point, which receives the points of other ranks
+near its own: ranks exchange boxes around their cells, and send the points of cells that overlap
+these. Positions are received in every evaluation, and forces are sent back. Arrays have one row for
+every point of the model; only those of points here or nearby are used.
+
+In motions the forces are means over the step, of the discrete derivative of the potential, and act
+by impulses (``integrators.split``); elsewhere they are its derivative at the trial state.
+"""
+
+from collections.abc import Mapping, Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.contact.barrier.pairs import ContactPairs
+from flexfem.contact.barrier.rows import GroupRows
+from flexfem.contact.barrier.surface import contact_surface
+from flexfem.contact.carriers import Carriers
+from flexfem.contact.primitives.candidates import Boxes, Motion
+from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
+from flexfem.contact.surfaces.surfaces import CollisionSurfaces
+from flexfem.contact.tangent_entries import ContactEntries, Triplets
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.nodes.halo import send_numbers
+from flexfem.core.state import Numbering, State
+
+__all__ = ["BarrierContacts"]
+
+#: Least way by which cells may approach before pairs are searched again, in parts of the largest
+#: gap below which they repel, and the number of steps as long as the last one for which they do.
+_SKIN, _STEPS = 0.5, 4.0
+#: Part of the largest edge of the cells by which points move at most in one correction.
+_STRIDE = 1.0
+#: Relative change of forces, and way of points in parts of the gap at which they repel, at which an
+#: iteration ends.
+_SETTLED, _NEAR = 1e-6, 1e-3
+
+
+class BarrierContacts:
+    """All contacts of a system.
+
+    Attributes:
+        contacts: in the order of the model, with the pairs of this rank.
+        kinds: kinds of the blocks on which they act, ascending.
+        time: time of the trial state, s.
+        factor: factor of the forces in the equations: 1 in equilibria, that of impulses in motions,
+            0 at the accepted states of these.
+        evaluated: True if the response is that of the trial state.
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, surfaces: CollisionSurfaces, blocks: Mapping[int, FrameBlock]
+    ) -> None:
+        """Exchange the owners of nodes (collective).
+
+        Args:
+            comm: communicator.
+            surfaces: serial data of everything that touches.
+            blocks: blocks of the system, by kind.
+        """
+        self._comm, count = comm, len(surfaces.start)
+        carrying = {k: blocks[k] for k in np.unique(surfaces.kind).tolist() if k >= 0}
+        self.kinds = sorted(carrying)
+        self._carriers = Carriers(comm, surfaces, carrying)
+        self._rows = GroupRows(self._carriers)
+        here = self._carriers.home == comm.rank
+        self.contacts = [
+            ContactPairs(own, Neighbourhoods.of(own.surface, surfaces.start, own.touching), here)
+            for own in (contact_surface(surfaces, sides) for sides in surfaces.contacts)
+        ]
+        self._reach = max(float(one.own.surface.dhat.max()) for one in self.contacts)
+        self._stride = _STRIDE * max(_longest_edge(surfaces, one) for one in self.contacts)
+        self._stiff: FloatArray | None = None
+        # positions of the trial state, of the last one, and of the start of the step
+        self._points, self._last = surfaces.start.copy(), surfaces.start.copy()
+        self._before = surfaces.start.copy()
+        self._forces, self._steps = np.zeros((2, count, 3))
+        # boxes of the points in which no other pairs are found
+        self._low = np.full((count, 3), np.inf)
+        self._high = -self._low
+        self._known = here
+        self._over_step, self.factor = False, 1.0
+        self.evaluated, self.time = False, 0.0
+        self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
+
+    # -- Stiffness ------------------------------------------------------------------------------
+
+    def start(self, h: float) -> None:
+        """Choose the stiffness of the barriers by the size h (s) of the first step, once."""
+        if self._stiff is None:
+            self._set_stiffness(np.array([h]))
+
+    def prepare(self, inertia: float) -> None:
+        """Choose it by the factor of the mass in the first matrix, 1/s^2, once; 0 at rest."""
+        if self._stiff is None:
+            self.start(2.0 / np.sqrt(inertia) if inertia > 0.0 else np.inf)
+
+    def _set_stiffness(self, h: FloatArray) -> None:
+        self._stiff = h
+        for one in self.contacts:
+            one.stiffen(one.own.stiffness(float(h[0])))
+        self._low[:], self._high[:] = np.inf, -np.inf
+
+    # -- Motion ---------------------------------------------------------------------------------
+
+    def begin_step(self, weight: float) -> None:
+        """Start a step at the accepted state; forces have a factor in its equations (collective)."""
+        self._place()
+        self._before[:] = self._last[:] = self._points
+        self._over_step, self.factor = True, weight
+
+    def end_step(self) -> None:
+        """End a step: the forces are in the impulses of the accepted state."""
+        self.factor = 0.0
+
+    @property
+    def pressing(self) -> bool:
+        """True if the accepted accelerations have contact forces in them, on this rank."""
+        return not self._over_step and self.factor != 0.0 and any(c.count for c in self.contacts)
+
+    def mark(self) -> None:
+        """Remember the trial state: corrections begin at it (collective)."""
+        self._place()
+        self._last[:] = self._points
+
+    def safe_part(self, keep: float) -> float:
+        """Part of the motion from the marked to the trial state without contact (collective).
+
+        Every pair keeps a part of its gap, and no point moves farther than the cells are long.
+        """
+        self._place()
+        self._search()
+        part = _short_part(self._last, self._points, self._known, self._stride)
+        for one in self.contacts:
+            part = min(part, one.safe_part(self._last, self._points, keep))
+        if self._comm.size > 1:
+            part = self._comm.allreduce(part, op=MPI.MIN)
+        return part
+
+    def safe_part_of_step(self, keep: float) -> float:
+        """Part of the motion from the step's start to the trial state without contact."""
+        self._last[:] = self._before
+        return self.safe_part(keep)
+
+    def unsettled(self) -> float:
+        """How much the last correction changes forces on this rank, over what ends an iteration.
+
+        Corrections are small enough where forces change by a millionth of the largest, and points
+        move by a thousandth of the gap at which they repel.
+        """
+        moves = [one.moves(self._last, self._points) for one in self.contacts]
+        changes, forces, ways = (max(each) for each in zip(*moves, strict=True))
+        return max(changes / (_SETTLED * forces) if forces > 0.0 else 0.0, ways / _NEAR)
+
+    def _place(self) -> None:
+        """Positions of the trial state (collective)."""
+        self._carriers.place(self._points)
+
+    def _search(self) -> None:
+        """Find all pairs near the present motion, unless those found include them (collective)."""
+        known = self._known
+        out = _leaves(self._points, self._low, self._high, known) or _leaves(
+            self._last, self._low, self._high, known
+        )
+        if self._over_step:
+            out = out or _leaves(self._before, self._low, self._high, known)
+        if self._comm.size > 1:
+            out = self._comm.allreduce(out, op=MPI.LOR)
+        if not out:
+            return
+        sets = [self._last, self._points, *([self._before] if self._over_step else [])]
+        longest = np.zeros(1)
+        if self._over_step:
+            longest[0] = _farthest(self._before, self._last, known)
+        if self._comm.size > 1:
+            self._comm.Allreduce(MPI.IN_PLACE, longest, op=MPI.MAX)
+        skin = max(_SKIN * self._reach, min(_STEPS * longest[0], self._stride))
+        low, high = np.minimum.reduce(sets), np.maximum.reduce(sets)
+        if self._comm.size > 1:
+            low, high, sets = self._bring(sets, skin)
+        motion = Motion(low, high, skin, self._known)
+        for one in self.contacts:
+            one.search(motion)
+        self._low, self._high = low - 0.5 * skin, high + 0.5 * skin
+
+    def _bring(
+        self, sets: list[FloatArray], skin: float
+    ) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
+        """Ask for the points near those of this rank; bounds of their motion (collective)."""
+        carriers, comm = self._carriers, self._comm
+        mine = [_own_cells(one, carriers.home == comm.rank) for one in self.contacts]
+        corners = [one.surface.complex.points[cells] for one, cells in
+                   zip(self.contacts, mine, strict=True)]  # fmt: skip
+        own = np.unique(np.concatenate([c.ravel() for c in corners]))
+        carriers.ask(own)
+        self._bring_all(sets)
+        boxes, box = [], np.array([[np.inf] * 3, [-np.inf] * 3])
+        low, high = np.minimum.reduce(sets), np.maximum.reduce(sets)
+        for one, cells in zip(self.contacts, mine, strict=True):
+            found = Boxes.of(one.surface, one.own.touching, Motion(low, high, skin))
+            boxes.append((found.low[cells], found.high[cells]))
+            if len(cells):
+                box[0] = np.minimum(box[0], found.low[cells].min(0))
+                box[1] = np.maximum(box[1], found.high[cells].max(0))
+        everyone = np.empty((comm.size, 2, 3))
+        comm.Allgather(box, everyone)
+        lists = []
+        for lower, upper in everyone:
+            inside = [
+                c[((a <= upper) & (b >= lower)).all(axis=1)].ravel()
+                for c, (a, b) in zip(corners, boxes, strict=True)
+            ]
+            lists.append(np.unique(np.concatenate(inside)))
+        received = np.concatenate(send_numbers(comm, lists))
+        wanted = np.union1d(own, received)
+        carriers.ask(wanted)
+        self._known = carriers.home == comm.rank
+        self._known[wanted] = True
+        self._bring_all(sets)
+        return np.minimum.reduce(sets), np.maximum.reduce(sets), sets
+
+    def _bring_all(self, sets: list[FloatArray]) -> None:
+        """Receive positions and steps' histories of the points asked for (collective)."""
+        for values in sets:
+            self._carriers.bring(values)
+
+    # -- Forces ---------------------------------------------------------------------------------
+
+    def evaluate(self) -> None:
+        """Evaluate all pairs at the trial state (collective)."""
+        self._place()
+        if not self._over_step:
+            self._last[:] = self._points
+        self._search()
+        before = self._before if self._over_step else None
+        for one in self.contacts:
+            one.evaluate(self._points, before)
+        self.evaluated, self._entries = True, None
+
+    def refresh(self) -> None:
+        """Evaluate at the accepted state, unless it has been (collective)."""
+        if not self.evaluated:
+            self.evaluate()
+
+    def collect(self, scale: float) -> None:
+        """Evaluate, and gather ``scale`` times minus the forces for the blocks (collective)."""
+        self.evaluate()
+        self._gather(scale * self.factor)
+
+    def _gather(self, scale: float) -> None:
+        self._forces[:] = 0.0
+        for one in self.contacts:
+            one.add_forces(-scale, self._forces)
+        self._carriers.gather(self._forces)
+
+    def hand_out(self, kind: int, scale: float) -> None:
+        """Add the forces gathered last, with the same scale, to the residual of a block."""
+        if self._over_step:
+            self._carriers.add_over_step(kind, self._forces, scale)
+        else:
+            self._carriers.add_loads(kind, self._forces, scale)
+
+    def subtract_means(self) -> None:
+        """Evaluate, and subtract the forces from the blocks' residuals (collective)."""
+        self.evaluate()
+        self._gather(1.0)
+        for kind in self.kinds:
+            self.hand_out(kind, 1.0)
+
+    def act(self, scale: float) -> None:
+        """Gather ``scale`` times the tangent applied to the blocks' steps (collective)."""
+        self._carriers.move(self._steps)
+        self._forces[:] = 0.0
+        for one in self.contacts:
+            one.add_actions(scale * self.factor, self._steps, self._forces)
+        self._carriers.gather(self._forces)
+
+    def hand_out_action(self, kind: int, scale: float) -> None:
+        """Add the action gathered last to the residual of a block."""
+        self._carriers.add_changes(kind, self._forces, scale)
+
+    def entries(self, scale: float) -> dict[tuple[int, int], Triplets]:
+        """Rows, columns and values of ``scale`` times the tangent (collective).
+
+        One entry for each pair of kinds of blocks; kept until contacts are evaluated again.
+        """
+        if self._entries is None or self._entries[0] != scale:
+            found = ContactEntries(self._carriers)
+            for one in self.contacts:
+                found.add(*one.blocks(scale * self.factor))
+            found.add_turning(scale)
+            self._entries = scale, found.entries()
+        return self._entries[1]
+
+    def rows(self) -> GroupRows:
+        """Normal parts of the tangents of the contacts that are closed at the last evaluation."""
+        self._rows.take(self.contacts, self.factor)
+        return self._rows
+
+    def nearby(self, kind: int) -> FloatArray:
+        """Stiffness (n_owned, 6) at the nodes of a block of contacts that are closed, N/m.
+
+        For rotations it is that of the arms, N m (collective).
+        """
+        self.refresh()
+        total = np.zeros((len(self._points), 3))
+        for one in self.contacts:
+            rows = one.pairs.points[one.response.pairs[: one.count]]
+            np.add.at(total[:, 0], rows.ravel(), np.repeat(np.abs(one.slopes), 4))
+        self._carriers.gather(total)
+        return self._carriers.at_nodes(kind, total[:, 0])
+
+    # -- Accepted states ------------------------------------------------------------------------
+
+    def accept(self) -> None:
+        """End a step (collective)."""
+        return
+
+    def update(self) -> None:
+        """Begin again at the accepted state of an equilibrium (collective)."""
+        self.evaluated = False
+
+    def numberings(self) -> dict[str, Numbering]:
+        """Return none: contacts have no history."""
+        return {}
+
+    def state(self) -> State:
+        """Stiffness, and whether forces are in the impulses."""
+        h = np.array([np.nan]) if self._stiff is None else self._stiff
+        return State({"contact_stiffness": h, "contact_factor": np.array([self.factor])})
+
+    def doubts(self, state: State) -> str:
+        """Return this rank's objection to its rows; there are none."""
+        return ""
+
+    def restore(self, state: State) -> None:
+        """Restore the return value of :meth:`state`, after the blocks have (collective)."""
+        h = state.values["contact_stiffness"].copy()
+        if np.isfinite(h[0]):
+            self._set_stiffness(h)
+        self.factor = float(state.values["contact_factor"][0])
+        self._over_step = self.factor == 0.0
+        self._place()
+        self._before[:] = self._last[:] = self._points
+        self.evaluated = False
+
+    # -- Measures -------------------------------------------------------------------------------
+
+    @property
+    def longest_step(self) -> float:
+        """Largest motion of nodes (m) for which nothing passes through: corrections are cut."""
+        return np.inf
+
+    @property
+    def closed(self) -> int:
+        """Number of pairs that act on this rank (collective)."""
+        self.refresh()
+        return sum(one.count for one in self.contacts)
+
+    @property
+    def energy(self) -> float:
+        """Energy stored by the contacts of this rank, J (collective)."""
+        self.refresh()
+        return sum(one.energy for one in self.contacts)
+
+    @property
+    def lost(self) -> float:
+        """Energy dissipated on this rank, J."""
+        return 0.0
+
+    def least_gap(self, name: str) -> float:
+        """Least gap of a contact on all ranks, m; its reach if no pair is nearer (collective)."""
+        one = next(one for one in self.contacts if one.name == name)
+        gaps = one.gaps()
+        least = min(float(gaps.min(initial=np.inf)), float(one.own.surface.dhat.max()))
+        return self._comm.allreduce(least, op=MPI.MIN)
+
+    def measure(self, name: str) -> FloatArray:
+        """This rank's share in gap, forces and number of a contact, (6,) (collective)."""
+        self.refresh()
+        least = self.least_gap(name)
+        one = next(one for one in self.contacts if one.name == name)
+        forces = one.response.rows()[2]
+        bodies = one.own.surface.label[one.pairs.points[one.response.pairs[: one.count]]]
+        total = np.zeros(3)
+        if len(forces):
+            mine = one.own.first[bodies]
+            total = (forces * mine[:, :, np.newaxis]).sum((0, 1))
+        # a group pushes with the sum of its pairs' forces on its first primitive
+        crossing = one.pairs.kind[one.response.pairs[: one.count]] >= 3
+        first = forces[:, 0] + np.where(crossing[:, np.newaxis], forces[:, 1], 0.0)
+        begins = np.flatnonzero(np.diff(one.groups, prepend=-1))
+        pushes = np.add.reduceat(first, begins) if len(begins) else np.zeros((0, 3))
+        normal = np.linalg.norm(pushes, axis=1).sum()
+        share = least * float(self._comm.rank == 0)
+        return np.array([share, *total, normal, len(begins)])
+
+
+def _own_cells(one: ContactPairs, own: BoolArray) -> IntArray:
+    """Cells of a contact whose first points are on this rank."""
+    return np.flatnonzero(own[one.surface.complex.points[:, 0]])
+
+
+def _longest_edge(surfaces: CollisionSurfaces, one: ContactPairs) -> float:
+    """Longest edge of the cells at the start, or the largest radius if there are none, m."""
+    cells, x = one.own.surface.complex, surfaces.start
+    ends = cells.vertices[cells.edges]
+    lengths = np.linalg.norm(x[ends[:, 1]] - x[ends[:, 0]], axis=1)
+    radius = float(one.own.surface.radius[cells.vertices].max(initial=0.0))
+    return max(float(lengths.max(initial=0.0)), radius)
+
+
+def _farthest(before: FloatArray, after: FloatArray, known: BoolArray) -> float:
+    """Largest way of the known points, m."""
+    ways = np.linalg.norm(after - before, axis=1)[known]
+    return float(ways.max(initial=0.0))
+
+
+def _short_part(
+    before: FloatArray, after: FloatArray, known: BoolArray, longest: float
+) -> float:
+    """Part of a motion in which no known point moves farther than ``longest``."""
+    way = _farthest(before, after, known)
+    return longest / way if way > longest else 1.0
+
+
+def _leaves(points: FloatArray, low: FloatArray, high: FloatArray, known: BoolArray) -> bool:
+    """True if a known point is outside of its box, or nowhere."""
+    inside = ((points >= low) & (points <= high)).all(axis=1)
+    return not bool(inside[known].all())

@@ -1,0 +1,50 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Check of contacts at the start: no two surfaces touch or overlap."""
+
+import numpy as np
+
+from flexfem.contact.barrier.surface import ContactSurface, contact_surface
+from flexfem.contact.primitives.candidates import Motion
+from flexfem.contact.primitives.closest import closest_pairs
+from flexfem.contact.primitives.data import Pairs
+from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
+from flexfem.contact.primitives.search import find_pairs
+from flexfem.contact.surfaces.surfaces import CollisionSurfaces
+
+__all__ = ["check_apart"]
+
+
+def check_apart(surfaces: CollisionSurfaces) -> None:
+    """Check all contacts of a model.
+
+    Raises:
+        ValueError: two bodies touch or overlap, with the place and the depth.
+    """
+    x = surfaces.start
+    for sides in surfaces.contacts:
+        own = contact_surface(surfaces, sides)
+        near = Neighbourhoods.of(own.surface, x, own.touching)
+        here = np.ones(len(x), dtype=np.bool_)
+        pairs = find_pairs(own.surface, near, Motion(x, x), own.touching, here)
+        if not pairs.count:
+            continue
+        weights, distances = np.empty((pairs.count, 4)), np.empty(pairs.count)
+        closest_pairs(x, pairs.kind, pairs.points, np.zeros(pairs.count), weights, distances)
+        gaps = distances - pairs.touch
+        worst = int(np.argmin(gaps))
+        if gaps[worst] <= 0.0:
+            raise ValueError(_overlap(surfaces, own, pairs, worst, -float(gaps[worst])))
+
+
+def _overlap(
+    surfaces: CollisionSurfaces, own: ContactSurface, pairs: Pairs, worst: int, depth: float
+) -> str:
+    """Text for two bodies that overlap."""
+    first, second = pairs.points[worst, [0, 3]].tolist()
+    a, b = (surfaces.bodies[int(own.surface.label[p])].label for p in (first, second))
+    x, y, z = surfaces.start[first].tolist()
+    what = f"overlaps {b} by {depth:g} m" if depth > 0.0 else f"touches {b}"
+    return (
+        f'Contact "{own.contact.name}": at the start {a} {what} at ({x:.6g}, {y:.6g}, {z:.6g}) m; '
+        "move them apart, or make the contact thinner"
+    )

@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Impulses of a constrained system: ``M W + G^T m = -r`` and ``G W = 0``.
+
+G has the gradients of the constraint equations alone: springs and dampers exert no impulses. The
+mass matrix hardly changes in the nodes' own axes, so its factors are kept, those of the start, and
+the solution is refined by residuals with the exact mass matrix.
+"""
+
+from math import isfinite
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.solvers.frozen.solver import FrozenSolver
+from flexfem.solvers.linear.tangent import TangentSolver
+from flexfem.system.mechanics import END_POINT
+from flexfem.system.system import MASS, System
+
+__all__ = ["Impulse"]
+
+#: Largest relative correction of velocities at which refinement ends, the error that is accepted,
+#: and the number of corrections before masses are factorised anew.
+_TOLERANCE, _ACCEPTED, _SWEEPS = 1e-11, 1e-8, 25
+
+
+class Impulse:
+    """Solver for the jumps of velocities and the constraints' share of impulses."""
+
+    def __init__(self, system: System) -> None:
+        """Store the system; masses are factorised at the first call."""
+        self._system = system
+        self._kept: FrozenSolver | None = None
+        self._tangent: TangentSolver | None = None
+
+    def solve(self) -> FloatArray | None:
+        """Solve for the blocks' residuals r; rows are evaluated at the trial state (collective).
+
+        Equations of the rows are replaced.
+
+        Returns:
+            Multipliers m (r,), and ``-W`` in the blocks' steps; None if masses are singular.
+        """
+        system, rows = self._system, self._system.constraints
+        right = [part.block.owned_residual.copy() for part in system.parts]
+        rigid = rows.rigid
+        rows.multipliers[:] = 0.0
+        rows.leave_out(~rigid)
+        rows.step_jacobian[:] = rows.gradients_of(rigid)
+        rows.values[:] = rows.coupling[:] = 0.0
+        # masses are derivatives along the increments, which are those of velocities at zero ones
+        blocks = [part.block for part in system.parts]
+        increments = [block.increment.copy() for block in blocks]
+        for block in blocks:
+            block.increment[:] = 0.0
+        found = self._found(right)
+        for block, own in zip(blocks, increments, strict=True):
+            block.increment[:] = own
+        return found
+
+    def _found(self, right: list[FloatArray]) -> FloatArray | None:
+        """Solution for given residuals, see :meth:`solve`."""
+        if self._tangent is None:
+            for fresh in (False, True):
+                found = self._refined(right, fresh)
+                if found is not None:
+                    return found
+        return self._direct(right)
+
+    def _refined(self, right: list[FloatArray], fresh: bool) -> FloatArray | None:
+        """Solution with kept or ``fresh`` factors; None if it does not converge (collective)."""
+        system, kept = self._system, self._factors(fresh)
+        for part, own in zip(system.parts, right, strict=True):
+            part.block.owned_residual[:] = own
+        success, change, _ = kept.step(MASS, system.present)
+        if not success:
+            return None
+        multipliers = -change
+        if kept.exact:
+            return multipliers
+        for _ in range(_SWEEPS):
+            before = [part.block.owned_step.copy() for part in system.parts]
+            kept.again(self._defects(right, multipliers))
+            multipliers = multipliers + kept.correction
+            correction = system.largest_step()
+            for part, steps in zip(system.parts, before, strict=True):
+                part.block.owned_step[:] += steps
+            size = system.largest_step()
+            if correction <= _TOLERANCE * size:
+                return multipliers
+            if not isfinite(correction):
+                return None
+        return multipliers if correction <= _ACCEPTED * size else None
+
+    def _defects(self, right: list[FloatArray], multipliers: FloatArray) -> FloatArray:
+        """Residuals of the blocks, left there, and values (r,) of the rows (collective)."""
+        system, rows = self._system, self._system.constraints
+        END_POINT.multiply_mass(system, -1.0)
+        for part, own in zip(system.parts, right, strict=True):
+            part.block.owned_residual[:] += own
+        system.add_constraint_forces(multipliers)
+        system.interface.update_steps()
+        changes = rows.changes(system.interface.steps) * rows.rigid
+        return -changes - rows.yielding(multipliers)
+
+    def _factors(self, fresh: bool) -> FrozenSolver:
+        """Solver with the factors of the masses at the start, or of the trial state."""
+        if self._kept is None:
+            self._kept = FrozenSolver(self._system)
+            blocks = [part.block for part in self._system.parts]
+            present = [block.frames.copy() for block in blocks]
+            for block in blocks:
+                block.frames[:] = block.start_frames
+            self._kept.factor(MASS)
+            for block, frames in zip(blocks, present, strict=True):
+                block.frames[:] = frames
+        if fresh:
+            self._kept.factor(MASS)
+        return self._kept
+
+    def _direct(self, right: list[FloatArray]) -> FloatArray | None:
+        """Solution by the whole matrix, for bodies whose masses are singular (collective)."""
+        system = self._system
+        if self._tangent is None:
+            self._tangent = TangentSolver(system)
+        system.counters.mass_factorizations += 1
+        self._tangent.assemble(MASS)
+        zeros = np.zeros(system.constraints.size)
+        if not (self._tangent.factor() and self._tangent.solve(right, zeros)):
+            return None
+        return -self._tangent.multiplier_step

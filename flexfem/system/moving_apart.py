@@ -1,0 +1,74 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Corrections of the trial state that pass through no contact: they are cut short."""
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from flexfem._types import FloatArray
+from flexfem.system.system import System
+
+__all__ = ["Moved", "move_apart", "predict_apart"]
+
+#: Parts of their gaps that contacts keep in a correction, and that they must have kept in one that
+#: is cut: its motion is not exactly the part of the whole one where nodes rotate.
+_KEEP, _KEPT = 0.2, 0.1
+#: Part of the largest possible correction that is taken, and the number of times that it is cut.
+_SHORTER, _TIMES = 0.95, 40
+
+
+@dataclass(frozen=True)
+class Moved:
+    """Motion of all blocks by their steps.
+
+    Attributes:
+        largest: largest entry of the whole steps on this rank, m or rad.
+        part: part of them that has been taken, the same on all ranks.
+        unsettled: how much contact forces have changed on this rank, over what ends an iteration.
+    """
+
+    largest: float
+    part: float = 1.0
+    unsettled: float = 0.0
+
+
+def move_apart(system: System, move: Callable[[], float]) -> Moved:
+    """Move all blocks by their steps, or by a part of these (collective).
+
+    Args:
+        system: at the trial state.
+        move: moves all blocks by their steps; returns the largest entry on this rank.
+    """
+    if not system.contacts:
+        return Moved(move())
+    contacts, blocks = system.contacts[0], [part.block for part in system.parts]
+    before = [block.increment.copy() for block in blocks]
+    contacts.mark()
+    largest = move()
+    part, safe = 1.0, contacts.safe_part(_KEEP)
+    for time in range(_TIMES):
+        if safe >= 1.0:
+            break
+        shorter = _SHORTER * safe if time + 1 < _TIMES else 0.0
+        part *= shorter
+        for block, increment in zip(blocks, before, strict=True):
+            block.increment[:] = increment
+            block.owned_step[:] *= shorter
+        move()
+        safe = contacts.safe_part(_KEPT)
+    return Moved(largest, part, contacts.unsettled())
+
+
+def predict_apart(system: System, law: FloatArray, rates: FloatArray) -> None:
+    """Start a step with the predicted trial state, or a part of the predicted motion (collective).
+
+    See ``System.predict``.
+    """
+    system.predict(law, rates)
+    for contacts in system.contacts:
+        law = law.copy()
+        for time in range(_TIMES):
+            safe = contacts.safe_part_of_step(_KEEP)
+            if safe >= 1.0:
+                break
+            law[:2] *= _SHORTER * safe if time + 1 < _TIMES else 0.0
+            system.predict(law, rates)
