@@ -3,7 +3,7 @@
 
 The rope is a round rod, straight where it is free of stress, 10 mm thick (E = 1e7 N/m^2, nu = 0.45,
 rho = 1000 kg/m^3). At first it lies in a wide loop: two tails along X, which are wound about one
-another by one and a half turns (``--braid`` long, their axes 1.5 diameters apart, ``--apart``), and
+another by one and a half turns (``--braid`` long, their axes 1.25 diameters apart, ``--apart``), and
 a stadium of two half circles (``--radius``) between them. Both ends are held, free to rotate. The
 rope first settles for the time ``--settle``; then one end is pulled away along X by ``--pull``
 metres. Nothing but the contact of the rope with itself keeps the knot.
@@ -122,18 +122,18 @@ CASE = ff.Case(
     description=__doc__,
     build=build,
     options=(
-        ff.Option("elements", int, 160, "beam elements", minimum=1),
+        ff.Option("elements", int, 200, "beam elements", minimum=1),
         ff.Option("diameter", float, 0.01, "of the rope", unit="m", above=0.0),
         ff.Option("tail", float, 0.25, "length of each straight tail", unit="m", above=0.0),
-        ff.Option("braid", float, 0.24, "length where the strands are wound", unit="m", above=0.0),
+        ff.Option("braid", float, 0.4, "length where the strands are wound", unit="m", above=0.0),
         ff.Option("radius", float, 0.12, "of the half circles", unit="m", above=0.0),
-        ff.Option("apart", float, 1.5, "distance of the strands' axes, in diameters", above=1.0),
+        ff.Option("apart", float, 1.25, "distance of the strands' axes, in diameters", above=1.0),
         ff.Option("youngs_modulus", float, 1e7, "of the rope", unit="N/m^2", above=0.0),
         ff.Option("poisson_ratio", float, 0.45, "of the rope", minimum=0.0, maximum=0.5),
         ff.Option("density", float, 1000.0, "of the rope", unit="kg/m^3", above=0.0),
         ff.Option("damping", float, 1e-2, "stiffness-proportional", unit="s", minimum=0.0),
         ff.Option("settle", float, 0.5, "time before the end is pulled", unit="s", minimum=0.0),
-        ff.Option("pull", float, 0.8, "displacement of the end", unit="m", minimum=0.0),
+        ff.Option("pull", float, 1.2, "displacement of the end", unit="m", minimum=0.0),
         ff.Option("duration", float, 3.0, "of the pull", unit="s", above=0.0),
         ff.Option("friction", float, 0.0, "Coulomb's coefficient", minimum=0.0),
         ff.Option("restitution", float, 0.0, "speed after over speed before impacts", minimum=0.0,
