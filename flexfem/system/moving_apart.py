@@ -11,7 +11,9 @@ __all__ = ["Moved", "move_apart", "predict_apart"]
 
 #: Parts of their gaps that contacts keep in a correction, and that they must have kept in one that
 #: is cut: its motion is not exactly the part of the whole one where nodes rotate.
-_KEEP, _KEPT = 0.2, 0.1
+_KEEP, _KEPT = 0.5, 0.4
+#: The same in predicted motions: barriers are stiff, the solution is not far inside of them.
+_PREDICTED = 0.9
 #: Part of the largest possible correction that is taken, and the number of times that it is cut.
 _SHORTER, _TIMES = 0.95, 40
 
@@ -67,7 +69,7 @@ def predict_apart(system: System, law: FloatArray, rates: FloatArray) -> None:
     for contacts in system.contacts:
         law = law.copy()
         for time in range(_TIMES):
-            safe = contacts.safe_part_of_step(_KEEP)
+            safe = contacts.safe_part_of_step(_PREDICTED)
             if safe >= 1.0:
                 break
             law[:2] *= _SHORTER * safe if time + 1 < _TIMES else 0.0

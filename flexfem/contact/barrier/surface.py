@@ -71,6 +71,8 @@ def contact_surface(surfaces: CollisionSurfaces, sides: Sides) -> ContactSurface
         own.edges[: own.lines][members[own.edge_body[: own.lines]]],
         np.flatnonzero(there & own.vertex), np.flatnonzero(there & ~own.vertex & (own.areas > 0.0)),
     )  # fmt: skip
+    rigid = np.array([body.rigid for body in surfaces.bodies], dtype=np.bool_)
+    cells = cells.flattened(own.start, rigid[own.triangle_body[members[own.triangle_body]]])
     area = np.zeros(len(own.body))
     for side in (sides.first, sides.second):
         area[side.stations] = np.maximum(area[side.stations], side.areas)

@@ -96,9 +96,10 @@ class Boxes:
 
     def edges(self) -> tuple[IntArray, IntArray]:
         """Pairs (m,) of edges of triangles with edges of triangles and polylines, once each."""
+        cells = self.complex
+        sharp = np.setdiff1d(np.arange(len(cells.edges)), cells.flat)
         first, second = self._between(
-            len(self.complex.vertices) + np.unique(self.complex.sides),
-            len(self.complex.vertices) + np.arange(len(self.complex.edges)),
+            len(cells.vertices) + np.intersect1d(sharp, cells.sides), len(cells.vertices) + sharp
         )
         of_triangles = np.zeros(self.complex.count, np.bool_)
         of_triangles[first] = True

@@ -12,7 +12,7 @@ once wherever it is, and nothing jumps where the closest point moves over an edg
 two polylines have products of the coefficients of lines.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -22,6 +22,8 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 __all__ = ["Complex", "Surface", "lengths"]
 
 _NONE = np.zeros(0, np.int64)
+#: One less the cosine of an angle between two triangles that count as one plane.
+_FLAT = 1e-10
 _SIDES = np.array([[0, 1], [1, 2], [2, 0]])
 
 
@@ -43,6 +45,8 @@ class Complex:
         sides: Edges of the triangles, shape (t, 3).
         lines: Edges that belong to polylines, ascending, shape (l,).
         stations: Vertices that touch others, but are not touched: points inside edges, shape (s,).
+        flat: Edges that stay inside of flat parts of a surface and cross no others: whatever
+            touches them touches the triangles, shape (f,).
     """
 
     vertices: IntArray
@@ -51,6 +55,7 @@ class Complex:
     sides: IntArray
     lines: IntArray
     stations: IntArray
+    flat: IntArray
 
     @classmethod
     def of(
@@ -76,8 +81,23 @@ class Complex:
         sides = at[: 3 * len(corners)].reshape(-1, 3)
         inside = np.searchsorted(vertices, stations)
         return cls(
-            vertices.astype(np.int64), edges, corners, sides, np.unique(at[sides.size :]), inside
+            vertices.astype(np.int64), edges, corners, sides, np.unique(at[sides.size :]), inside,
+            _NONE,
         )  # fmt: skip
+
+    def flattened(self, points: FloatArray, rigid: BoolArray) -> "Complex":
+        """The same with the flat edges of rigid triangles (t,) at positions (n, 3)."""
+        corners = points[self.vertices[self.triangles[rigid]]]
+        normals = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
+        normals /= np.linalg.norm(normals, axis=1, keepdims=True)
+        sides = self.sides[rigid].ravel()
+        order = np.argsort(sides, kind="stable")
+        edge, triangle = sides[order], np.repeat(np.arange(len(normals)), 3)[order]
+        counts = np.bincount(self.sides.ravel(), minlength=len(self.edges))
+        first = np.flatnonzero((edge[1:] == edge[:-1]) & (counts[edge[1:]] == 2))
+        a, b = normals[triangle[first]], normals[triangle[first + 1]]
+        level = np.abs(np.einsum("ea,ea->e", a, b)) > 1.0 - _FLAT
+        return replace(self, flat=edge[first[level]])
 
     @property
     def count(self) -> int:

@@ -48,7 +48,7 @@ _MOST = 4.0
 #: group are those of single pairs; from twice as far on they are those of the middle.
 _SHORT = 0.25
 #: Slopes of groups follow the difference quotient within these bounds.
-_LEAST_RATIO, _MOST_RATIO = 1e-2, 10.0
+_LEAST_RATIO, _MOST_RATIO = 1e-9, 10.0
 #: Approach, in parts of dhat, below which the difference quotient says little of the slope.
 _LITTLE = 1e-3
 
@@ -170,24 +170,31 @@ def _write_middle(
 
 
 @inlined
-def _finish_one(
-    own: Pairs, p: int, gaps: FloatArray, numbers: FloatArray, forces: FloatArray
-) -> None:
-    """Write the force of a pair alone, along its mean line, which its tangent gets as well."""
-    size, share = 0.0, gaps[_FACTOR]
+def _write_tangent(own: Pairs, p: int, gaps: FloatArray, numbers: FloatArray) -> None:
+    """Write the tangent of the force of a pair along its mean line."""
+    size = 0.0
     for a in range(3):
         numbers[NORMAL + a] = numbers[LINE + 4 + a]
         size += numbers[NORMAL + a] ** 2
     size = np.sqrt(size)
     for i in range(4):
-        w = numbers[WEIGHTS + i] = numbers[LINE + i]
-        for a in range(3):
-            forces[3 * i + a] = share * w * numbers[NORMAL + a]
+        numbers[WEIGHTS + i] = numbers[LINE + i]
     for a in range(3):
         numbers[NORMAL + a] /= size
     ratio = 2.0 * size / (gaps[_BEFORE] + gaps[_AFTER] + 2.0 * own.touch[p])
     secant = _secant(gaps[_BEFORE], gaps[_AFTER], gaps[_CHANGE], own.dhat[p], own.kappa[p])
     numbers[SLOPE] = own.weight[p] * secant * ratio * ratio
+
+
+@inlined
+def _finish_one(
+    own: Pairs, p: int, gaps: FloatArray, numbers: FloatArray, forces: FloatArray
+) -> None:
+    """Write the force of a pair alone, along its mean line, which its tangent gets as well."""
+    for i in range(4):
+        for a in range(3):
+            forces[3 * i + a] = gaps[_FACTOR] * numbers[LINE + i] * numbers[LINE + 4 + a]
+    _write_tangent(own, p, gaps, numbers)
 
 
 @inlined
@@ -238,6 +245,10 @@ def _finish_group(own: Pairs, work: FloatArray, out: Response, first: int, end: 
                     + along * numbers[LINE + i] * numbers[LINE + 4 + a]
                 )
         nearest, ends = min(nearest, gaps[_MIDDLE]), min(ends, gaps[_BEFORE], gaps[_AFTER])
+        if middle == 0.0:
+            _write_tangent(own, out.pairs[k], gaps, numbers)
+    if middle == 0.0:
+        return
     closer = nearest - ends if nearest > ends or nearest <= 0.0 else 0.0
     _write_slopes(own, work, out, first, end, closer)
 
