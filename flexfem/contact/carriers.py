@@ -18,6 +18,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.obstacles.carried import (
     Carried,
     add_carried,
+    add_over_cayley_step,
     add_over_step,
     add_turned,
     carried_into,
@@ -219,10 +220,16 @@ class Carriers:
         add_carried(one.block.nodes.memory, one.own.memory, forces, loads)
         loads /= scale
 
-    def add_over_step(self, kind: int, forces: FloatArray, scale: float) -> None:
-        """Add gathered forces (n + d, 3) over a step, which have been scaled, to a residual."""
+    def add_over_step(
+        self, kind: int, forces: FloatArray, scale: float, *, cayley: bool
+    ) -> None:
+        """Add gathered forces (n + d, 3) over a step, which have been scaled, to a residual.
+
+        ``cayley`` is True where nodes rotate by Cayley vectors.
+        """
         one = self.by_kind[kind]
-        add_over_step(one.block.nodes.memory, one.own.memory, forces)
+        add = add_over_cayley_step if cayley else add_over_step
+        add(one.block.nodes.memory, one.own.memory, forces)
         one.own.loads /= scale
 
     def at_nodes(self, kind: int, stiffness: FloatArray) -> FloatArray:

@@ -337,13 +337,14 @@ class Contacts:
         return sum(made.closed.lost for g in self.groups for made in g.every)
 
     def measure(self, name: str) -> FloatArray:
-        """This rank's share in penetration, forces and number of a contact, (6,) (collective)."""
+        """This rank's share in gap, penetration, forces and number of a contact, (7,) (collective)."""
         self.refresh()
         group = next(g for g in self.groups if g.surfaces.contact.name == name)
         deepest = max([made.deepest for made in group.every], default=0.0)
         deepest = self._comm.allreduce(deepest, op=MPI.MAX)
         closed = sum(made.count for made in group.every)
-        return np.array([deepest * float(self._comm.rank == 0), *group.forces, closed])
+        deepest *= float(self._comm.rank == 0)
+        return np.array([-deepest, deepest, *group.forces, closed])
 
 
 class ContactShare:

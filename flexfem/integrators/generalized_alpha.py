@@ -213,8 +213,11 @@ def predict_step(
     system: System, laws: StepLaws, split: Split | None, prediction: Prediction
 ) -> None:
     """Start a step of the given laws with the predicted trial state."""
-    predict_apart(system, laws.predict[prediction], laws.rates)
-    rows = system.constraints
+    law, rows = laws.predict[prediction], system.constraints
+    parts = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # of the increments
+    predict_apart(
+        system, lambda share: system.predict(law * (1.0 + (share - 1.0) * parts), laws.rates)
+    )
     if split is None:
         rows.multipliers[:] = laws.shifts.scale * rows.forces
     else:

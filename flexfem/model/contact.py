@@ -232,9 +232,10 @@ def can_touch(body: object) -> bool:
 
 @declared
 class ContactProbe(AnyProbe):
-    """Penetration and forces of a contact.
+    """Gap and forces of a contact.
 
-    Columns: name_penetration, the largest one, m; name_fx, name_fy, name_fz, the force on the
+    Columns: name_gap, the least one between surfaces, m, or the gap below which they repel if none
+    is smaller; name_penetration, the largest one, m; name_fx, name_fy, name_fz, the force on the
     ``bodies`` that have nodes, N; name_normal, the sum of the sizes of all normal forces, N;
     name_closed, the number of touching points, those of both passes.
 
@@ -251,7 +252,7 @@ class ContactProbe(AnyProbe):
 
     def __post_init__(self) -> None:
         """Name the columns."""
-        name_columns(self, ("penetration", "fx", "fy", "fz", "normal", "closed"))
+        name_columns(self, ("gap", "penetration", "fx", "fy", "fz", "normal", "closed"))
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""

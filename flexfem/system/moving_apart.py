@@ -4,7 +4,6 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from flexfem._types import FloatArray
 from flexfem.system.system import System
 
 __all__ = ["Moved", "move_apart", "predict_apart"]
@@ -60,17 +59,19 @@ def move_apart(system: System, move: Callable[[], float]) -> Moved:
     return Moved(largest, part, contacts.unsettled())
 
 
-def predict_apart(system: System, law: FloatArray, rates: FloatArray) -> None:
-    """Start a step with the predicted trial state, or a part of the predicted motion (collective).
+def predict_apart(system: System, predict: Callable[[float], None]) -> None:
+    """Start a step with the predicted trial state, or a share of the predicted motion (collective).
 
-    See ``System.predict``.
+    Args:
+        system: at the start of the step.
+        predict: predicts a share of the whole motion.
     """
-    system.predict(law, rates)
+    predict(1.0)
     for contacts in system.contacts:
-        law = law.copy()
+        share = 1.0
         for time in range(_TIMES):
             safe = contacts.safe_part_of_step(_PREDICTED)
             if safe >= 1.0:
                 break
-            law[:2] *= _SHORTER * safe if time + 1 < _TIMES else 0.0
-            system.predict(law, rates)
+            share *= _SHORTER * safe if time + 1 < _TIMES else 0.0
+            predict(share)

@@ -36,6 +36,8 @@ __all__ = ["BarrierContacts"]
 _SKIN, _STEPS = 0.5, 4.0
 #: Part of the largest edge of the cells by which points move at most in one correction.
 _STRIDE = 1.0
+#: Size of steps whose barrier equilibria have, s: rigid bodies carry any weight with it.
+_AT_REST = 1e-3
 #: Relative change of forces, and way of points in parts of the gap at which they repel, at which an
 #: iteration ends.
 _SETTLED, _NEAR = 1e-6, 1e-3
@@ -84,7 +86,7 @@ class BarrierContacts:
         self._low = np.full((count, 3), np.inf)
         self._high = -self._low
         self._known = here
-        self._over_step, self.factor = False, 1.0
+        self._over_step, self.factor, self._cayley = False, 1.0, False
         self.evaluated, self.time = False, 0.0
         self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
 
@@ -98,7 +100,7 @@ class BarrierContacts:
     def prepare(self, inertia: float) -> None:
         """Choose it by the factor of the mass in the first matrix, 1/s^2, once; 0 at rest."""
         if self._stiff is None:
-            self.start(2.0 / np.sqrt(inertia) if inertia > 0.0 else np.inf)
+            self.start(2.0 / np.sqrt(inertia) if inertia > 0.0 else _AT_REST)
 
     def _set_stiffness(self, h: FloatArray) -> None:
         self._stiff = h
@@ -108,15 +110,19 @@ class BarrierContacts:
 
     # -- Motion ---------------------------------------------------------------------------------
 
-    def begin_step(self, weight: float) -> None:
-        """Start a step at the accepted state; forces have a factor in its equations (collective)."""
+    def begin_step(self, weight: float, *, cayley: bool = False) -> None:
+        """Start a step at the accepted state (collective).
+
+        Forces have the factor ``weight`` in its equations. ``cayley`` is True where nodes rotate by
+        Cayley vectors.
+        """
         self._place()
         self._before[:] = self._last[:] = self._points
-        self._over_step, self.factor = True, weight
+        self._over_step, self.factor, self._cayley = True, weight, cayley
 
-    def end_step(self) -> None:
-        """End a step: the forces are in the impulses of the accepted state."""
-        self.factor = 0.0
+    def end_step(self, factor: float) -> None:
+        """End a step; forces have a factor in the accelerations of the accepted state."""
+        self.factor = factor
 
     @property
     def pressing(self) -> bool:
@@ -261,7 +267,7 @@ class BarrierContacts:
     def hand_out(self, kind: int, scale: float) -> None:
         """Add the forces gathered last, with the same scale, to the residual of a block."""
         if self._over_step:
-            self._carriers.add_over_step(kind, self._forces, scale)
+            self._carriers.add_over_step(kind, self._forces, scale, cayley=self._cayley)
         else:
             self._carriers.add_loads(kind, self._forces, scale)
 
@@ -381,7 +387,7 @@ class BarrierContacts:
         return self._comm.allreduce(least, op=MPI.MIN)
 
     def measure(self, name: str) -> FloatArray:
-        """This rank's share in gap, forces and number of a contact, (6,) (collective)."""
+        """This rank's share in gap, penetration, forces and number of a contact, (7,) (collective)."""
         self.refresh()
         least = self.least_gap(name)
         one = next(one for one in self.contacts if one.name == name)
@@ -398,7 +404,7 @@ class BarrierContacts:
         pushes = np.add.reduceat(first, begins) if len(begins) else np.zeros((0, 3))
         normal = np.linalg.norm(pushes, axis=1).sum()
         share = least * float(self._comm.rank == 0)
-        return np.array([share, *total, normal, len(begins)])
+        return np.array([share, 0.0, *total, normal, len(begins)])
 
 
 def _own_cells(one: ContactPairs, own: BoolArray) -> IntArray:

@@ -17,6 +17,7 @@ from flexfem.kernels.records import Float2D, Int1D, Memory, Record, unpack
 __all__ = [
     "Carried",
     "add_carried",
+    "add_over_cayley_step",
     "add_over_step",
     "add_turned",
     "carried_into",
@@ -132,6 +133,31 @@ def add_over_step(nodes: Memory, carried: Memory, forces: FloatArray) -> None:
         for a in range(3):
             residual[node, a] += loads[k, a] if state.inertial else g[a]
             residual[node, 3 + a] += _cross(arms[k], g, a)
+
+
+@kernel
+def add_over_cayley_step(nodes: Memory, carried: Memory, forces: FloatArray) -> None:
+    """The same for nodes that rotate by Cayley vectors, see ``core.nodes.step_kernels``.
+
+    The way of a point is that of its node and the Cayley vector times its mean arm.
+    """
+    state, own, arm, m = unpack(Nodes, nodes), unpack(Carried, carried), np.empty(3), np.empty(3)
+    residual, loads = state.residual, own.loads
+    local, arms, rows = own.local, own.arms, own.rows
+    for k in range(local.size):
+        node = local[k]
+        H0, H, f, s = state.frames0[node], state.frames[node], forces[rows[k]], arms[k]
+        for a in range(3):
+            j = 3 + 3 * a
+            arm[a] = 0.5 * (
+                (H0[j] + H[j]) * s[0] + (H0[j + 1] + H[j + 1]) * s[1] + (H0[j + 2] + H[j + 2]) * s[2]
+            )
+        for a in range(3):
+            m[a] = _cross(arm, f, a)
+        for a in range(3):
+            loads[k, a] = H[3 + a] * f[0] + H[6 + a] * f[1] + H[9 + a] * f[2]
+            residual[node, a] += loads[k, a]
+            residual[node, 3 + a] += H[3 + a] * m[0] + H[6 + a] * m[1] + H[9 + a] * m[2]
 
 
 @kernel

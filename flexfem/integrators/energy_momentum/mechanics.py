@@ -6,7 +6,7 @@ iteration matrix is that of Newmark's method, ``M + h^2 (1 + chi)^2/4 K``; multi
 likewise. Scheme and proofs: :class:`flexfem.integrators.energy_momentum.scheme.EnergyMomentum`.
 """
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 
 from mpi4py import MPI
 
@@ -21,6 +21,7 @@ from flexfem.bodies.step_inertia import (
     moved_lumps,
     step_inertia_tangent,
 )
+from flexfem.contact.contacts import Contacts
 from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.nodes.step_kernels import StepNodes, correct, mean_acceleration, start
 from flexfem.core.state import State
@@ -31,7 +32,8 @@ from flexfem.integrators.energy_momentum.constraints import StepRows
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.lie import se3
 from flexfem.model.bodies.basic import Beam
-from flexfem.system.mechanics import Mechanics
+from flexfem.system.mechanics import Correction, Mechanics
+from flexfem.system.moving_apart import move_apart, predict_apart
 from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
 __all__ = ["StepMechanics"]
@@ -109,12 +111,15 @@ class _Part:
         self.set_law(h)
         self._memory = memory
 
-    def predict(self, h: float, prediction: Prediction) -> None:
-        """Predict increments as zero, from the rates, or also from their last change."""
+    def predict(self, h: float, prediction: Prediction, share: float) -> None:
+        """Predict increments as zero, from the rates, or also from their last change.
+
+        A ``share`` of them is taken.
+        """
         chi = self.chi
         law = np.array([
-            h * (prediction >= Prediction.VELOCITY),
-            0.5 * h * (prediction >= Prediction.ACCELERATION),
+            share * h * (prediction >= Prediction.VELOCITY),
+            share * 0.5 * h * (prediction >= Prediction.ACCELERATION),
             (chi - 1.0) / (1.0 + chi), self._memory * chi / (1.0 + chi),
         ])  # fmt: skip
         start(self.state.memory, law)
@@ -198,6 +203,9 @@ class StepMechanics(Mechanics):
                 part.last_change = part.twists0 - part.beams.twists(part.before)
             part.beams.last_change[:] = self._part_of_last() * part.last_change
         self._rows.begin(h, self.weight, self._last_h)
+        for contacts in system.contacts:
+            contacts.start(h)
+            contacts.begin_step(2.0 / (1.0 + self.chi), cayley=True)
 
     def _part_of_last(self) -> float:
         """Part of the last changes of strains that enters a step of this size."""
@@ -219,10 +227,14 @@ class StepMechanics(Mechanics):
                 twists = part.beams.twists(part.block.frames0)
                 part.last_change = twists - part.beams.twists(part.before)
 
-    def predict(self, prediction: Prediction) -> None:
-        """Trial state from the accepted one."""
-        for part in self._parts.values():
-            part.predict(self.h, prediction)
+    def predict(self, system: System, prediction: Prediction) -> None:
+        """Trial state from the accepted one (collective)."""
+
+        def predict(share: float) -> None:
+            for part in self._parts.values():
+                part.predict(self.h, prediction, share)
+
+        predict_apart(system, predict)
 
     def error(self, system: System) -> float:
         """Estimated error of the trial state's increments, m or rad (collective)."""
@@ -233,6 +245,8 @@ class StepMechanics(Mechanics):
 
     def accept(self, system: System) -> None:
         """Accept the trial state (collective)."""
+        for contacts in system.contacts:
+            contacts.evaluate()
         misses = []
         for part in self._parts.values():
             if part.beams is not None:
@@ -243,6 +257,8 @@ class StepMechanics(Mechanics):
         system.interface.update()
         self._rows.accept()
         system.constraints.accept()
+        for contacts in system.contacts:
+            contacts.end_step(1.0)
         self._last_h = self.h
 
     def evaluate(self, system: System, shifts: Shifts, strains: PartStrains | None = None) -> None:
@@ -262,9 +278,17 @@ class StepMechanics(Mechanics):
                 add_step_forces(
                     forces.nodes, forces.wrenches.memory, state.memory, self._factors, self.weight
                 )
+        for contacts in system.contacts:
+            contacts.collect(shifts.scale)
+            for kind in contacts.kinds:
+                contacts.hand_out(kind, shifts.scale)
         system.interface.update()
         self._rows.evaluate()
         system.add_constraint_forces(system.constraints.multipliers)
+
+    def correct(self, system: System, again: Callable[[FloatArray], bool] | None) -> Correction:
+        """See :class:`flexfem.system.mechanics.Mechanics`."""
+        return Correction(True, move_apart(system, lambda: self.move(system, -1.0)))
 
     def move(self, system: System, sign: float) -> float:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
@@ -339,10 +363,11 @@ def _check_parts(system: System) -> None:
     rows are checked by :mod:`flexfem.integrators.energy_momentum.constraints`.
     """
     for contacts in system.contacts:
-        name = contacts.groups[0].surfaces.contact.name
-        raise InputError(
-            f'Contact "{name}": the integrator energy_momentum does not support contact'
-        )
+        if isinstance(contacts, Contacts):
+            name = contacts.groups[0].surfaces.contact.name
+            raise InputError(
+                f'Contact "{name}": the integrator energy_momentum does not support the penalty'
+            )
     if system.modal_dampers is not None:
         raise InputError(
             f"{system.modal_dampers.owner}: "

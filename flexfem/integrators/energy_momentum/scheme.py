@@ -31,7 +31,6 @@ from functools import partial
 from typing import ClassVar
 
 from flexfem._checks import InputError
-from flexfem.constraints.batch import Constraints
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
@@ -104,13 +103,13 @@ class EnergyMomentum(Integrator):
 
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """See :meth:`Integrator.solve`."""
-        mechanics, rows, begin = self.mechanics, system.constraints, system.time
+        mechanics, begin = self.mechanics, system.time
         system.set_time(begin + 0.5 * h)
         factors = system.factors.copy()
         system.set_time(begin + h)
         mechanics.begin(system, h, factors)
         status = Status.DIVERGED
-        for restart in predictions(system, partial(_predict, mechanics, rows)):
+        for restart in predictions(system, partial(_predict, system, mechanics)):
             status = policy.solve(self.shifts(h), restart)
             if status is Status.OK:
                 return status
@@ -131,7 +130,8 @@ class EnergyMomentum(Integrator):
         self.mechanics.accept(system)
 
 
-def _predict(mechanics: StepMechanics, rows: Constraints, prediction: Prediction) -> None:
+def _predict(system: System, mechanics: StepMechanics, prediction: Prediction) -> None:
     """Predict the trial state at the beginning of the iteration."""
-    mechanics.predict(prediction)
+    rows = system.constraints
+    mechanics.predict(system, prediction)
     rows.multipliers[:] = mechanics.weight * rows.forces

@@ -101,7 +101,7 @@ class UnilateralContacts(Unilateral):
     def add_pressing(self) -> None:
         """See :class:`Unilateral`."""
         self._contacts.subtract_means()
-        self._contacts.end_step()
+        self._contacts.end_step(0.0)
 
     def read_means(self, shifts: Shifts, out: FloatArray) -> None:
         """See :class:`Unilateral`."""
@@ -111,7 +111,7 @@ class UnilateralContacts(Unilateral):
 
     def end(self) -> None:
         """See :class:`Unilateral`."""
-        self._contacts.end_step()
+        self._contacts.end_step(0.0)
 
 
 class UnilateralRows(Unilateral):

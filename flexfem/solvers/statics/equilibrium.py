@@ -23,6 +23,7 @@ from flexfem.solvers.linear.schur_kernels import largest_entry
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.statics.stability import Inertia
 from flexfem.system.mechanics import END_POINT
+from flexfem.system.moving_apart import Moved, move_apart
 from flexfem.system.system import Shifts, System
 
 __all__ = ["Equilibrium", "Limits", "Loading", "Snapshot", "settle"]
@@ -307,8 +308,8 @@ class Equilibrium:
                 return Status.DIVERGED
             noise = size > _STAGNATION * previous and size <= _NOISE * limits.tolerance
             done = (size <= limits.tolerance or noise) and self._balanced()
-            self._advance(change, load)
-            if done:
+            moved = self._advance(change, load)
+            if done and moved.part == 1.0 and self.largest(moved.unsettled) <= 1.0:
                 return Status.OK
             previous = size
         return Status.NOT_CONVERGED
@@ -317,9 +318,9 @@ class Equilibrium:
         """Return True if the system alone carries the loads in the last step (collective)."""
         return True
 
-    def _advance(self, change: FloatArray, load: float) -> None:
+    def _advance(self, change: FloatArray, load: float) -> Moved:
         """Move by the blocks' steps, the multipliers' step and that of the load (collective)."""
-        self.move(-1.0, change, load)
+        return self.move(-1.0, change, load)
 
     def measure(self, change: FloatArray, success: bool = True) -> tuple[float, float, bool]:
         """Size of the step in the blocks, its largest rotation (rad), True after a failure."""
@@ -339,18 +340,21 @@ class Equilibrium:
         """Largest value on any rank (collective)."""
         return float(self.system.comm.allreduce(value, op=MPI.MAX))
 
-    def move(self, factor: float, change: FloatArray, load: float) -> None:
+    def move(self, factor: float, change: FloatArray, load: float) -> Moved:
         """Move by a multiple of the blocks' steps and the multipliers' step (collective).
 
-        The load parameter moves by the same multiple of ``-load``.
+        The load parameter moves by the same multiple of ``-load``. Less is taken where surfaces
+        would pass through each other.
         """
-        self.strains = self.system.continued_strains(factor, thin=False)
-        for part in self.system.parts:
-            part.block.correct(factor)
+        system = self.system
+        self.strains = system.continued_strains(factor, thin=False)
+        moved = move_apart(system, lambda: END_POINT.move(system, factor))
+        for part in system.parts:
             part.block.accept(_NO_LAW, 0.0)
-        self.system.constraints.multipliers += factor * change
+        system.constraints.multipliers += moved.part * factor * change
         if load:
-            self.loading.set(self.loading.t - factor * load)
+            self.loading.set(self.loading.t - moved.part * factor * load)
+        return moved
 
     def _newton_step(self) -> tuple[bool, FloatArray, float]:
         success, change = self.tangent.step(self.shifts, self.strains)

@@ -11,10 +11,12 @@ from math import isfinite
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.contact.contacts import Contacts
 from flexfem.core.status import Status
 from flexfem.solvers.linear.schur_kernels import largest_entry
 from flexfem.solvers.statics.equilibrium import Equilibrium
 from flexfem.system.mechanics import END_POINT
+from flexfem.system.moving_apart import Moved
 
 __all__ = ["HeldEquilibrium"]
 
@@ -108,16 +110,15 @@ class HeldEquilibrium(Equilibrium):
         limit = max(_HIDDEN * self._load, _NOTHING * self.size)
         return not self._used * self.largest(force) > limit
 
-    def _advance(self, change: FloatArray, load: float) -> None:
+    def _advance(self, change: FloatArray, load: float) -> Moved:
         """Move by the blocks' steps, shortened where contacts close, and the multipliers' step.
 
         The work that the forces do on the step is followed along it. The force of a contact is
         almost linear in the overshoot, so that secants converge to the balance.
         """
         system = self.system
-        if not system.contacts:
-            self.move(-1.0, change, load)
-            return
+        if not any(isinstance(contacts, Contacts) for contacts in system.contacts):
+            return self.move(-1.0, change, load)
         steps = [part.block.owned_step.copy() for part in system.parts]
         start = self.keep()
         before = self._work(steps)
@@ -136,6 +137,7 @@ class HeldEquilibrium(Equilibrium):
             factor = _secant(points)
         for contacts in system.contacts:
             contacts.update()
+        return Moved(0.0)
 
     def _work(self, steps: list[FloatArray]) -> float:
         """Work of the residuals on steps, over all ranks."""
