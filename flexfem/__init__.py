@@ -86,6 +86,7 @@ _MODULES = {
     "ContactProbe": "model.contact",
     "RigidCylinder": "model.rigid_surface",
     "RigidMesh": "model.rigid_surface",
+    "RigidObstacle": "model.rigid_surface",
     "RigidPlane": "model.rigid_surface",
     "RigidSphere": "model.rigid_surface",
     "ShellSection": "materials.shell_section",

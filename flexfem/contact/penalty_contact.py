@@ -14,7 +14,13 @@ from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.bodies.basic import Beam, RigidBody
 from flexfem.model.bodies.shapes import Cylinder, Shape, Sphere
 from flexfem.model.contact import Contact
-from flexfem.model.rigid_surface import RigidCylinder, RigidMesh, RigidSphere, RigidSurface
+from flexfem.model.rigid_surface import (
+    RigidCylinder,
+    RigidMesh,
+    RigidObstacle,
+    RigidSphere,
+    RigidSurface,
+)
 
 __all__ = ["penalty_contacts"]
 
@@ -90,7 +96,13 @@ def _check_pair(
 
 
 def _check_surfaces(serial: NumberedModel, owner: str, who: ContactBodies) -> None:
-    """Raise for rigid bodies that are to touch rigid surfaces of others."""
+    """Raise for signed distances, and rigid bodies that are to touch rigid surfaces of others."""
+    for surface in who.contact.surfaces:
+        if isinstance(surface, RigidObstacle):
+            raise ValueError(
+                f"{owner}: bodies cannot touch a RigidObstacle yet, the penalty has planes, "
+                "spheres, cylinders and meshes"
+            )
     for name, surface in product(who.bodies, who.contact.surfaces):
         carrier = surface.place.body if isinstance(surface.place, Marker) else ""
         if _is(serial, name, RigidBody) and who.touch(name, carrier) and carrier != name:

@@ -1,20 +1,27 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rigid surfaces that shells and beams touch: fixed in space, or moving with a body."""
 
-from typing import ClassVar
+from collections.abc import Callable
+from functools import cached_property
+from typing import Any, ClassVar
 
 import numpy as np
+import numpy.typing as npt
 
 from flexfem import _checks
-from flexfem._fields import checked, declared, flag, instance, number
+from flexfem._fields import Array, checked, declared, flag, function, instance, number
+from flexfem._types import FloatArray
 from flexfem.core.marker import Attachment, Carrier, Ground, Marker, ShellLine, SurfaceMarker
+from flexfem.kernels.users.signed_distance import SignedDistance
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.mesh.triangles.topology import connected_parts, vector_areas
 from flexfem.model.bodies.basic import Beam, RigidBody
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.structure.structure import Structure
 
-__all__ = ["RigidCylinder", "RigidMesh", "RigidPlane", "RigidSphere", "RigidSurface"]
+__all__ = [
+    "RigidCylinder", "RigidMesh", "RigidObstacle", "RigidPlane", "RigidSphere", "RigidSurface",
+]  # fmt: skip
 
 #: Volume relative to that of a sphere of the same area, below which a part has no inside.
 _FLAT = 1e-9
@@ -42,7 +49,8 @@ class RigidSurface:
         kind = type(self).__name__
         if type(self) is RigidSurface:
             raise TypeError(
-                "RigidSurface: take a RigidPlane, RigidSphere, RigidCylinder or RigidMesh"
+                "RigidSurface: take a RigidPlane, RigidSphere, RigidCylinder, RigidMesh or "
+                "RigidObstacle"
             )
         if isinstance(self.place, (Carrier, ShellLine, SurfaceMarker)):
             raise TypeError(
@@ -106,6 +114,47 @@ class RigidCylinder(RigidSurface):
     radius: float = number(default=0.0, positive=True, as_given=True)
     length: float = checked(_length, default=np.inf, as_given=True)
     inside: bool = flag(default=False)
+
+
+def _box(owner: str, what: str, value: npt.ArrayLike) -> FloatArray:
+    """Return checked corners of a box."""
+    box = _checks.array(owner, what, value, (2, 3))
+    if not (box[0] < box[1]).all():
+        raise ValueError(
+            f"{owner}: {what} must be its lowest and its highest corner, got {box.tolist()}"
+        )
+    return box
+
+
+@declared
+class RigidObstacle(RigidSurface):
+    """An obstacle of any shape, by its signed distance in the axes of its place.
+
+    A function of points (k, 3), m, returns their distances (k,), m, from the surface: positive
+    outside, where shells are, negative inside. A function in UFL, of a vector, returns a scalar; it
+    is compiled and its derivatives are exact, which are found by differences otherwise. What is not
+    quite a distance, as a smooth union of several ones, is allowed: points touch the surface
+    itself, at their true distance from it. A slope far from 1 is refused.
+
+    Attributes:
+        distance: The function.
+        box: Lowest and highest coordinates of the surface, shape (2, 3), metres: there the function
+            is checked and the surface drawn. It acts beyond, too.
+    """
+
+    distance: Callable[[Any], Any] = function("points (k, 3)")
+    box: Array = checked(_box)
+
+    def __post_init__(self) -> None:
+        """Check the function in the box."""
+        super().__post_init__()
+        _ = self.surface
+
+    @cached_property
+    def surface(self) -> SignedDistance:
+        """The surface of the distance."""
+        where = "the ground" if isinstance(self.place, Ground) else f'"{self.place.body}"'
+        return SignedDistance(f"RigidObstacle on {where}", self.distance, self.box)
 
 
 @declared

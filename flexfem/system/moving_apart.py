@@ -10,9 +10,9 @@ __all__ = ["Moved", "move_apart", "predict_apart"]
 
 #: Parts of their gaps that contacts keep in a correction, and that they must have kept in one that
 #: is cut: its motion is not exactly the part of the whole one where nodes rotate.
-_KEEP, _KEPT = 0.5, 0.4
+_KEEP, _KEPT = 0.8, 0.7
 #: The same in predicted motions: barriers are stiff, the solution is not far inside of them.
-_PREDICTED = 0.9
+_PREDICTED = 0.97
 #: Part of the largest possible correction that is taken, and the number of times that it is cut.
 _SHORTER, _TIMES = 0.95, 40
 

@@ -6,6 +6,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+import ufl
 
 import flexfem as ff
 from flexfem.contact.initial_overlaps import check_start
@@ -25,6 +26,7 @@ ROUND = ff.Section.circle(0.02, STEEL)
 FLOOR = ff.RigidPlane(ff.Ground((0, 0, -1)))
 BOX, FACES = solids.box((0.2, 0.2, 0.2))
 Z = (0.0, 0.0, 1.0)
+CUBE = np.array([[-0.4, -0.4, -0.4], [0.4, 0.4, 0.4]])
 
 
 def mesh(triangles: np.ndarray = FACES, scale: float = 1.0) -> ff.SurfaceMesh:
@@ -36,12 +38,20 @@ def refused(make: Callable[[], object], message: str) -> None:
         make()
     text = str(raised.value)
     assert "\n" not in text
-    if text.startswith('Contact "'):
+    if text.startswith(('Contact "', "RigidObstacle on")):
         assert_on_page(text)
 
 
 def contact(*given: object, **named: object) -> Callable[[], object]:
     return lambda: ff.Contact("c", *given, **named)
+
+
+def ball(points: np.ndarray) -> np.ndarray:
+    return np.linalg.norm(points, axis=1) - 0.3
+
+
+def obstacle(distance: object, box: object = CUBE) -> Callable[[], object]:
+    return lambda: ff.RigidObstacle(ff.Ground(), distance, box)  # type: ignore[arg-type]
 
 
 DECLARED = [
@@ -80,6 +90,18 @@ DECLARED = [
     (lambda: ff.Box((1.0, 0.0, 1.0)), "Box: sizes must be positive"),
     (lambda: ff.RigidSphere(ff.Ground()), "RigidSphere: radius must be positive, got 0"),
     (lambda: ff.RigidCylinder(ff.Ground(), 0.1, 0.0), "RigidCylinder: length must be positive"),
+    (obstacle(lambda x: 3.0 * ball(x)), "ground: distance changes by 3 m per metre at .* surface"),
+    (obstacle(lambda x: ball(x) ** 3), "ground: distance leads to no surface from .*, where it is"),
+    (obstacle(lambda x: ball(x) + 9.0), "distance has no surface in the box from .*: it is 8.* m"),
+    (obstacle(lambda x: ball(x)[:, None]), "must return 1728 numbers, got shape .1728, 1."),
+    (obstacle(lambda x: 0.0), "ground: distance must return 1728 numbers, got shape ..,"),
+    (obstacle(lambda x: np.where(x[:, 0] < 0.2, 1.0, np.inf)), "ground: distance is inf at .0.2"),
+    (obstacle(lambda x: x[:, 3]), "ground: distance: lambda .test_bad.*: IndexError: "),
+    (obstacle(lambda x: ufl.as_vector([x[0], x[1]])), "return a UFL scalar, got shape .2,."),
+    (obstacle(lambda x: (ufl, "text")[1]), "must return a UFL scalar, got 'text'"),
+    (obstacle(3.0), "RigidObstacle: distance must be a function of points .k, 3., got 3.0"),
+    (obstacle(ball, [(0, 0, 0), (1, 0, 1)]), "box must be its lowest and its highest corner"),
+    (obstacle(ball, (1, 2, 3)), "RigidObstacle: box must"),
     (lambda: ff.RigidPlane(ff.Carrier("a")), "RigidPlane: place must be a Ground or a plain"),
     (lambda: ff.RigidMesh(ff.Ground(), mesh=mesh(FACES[1:])), "RigidMesh: the surface is open at"),
     (lambda: ff.RigidMesh(ff.Ground(), mesh=mesh(FACES[:, ::-1])), "RigidMesh: the normals at"),
@@ -154,6 +176,8 @@ BUILT = [
     ([ff.Contact("c", "rod", radius=0.01)], 'Contact "c": Beam "rod" cannot touch'),
     ([ff.Contact("c", "ball", "cube")], 'RigidBody "ball" cannot touch RigidBody "cube" yet'),
     ([ff.Contact("c", ("low", "ball"), (), FLOOR)], '"ball" cannot touch a RigidPlane yet'),
+    ([ff.Contact("c", "low", (), ff.RigidObstacle(ff.Marker("ball"), ball, CUBE))],
+     'Contact "c": bodies cannot touch a RigidObstacle yet, the penalty has planes'),
     ([ff.Contact("c", "ball", "low")], '"low" this way round yet: rigid bodies belong to against'),
     ([ff.Contact("c", "low", "rod")], '"rod" this way round yet: beams belong to bodies'),
     ([ff.Contact("c", "bow", "low")], 'Beam "bow": contact needs the formulation se3, got nurbs'),

@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.contact.fields.obstacles import Obstacle, Obstacles
 from flexfem.contact.surfaces.complexes import Complex, coefficients, edges_of, make_complex
 from flexfem.contact.surfaces.surfaces import CollisionSurfaces, collision_surfaces
 from flexfem.layout.numbered_model import NumberedModel
@@ -131,6 +132,22 @@ def test_stations_of_beams_are_as_near_as_what_they_touch_needs() -> None:
     (field,) = sides.fields
     assert field.surface is drum
     assert field.carrier is None
+
+
+def test_obstacles_have_a_distance_on_their_carrier() -> None:
+    model = ff.Model("m", mesh=ff.LineMesh.straight({"rod": [(0, 0, 2), (2, 0, 2)]}, 2))
+    model.add(ff.Beam("rod", ROUND), ff.RigidBody("cart", 1.0, (1, 1, 1), position=(1, 0, 0)))
+    place = ff.Marker("cart", offset=(0.0, 0.0, 0.5))
+    box = [(-1, -1, -0.5), (1, 1, 0.5)]
+    slab = ff.RigidObstacle(place, lambda x: np.abs(x[:, 2]) - 0.25, box)
+    model.add(ff.Contact("c", "rod", surfaces=slab))
+    (sides,) = surfaces_of(model).contacts
+    (field,) = sides.fields
+    made = Obstacles([Obstacle.of(field, "slab")])
+    distance, feet = made.closest(np.zeros(1, np.int64), np.array([[0.3, 0.2, 1.0]]))
+    np.testing.assert_allclose(distance, 0.25, **EXACT)
+    np.testing.assert_allclose(feet, [[0.3, 0.2, 0.75]], rtol=1e-9)
+    assert len(sides.first.stations) > 3  # nearer than the ends of elements
 
 
 def test_points_of_nurbs_beams_are_on_the_curve() -> None:

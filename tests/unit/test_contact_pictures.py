@@ -10,7 +10,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.io.paraview.contact_surfaces import ContactSurfaceWriter
+from flexfem.io.paraview.contact_surfaces import ContactSurfaceWriter, surface_of
 from flexfem.lie import se3, so3
 from flexfem.simulation.motion.stepping import Simulation
 from tests.unit.contact_motion import sheet
@@ -97,6 +97,23 @@ def test_surfaces_are_where_contact_finds_them(shared_tmp_path: Path) -> None:
     plate = normal[body == 3]
     assert len(plate) == 16
     assert (plate[:, 2] > 0.0).sum() == 8
+
+
+@pytest.mark.serial
+def test_obstacles_by_their_distance_are_closed_surfaces() -> None:
+    def torus(x: np.ndarray) -> np.ndarray:
+        return np.hypot(np.hypot(x[:, 0], x[:, 1]) - 1.0, x[:, 2]) - 0.3
+
+    box = [(-1.4, -1.4, -0.4), (1.4, 1.4, 0.4)]
+    ring = ff.RigidObstacle(ff.Ground(), torus, box)
+    drawn = surface_of(ring, np.zeros((2, 3)), se3.exp(np.zeros(6)))
+    assert np.abs(torus(drawn.points)).max() < 1e-14
+    edges = np.sort(drawn.triangles[:, [[0, 1], [1, 2], [2, 0]]].reshape(-1, 2), axis=1)
+    assert (np.unique(edges, axis=0, return_counts=True)[1] == 2).all()
+    x = drawn.points[drawn.triangles]
+    volume = np.einsum("ma,ma->", x[:, 0], np.cross(x[:, 1], x[:, 2])) / 6.0
+    # normals outwards; chords of 40 cells take a quarter of a percent
+    assert volume == pytest.approx(2.0 * np.pi**2 * 0.3**2, rel=5e-3)
 
 
 @pytest.mark.serial

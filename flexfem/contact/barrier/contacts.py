@@ -72,7 +72,7 @@ class BarrierContacts:
         self._rows = GroupRows(self._carriers)
         here = self._carriers.home == comm.rank
         self.contacts = [
-            ContactPairs(own, Neighbourhoods.of(own.surface, surfaces.start, own.touching), here)
+            ContactPairs(own, Neighbourhoods.of(own.surface, surfaces.start, own.touching, surfaces.links), here)
             for own in (contact_surface(surfaces, sides) for sides in surfaces.contacts)
         ]
         self._reach = max(float(one.own.surface.dhat.max()) for one in self.contacts)

@@ -23,7 +23,7 @@ def check_apart(surfaces: CollisionSurfaces) -> None:
     x = surfaces.start
     for sides in surfaces.contacts:
         own = contact_surface(surfaces, sides)
-        near = Neighbourhoods.of(own.surface, x, own.touching)
+        near = Neighbourhoods.of(own.surface, x, own.touching, surfaces.links)
         here = np.ones(len(x), dtype=np.bool_)
         pairs = find_pairs(own.surface, near, Motion(x, x), own.touching, here)
         if not pairs.count:

@@ -13,7 +13,13 @@ import numpy as np
 
 from flexfem.kernels.compiled import inlined
 
-__all__ = ["barrier", "curvature", "slope"]
+__all__ = ["barrier", "curvature", "quotient", "secant", "slope"]
+
+#: Gaps that differ by less than this part of the smaller one count as equal.
+_EQUAL = 1e-7
+#: The same for its slope.
+_NEARLY = 1e-4
+>>>>>>> fields
 
 
 @inlined
@@ -48,3 +54,22 @@ def curvature(gap: float, dhat: float, kappa: float) -> float:
     q = gap / dhat
     rest = (q - 1.0) / q
     return float(-kappa * (2.0 * np.log(q) + 4.0 * rest - rest * rest))
+<<<<<<< HEAD
+=======
+
+
+@inlined
+def quotient(before: float, after: float, change: float, dhat: float, kappa: float) -> float:
+    """Difference quotient of the barrier by the gap."""
+    if abs(after - before) <= _EQUAL * min(before, after):
+        return slope(0.5 * (before + after), dhat, kappa)
+    return change / (after - before)
+
+
+@inlined
+def secant(before: float, after: float, change: float, dhat: float, kappa: float) -> float:
+    """Derivative of the difference quotient by the gap at the end; not negative."""
+    way = after - before
+    if abs(way) <= _NEARLY * min(before, after):
+        return 0.5 * curvature(0.5 * (before + after), dhat, kappa)
+    return max((slope(after, dhat, kappa) * way - change) / (way * way), 0.0)

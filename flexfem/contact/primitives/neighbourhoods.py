@@ -6,7 +6,7 @@ complex of their own, with a boundary, and the coefficients of inclusion and exc
 this complex (see ``complexes``). A pair of cells of two polylines is a cell of their product.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -25,6 +25,8 @@ from flexfem.contact.primitives.complexes import Surface
 from flexfem.kernels.compiled import kernel
 
 __all__ = ["Neighbourhoods", "Overrides"]
+
+_NO_LINKS = np.zeros((0, 2), np.int64)
 
 
 @dataclass(frozen=True)
@@ -63,23 +65,87 @@ class Neighbourhoods:
     edges: Overrides
 
     @classmethod
-    def of(cls, surface: Surface, reference: FloatArray, touching: BoolArray) -> "Neighbourhoods":
+    def of(
+        cls, surface: Surface, reference: FloatArray, touching: BoolArray,
+        links: IntArray = _NO_LINKS,
+    ) -> "Neighbourhoods":  # fmt: skip
         """Leave out pairs of one body that are nearer than they touch, or repel, at a shape (n, 3).
+
+        Of different bodies those are left out whose cells are at most an edge away from both points
+        of a link: bodies with a thickness overlap beside a hinge.
 
         Args:
             surface: cells of all bodies.
             reference: positions in the shape without stress.
             touching: bodies that touch each other (b, b); those that do not touch themselves need
                 no search.
+            links: pairs of points of different bodies that are near each other by a joint, shape
+                (l, 2), in both orders.
         """
+        place = _Place(surface, reference, _widened(surface, links, len(reference)))
         themselves = np.diag(touching.diagonal())
-        boxes = Boxes.of(surface, themselves, Motion(reference, reference))
+        every = [Boxes.of(surface, themselves, Motion(reference, reference))]
+        if len(links):
+            label, linked = surface.label[links], np.zeros_like(touching)
+            linked[label[:, 0], label[:, 1]] = touching[label[:, 0], label[:, 1]]
+            around = np.isin(surface.complex.vertices[surface.complex.edges], links).any(axis=1)
+            ends = surface.complex.vertices[surface.complex.edges[around]]
+            edges = np.linalg.norm(reference[ends[:, 1]] - reference[ends[:, 0]], axis=1)
+            motion = Motion(reference, reference, 2.0 * float(edges.max(initial=0.0)))
+            every.append(Boxes.of(surface, linked, motion))
         acting = np.flatnonzero(surface.area[surface.complex.vertices] > 0.0)
         return cls(
-            _near_vertices(surface, reference, boxes.vertices(acting)),
-            _near_lines(surface, reference, boxes.lines()),
-            _near_edges(surface, reference, boxes.edges()),
+            _near_vertices(place, _all(boxes.vertices(acting) for boxes in every)),
+            _near_lines(place, _all(boxes.lines() for boxes in every)),
+            _near_edges(place, _all(boxes.edges() for boxes in every)),
         )
+
+
+def _all(pairs: Iterable[tuple[IntArray, IntArray]]) -> tuple[IntArray, IntArray]:
+    """Return the pairs of several searches as one."""
+    first, second = zip(*pairs, strict=True)
+    return np.concatenate(first), np.concatenate(second)
+
+
+def _widened(surface: Surface, links: IntArray, count: int) -> IntArray:
+    """Keys, first point times ``count`` plus second, of points an edge away from linked ones."""
+    ends = surface.complex.vertices[surface.complex.edges]
+    ends = np.concatenate([ends, ends[:, ::-1]])
+    ends = ends[np.argsort(ends[:, 0], kind="stable")]
+    starts = np.searchsorted(ends[:, 0], np.arange(count + 1))
+
+    def more(one: IntArray, other: IntArray) -> tuple[IntArray, IntArray]:
+        times = np.diff(starts)[one]
+        row = np.repeat(np.arange(len(one)), times)
+        step = np.arange(len(row)) - np.repeat(np.cumsum(times) - times, times)
+        beside = ends[starts[one[row]] + step, 1]
+        return np.concatenate([one, beside]), np.concatenate([other, other[row]])
+
+    first, second = more(links[:, 0], links[:, 1])
+    second, first = more(second, first)
+    return np.unique(first * count + second)
+
+
+@dataclass(frozen=True)
+class _Place:
+    """Cells at positions (n, 3), and links of points as first point times n plus second one."""
+
+    surface: Surface
+    reference: FloatArray
+    links: IntArray
+
+    def near(self, kind: IntArray, points: IntArray, pair: tuple[IntArray, IntArray]) -> BoolArray:
+        """Return True for the pairs (m,) that are left out."""
+        surface, count = self.surface, len(self.reference)
+        distances, weights = np.empty(len(kind)), np.empty((len(kind), 4))
+        closest_pairs(self.reference, kind, points, np.zeros(len(kind)), weights, distances)
+        near = distances < surface.touch(*pair) + surface.reach(*pair)
+        other = surface.cell_label[pair[0]] != surface.cell_label[pair[1]]
+        at = np.flatnonzero(other)
+        first, second = (surface.complex.points[cells[at]] for cells in pair)
+        keys = first[:, :, np.newaxis] * count + second[:, np.newaxis, :]
+        near[at] = np.isin(keys, self.links).any(axis=(1, 2))
+        return near
 
 
 @kernel
@@ -104,23 +170,11 @@ def _replace(keys: IntArray, values: FloatArray, wanted: IntArray, result: Float
             result[k] = values[low]
 
 
-def _near(
-    surface: Surface, reference: FloatArray, kind: IntArray, points: IntArray,
-    pair: tuple[IntArray, IntArray],
-) -> BoolArray:  # fmt: skip
-    """Return True for the pairs (m,) within the distance at which they repel."""
-    distances, weights = np.empty(len(kind)), np.empty((len(kind), 4))
-    closest_pairs(reference, kind, points, np.zeros(len(kind)), weights, distances)
-    return distances < surface.touch(*pair) + surface.reach(*pair)
-
-
-def _near_vertices(
-    surface: Surface, reference: FloatArray, pair: tuple[IntArray, IntArray]
-) -> Overrides:
+def _near_vertices(place: _Place, pair: tuple[IntArray, IntArray]) -> Overrides:
     """Those of vertices with cells of their own body."""
-    cells = surface.complex
+    cells = place.surface.complex
     kind, points = vertex_kind(cells, pair[1]), vertex_points(cells, *pair)
-    near = _near(surface, reference, kind, points, pair)
+    near = place.near(kind, points, pair)
     first, second, kind = pair[0][near], pair[1][near], kind[near]
     v, e, c = len(cells.vertices), len(cells.edges), cells.count
     at = first[:, None] * c
@@ -136,13 +190,11 @@ def _near_vertices(
     )  # fmt: skip
 
 
-def _near_lines(
-    surface: Surface, reference: FloatArray, pair: tuple[IntArray, IntArray]
-) -> Overrides:
+def _near_lines(place: _Place, pair: tuple[IntArray, IntArray]) -> Overrides:
     """Those of polylines with polylines of their own body, in both orders, and with themselves."""
-    cells = surface.complex
+    cells = place.surface.complex
     kind, points = crossing_kind(cells, *pair), crossing_points(cells, *pair)
-    near = _near(surface, reference, kind, points, pair)
+    near = place.near(kind, points, pair)
     one, other = pair[0][near], pair[1][near]
     themselves = np.flatnonzero(cells.on_lines)
     first, second = np.concatenate([[one, other], [other, one], [themselves, themselves]], axis=1)
@@ -167,13 +219,11 @@ def _near_lines(
     )  # fmt: skip
 
 
-def _near_edges(
-    surface: Surface, reference: FloatArray, pair: tuple[IntArray, IntArray]
-) -> Overrides:
+def _near_edges(place: _Place, pair: tuple[IntArray, IntArray]) -> Overrides:
     """Those of edges of triangles with edges of their own body; others keep their coefficient."""
-    cells = surface.complex
+    cells = place.surface.complex
     kind, points = crossing_kind(cells, *pair), crossing_points(cells, *pair)
-    near = _near(surface, reference, kind, points, pair)
+    near = place.near(kind, points, pair)
     keys = np.sort(pair[0][near] * cells.count + pair[1][near])
     return Overrides(cells.count, keys, np.zeros(len(keys)))
 

@@ -17,7 +17,7 @@ says little of the step, sum_j F_j take its place gradually.
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.contact.primitives.barrier import barrier, curvature, slope
+from flexfem.contact.primitives.barrier import barrier, curvature, quotient, secant, slope
 from flexfem.contact.primitives.closest import apart, closest, place
 from flexfem.contact.primitives.data import (
     BEND,
@@ -37,10 +37,6 @@ from flexfem.kernels.records import Memory, unpack
 
 __all__ = ["forces_of_step"]
 
-#: Gaps that differ by less than this part of the smaller one count as equal.
-_EQUAL = 1e-7
-#: The same for its slope.
-_NEARLY = 1e-4
 #: Change, in parts of the forces of single pairs, by which at most the work of a group's forces is
 #: made exact. The step of an impact has 1.
 _MOST = 4.0
@@ -106,23 +102,6 @@ def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, respons
 
 
 @inlined
-def _quotient(before: float, after: float, change: float, dhat: float, kappa: float) -> float:
-    """Difference quotient of the barrier by the gap."""
-    if abs(after - before) <= _EQUAL * min(before, after):
-        return slope(0.5 * (before + after), dhat, kappa)
-    return change / (after - before)
-
-
-@inlined
-def _secant(before: float, after: float, change: float, dhat: float, kappa: float) -> float:
-    """Derivative of the difference quotient by the gap at the end; not negative."""
-    way = after - before
-    if abs(way) <= _NEARLY * min(before, after):
-        return 0.5 * curvature(0.5 * (before + after), dhat, kappa)
-    return max((slope(after, dhat, kappa) * way - change) / (way * way), 0.0)
-
-
-@inlined
 def _write_pair(
     own: Pairs, p: int, gaps: FloatArray, x: FloatArray, w: FloatArray, numbers: FloatArray
 ) -> None:
@@ -148,8 +127,8 @@ def _write_pair(
     numbers[GAP], numbers[POTENTIAL], numbers[BEND] = after, own.weight[p] * final, 0.0
     line, way = numbers[LINE : LINE + 4], numbers[LINE + 4 : LINE + 7]
     slid = mean_line(x[2], dx, w[0], w[1], (after - before) * sizes, line, way)
-    quotient = _quotient(before, after, gaps[_CHANGE], dhat, kappa)
-    gaps[_FACTOR] = -own.weight[p] * quotient / (0.5 * sizes)
+    factor = quotient(before, after, gaps[_CHANGE], dhat, kappa)
+    gaps[_FACTOR] = -own.weight[p] * factor / (0.5 * sizes)
     gaps[_SLID] = slid / (min(before, after) + touch)
 
 
@@ -182,8 +161,8 @@ def _write_tangent(own: Pairs, p: int, gaps: FloatArray, numbers: FloatArray) ->
     for a in range(3):
         numbers[NORMAL + a] /= size
     ratio = 2.0 * size / (gaps[_BEFORE] + gaps[_AFTER] + 2.0 * own.touch[p])
-    secant = _secant(gaps[_BEFORE], gaps[_AFTER], gaps[_CHANGE], own.dhat[p], own.kappa[p])
-    numbers[SLOPE] = own.weight[p] * secant * ratio * ratio
+    bend = secant(gaps[_BEFORE], gaps[_AFTER], gaps[_CHANGE], own.dhat[p], own.kappa[p])
+    numbers[SLOPE] = own.weight[p] * bend * ratio * ratio
 
 
 @inlined

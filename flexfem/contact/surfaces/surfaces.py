@@ -19,7 +19,12 @@ from flexfem.contact.surfaces.rigid import DistanceField, add_rigid_body, add_su
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.contact import Contact
-from flexfem.model.rigid_surface import RigidCylinder, RigidSphere
+from flexfem.model.rigid_surface import (
+    RigidCylinder,
+    RigidObstacle,
+    RigidSphere,
+    RigidSurface,
+)
 
 __all__ = ["CollisionSurfaces", "Sides", "collision_surfaces"]
 
@@ -98,6 +103,14 @@ class CollisionSurfaces:
     def start(self) -> FloatArray:
         """Positions of all points at the start, m, (n + d, 3)."""
         return self.primitives.start
+
+    @cached_property
+    def links(self) -> IntArray:
+        """Pairs (l, 2) of points of different bodies that joints connect, in both orders."""
+        first = np.repeat(np.arange(len(self.start)), np.diff(self.near.starts))
+        second, body = self.near.values, self.primitives.body
+        across = body[first] != body[second]
+        return np.column_stack([first[across], second[across]])
 
     @cached_property
     def density(self) -> FloatArray:
@@ -185,10 +198,7 @@ class _Builder:
         if not isinstance(body, Beam):
             return
         radius = contact.beam_radius(body)
-        curved = [
-            one.surface.radius for one in self._fields.values()
-            if isinstance(one.surface, (RigidCylinder, RigidSphere))
-        ]  # fmt: skip
+        curved = [_curved(one.surface) for one in self._fields.values()]
         sag = np.sqrt(8.0 * _SAG * radius * min(curved, default=np.inf))
         if (name, radius) not in self._beams:
             family = self._serial.family_of(name)
@@ -256,3 +266,12 @@ class _Builder:
                 f'Contact "{contact.name}": nothing is left that touches: every pair of bodies is '
                 "excluded"
             )
+
+
+def _curved(surface: RigidSurface) -> float:
+    """Radius of a surface, infinite for a plane; of any other shape half of its smallest size."""
+    if isinstance(surface, (RigidCylinder, RigidSphere)):
+        return surface.radius
+    if isinstance(surface, RigidObstacle):
+        return 0.5 * float(np.ptp(surface.box, axis=0).min())
+    return np.inf

@@ -9,6 +9,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.io.vtu.body_fields import RigidBodyFields, RigidBodyWriter
+from flexfem.io.vtu.isosurface import isosurface
 from flexfem.io.vtu.surfaces import Surface, cylinder, joined, sphere
 from flexfem.layout.node_key import NodeKey
 from flexfem.layout.numbered_model import NumberedModel
@@ -17,6 +18,7 @@ from flexfem.lie.vectors import cross
 from flexfem.model.rigid_surface import (
     RigidCylinder,
     RigidMesh,
+    RigidObstacle,
     RigidPlane,
     RigidSphere,
     RigidSurface,
@@ -24,10 +26,12 @@ from flexfem.model.rigid_surface import (
 from flexfem.system.bounding_box import model_box
 from flexfem.system.system import System
 
-__all__ = ["ContactSurfaceWriter"]
+__all__ = ["ContactSurfaceWriter", "surface_of"]
 
 #: Sides of planes and lengths of cylinders without end, relative to the model.
 _BEYOND = 1.4
+#: Cells along the box of an obstacle, of which its triangles are made.
+_CELLS = 40
 
 
 class ContactSurfaceWriter:
@@ -62,7 +66,7 @@ class ContactSurfaceWriter:
         self._starts = np.array(starts).reshape(-1, 12)
         box = model_box(serial)
         templates = [
-            _surface(surface, box, start)
+            surface_of(surface, box, start)
             for surface, start in zip(every.values(), starts, strict=True)
         ]
         blocks = {part.kind: part.block for part in system.parts}
@@ -113,7 +117,7 @@ def _placed(
     return (number, blocks[kind], local) if local >= 0 else None
 
 
-def _surface(surface: RigidSurface, box: FloatArray, start: FloatArray) -> Surface:
+def surface_of(surface: RigidSurface, box: FloatArray, start: FloatArray) -> Surface:
     """Triangles of a surface in its axes; infinite ones as far as the model reaches."""
     reach = _BEYOND * (float(np.linalg.norm(box[1] - box[0])) or 1.0)
     near = se3.rotation(start).T @ (box.mean(axis=0) - se3.position(start))
@@ -130,6 +134,10 @@ def _surface(surface: RigidSurface, box: FloatArray, start: FloatArray) -> Surfa
             made = cylinder(radius, long, (0.0, 0.0, 1.0), sides=64, caps=not inside)
             made = made.moved(np.eye(3), middle)
             return _reversed(made) if inside else made
+        case RigidObstacle(surface=written, box=corners):
+            made = isosurface(written.values, corners, _CELLS)
+            _, feet = written.closest(made.points)
+            return Surface(np.where(np.isfinite(feet), feet, made.points), made.triangles)
         case RigidMesh(mesh=mesh, two_sided=two_sided):
             made = Surface(mesh.points, mesh.triangles)
             return joined(made, _reversed(made)) if two_sided else made

@@ -20,6 +20,8 @@ from ufl.core.multiindex import MultiIndex
 from ufl.core.terminal import Terminal
 from ufl.variable import Label
 
+from flexfem import _checks
+from flexfem._faults import ReturnError
 from flexfem._types import FloatArray
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.ffcx import compile_arguments, tabulate
@@ -54,6 +56,32 @@ class UFLFunction:
         self._constant = ufl.Constant(domain, (count,))
         self.x = ufl.variable(self._constant)
         self.sizes, self.addresses = list[int](), list[int]()
+
+    @classmethod
+    def of_vector(cls, what: str, function: Callable[[Any], Any], count: int) -> UFLFunction:
+        """Value and gradient, its two lists, of a function of a UFL vector with ``count`` entries.
+
+        Args:
+            what: name of the function in messages.
+            function: returns a UFL scalar.
+            count: number of entries.
+
+        Raises:
+            ReturnError: it returns something else.
+            ValueError: the expression depends on something else than the vector.
+        """
+        made = cls(count)
+        found = function(ufl.as_vector([made.x[i] for i in range(count)]))
+        try:
+            value = ufl.as_ufl(found)
+        except Exception as error:  # UFL raises many kinds
+            raise ReturnError(
+                f"{what} must return a UFL scalar, got {_checks.show(found)}"
+            ) from error
+        if value.ufl_shape != ():
+            raise ReturnError(f"{what} must return a UFL scalar, got shape {value.ufl_shape}")
+        made.compile([value], made.slopes([value]))
+        return made
 
     def slopes(self, values: Sequence[Expr]) -> list[Expr]:
         """Derivatives of each value by each argument, value by value."""

@@ -115,7 +115,7 @@ def iterate(
         if converged:
             return Status.OK
         grows = size > max(_DIVERGENCE * max(previous, before), _NOISE * options.tolerance)
-        if grows and moved.part == 1.0:
+        if grows and moved.part == 1.0 and sizes[3] <= 1.0:
             return Status.DIVERGED
         previous, before = size, previous
     return Status.NOT_CONVERGED
