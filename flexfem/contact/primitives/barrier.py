@@ -19,7 +19,6 @@ __all__ = ["barrier", "curvature", "quotient", "secant", "slope"]
 _EQUAL = 1e-7
 #: The same for its slope.
 _NEARLY = 1e-4
->>>>>>> fields
 
 
 @inlined
@@ -54,8 +53,6 @@ def curvature(gap: float, dhat: float, kappa: float) -> float:
     q = gap / dhat
     rest = (q - 1.0) / q
     return float(-kappa * (2.0 * np.log(q) + 4.0 * rest - rest * rest))
-<<<<<<< HEAD
-=======
 
 
 @inlined

@@ -1,0 +1,297 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Coulomb's friction of a group of pairs over a step, implicit.
+
+With the weights w_i of the points (``groups``) and P = I - n n^T the slip of a step is
+
+    s = P sum w_i (dX_i + phi_i x r_i),
+
+where phi_i are the spins of the step and r_i the arms from the mean points of both sides to a
+common one between the surfaces, where both friction forces act. Forces w_i t and couples
+w_i r_i x t then have no sum and no torque, and do exactly the work t . s.
+
+Friction is directed against the slip at the END of the step: velocities that grow linearly from
+those of its start, slip rate u_0, have the final one sigma / dt, sigma = 2 s - dt u_0. A law of the
+mean slip would stop a body at the mean of the step and hence return its velocity, so that what
+sticks in an impact leaves with reversed slip. So that no step makes energy, sigma is projected to
+the ball with the diameter from 0 to s,
+
+    x = P_ball sigma,   x . s >= |x|^2,   t = -mu(|x| / dt) N f(|x| / (dt v_0)) x / |x|,
+
+f(y) = y (2 - y) for y < 1, then 1: exactly Coulomb's law from the slip speed v_0 on. The normal
+force N is that of this step. mu(v) = mu_k + (mu_s - mu_k) exp(-(v / v_s)^2) (Stribeck).
+"""
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.contact.dissipation.bridges import inverse, is_near, ramp
+from flexfem.contact.dissipation.data import (
+    ACROSS,
+    ALONG,
+    ARMS,
+    FORCE,
+    FRICTION,
+    KNOWN,
+    LAST_FORCE,
+    LAST_SLIP,
+    LAST_TANGENT,
+    NORMAL,
+    PUSH,
+    TANGENT,
+    Groups,
+    Law,
+    StepMotion,
+)
+from flexfem.kernels.compiled import inlined, subroutine
+
+__all__ = ["rub"]
+
+
+#: Part of |s|^2 up to which sigma counts as inside for the derivative: steady slip is on the rim of
+#: the ball, and most of what changes it slows it down.
+_RIM = 1e-9
+#: Part of the largest friction from which on slip is predicted: all but round-off.
+_SLIPS = 1.0 - 1e-9
+
+
+@inlined
+def _write_arms(groups: Groups, g: int, step: StepMotion, numbers: FloatArray) -> None:
+    """Write the arms from the mean points of both sides to the common one, in the middle."""
+    start, middle, end = groups.starts[g], groups.sides[g], groups.starts[g + 1]
+    first = second = 0.0
+    for a in range(3):
+        numbers[ARMS + a] = 0.0
+    for e in range(start, end):
+        w, p = groups.weights[e], groups.points[e]
+        if e < middle:
+            first += w * step.radius[p]
+        else:
+            second -= w * step.radius[p]
+        for a in range(3):
+            # from the first mean point to the second one
+            numbers[ARMS + a] -= w * 0.5 * (step.before[p, a] + step.after[p, a])
+    both = first + second
+    share = min(max(first / both, 0.0), 1.0) if both > 0.0 else 0.5
+    for a in range(3):
+        way = numbers[ARMS + a]
+        numbers[ARMS + a], numbers[ARMS + 3 + a] = share * way, (share - 1.0) * way
+
+
+@inlined
+def _write_slips(
+    groups: Groups, g: int, step: StepMotion, numbers: FloatArray, s: FloatArray, final: FloatArray
+) -> None:
+    """Write the slip of the step and the one with the final slip rate."""
+    start, middle, end = groups.starts[g], groups.sides[g], groups.starts[g + 1]
+    for a in range(3):
+        s[a] = final[a] = 0.0
+    for e in range(start, end):
+        w, p, at = groups.weights[e], groups.points[e], ARMS if e < middle else ARMS + 3
+        for a in range(3):
+            b, c = (a + 1) % 3, (a + 2) % 3
+            way, rate = step.after[p, a] - step.before[p, a], step.rates[p, a]
+            way += step.spins[p, b] * numbers[at + c] - step.spins[p, c] * numbers[at + b]
+            rate += step.spin_rates[p, b] * numbers[at + c]
+            rate -= step.spin_rates[p, c] * numbers[at + b]
+            s[a] += w * way
+            final[a] += w * (2.0 * way - step.dt * rate)
+    along = beside = 0.0
+    for a in range(3):
+        along += numbers[NORMAL + a] * s[a]
+        beside += numbers[NORMAL + a] * final[a]
+    for a in range(3):
+        s[a] -= along * numbers[NORMAL + a]
+        final[a] -= beside * numbers[NORMAL + a]
+
+
+@inlined
+def _set_twice(change: FloatArray) -> None:
+    """Write dx/ds inside the ball."""
+    for a in range(3):
+        for b in range(3):
+            change[a, b] = 2.0 if a == b else 0.0
+
+
+@inlined
+def _project(s: FloatArray, x: FloatArray, change: FloatArray) -> None:
+    """Replace sigma by x, its projection to the ball from 0 to s; write dx/ds (3, 3)."""
+    inside = square = size = 0.0
+    for a in range(3):
+        inside += x[a] * (x[a] - s[a])
+        square += s[a] * s[a]
+        size += (x[a] - 0.5 * s[a]) ** 2
+    _set_twice(change)
+    if inside <= 0.0:
+        return
+    radius, size = 0.5 * np.sqrt(square), np.sqrt(size)
+    for a in range(3):
+        x[a] = (x[a] - 0.5 * s[a]) / size  # the direction e from the middle of the ball
+    if inside > _RIM * square:
+        for a in range(3):
+            for b in range(3):
+                unit = 1.0 if a == b else 0.0
+                change[a, b] = 0.5 * unit + 1.5 * radius / size * (unit - x[a] * x[b])
+                if radius > 0.0:
+                    change[a, b] += 0.25 * x[a] * s[b] / radius
+    for a in range(3):
+        x[a] = 0.5 * s[a] + radius * x[a]
+
+
+@inlined
+def _coefficient(law: Law, size: float, dt: float) -> tuple[float, float]:
+    """Friction over N and the slip ``size``, and its derivative by the slip, over N, 1/m."""
+    width, v = law.slip_speed * dt, size / dt
+    more = law.static_friction - law.friction
+    ratio = v / law.stribeck_speed if more > 0.0 else 0.0
+    more *= np.exp(-ratio * ratio)
+    mu = law.friction + more
+    change = -2.0 * more * ratio / (law.stribeck_speed * dt) if more > 0.0 else 0.0
+    part, growth = ramp(size, width)
+    secant = mu * (part / size if size > 0.0 else 2.0 / width)
+    return secant, change * part + mu * growth
+
+
+@inlined
+def _write_directions(numbers: FloatArray, x: FloatArray, size: float) -> None:
+    """Write unit vectors along and across the slip; any tangential ones if there is none."""
+    n, d = numbers[NORMAL : NORMAL + 3], numbers[ALONG : ALONG + 3]
+    along = rest = 0.0
+    for a in range(3):
+        along += n[a] * x[a]
+    for a in range(3):
+        d[a] = x[a] - along * n[a]
+        rest += d[a] * d[a]
+    if not rest > 0.5 * size * size:  # round-off
+        least = 0
+        for a in range(1, 3):
+            if abs(n[a]) < abs(n[least]):
+                least = a
+        rest = 1.0 - n[least] ** 2
+        for a in range(3):
+            d[a] = (1.0 if a == least else 0.0) - n[least] * n[a]
+    for a in range(3):
+        d[a] /= np.sqrt(rest)
+    for a in range(3):
+        b, c = (a + 1) % 3, (a + 2) % 3
+        numbers[ACROSS + a] = n[b] * d[c] - n[c] * d[b]
+
+
+@inlined
+def _write_tangent(
+    numbers: FloatArray, push: float, along: float, across: float, change: FloatArray
+) -> None:
+    """Write minus the derivative of the force by the slip."""
+    d, e = numbers[ALONG : ALONG + 3], numbers[ACROSS : ACROSS + 3]
+    for a in range(3):
+        for b in range(3):
+            total = 0.0
+            for c in range(3):
+                total += (along * d[a] * d[c] + across * e[a] * e[c]) * change[c, b]
+            numbers[TANGENT + 3 * a + b] = push * total
+
+
+@inlined
+def _stiffen(numbers: FloatArray, more: float) -> None:
+    """Add a stiffness to the tangent in all tangential directions."""
+    for a in range(3):
+        for b in range(3):
+            unit = 1.0 if a == b else 0.0
+            along = numbers[NORMAL + a] * numbers[NORMAL + b]
+            numbers[TANGENT + 3 * a + b] += more * (unit - along)
+
+
+@inlined
+def _stiffness(numbers: FloatArray, at: int) -> float:
+    """Stiffness in a direction of the group, N/m."""
+    total = 0.0
+    for a in range(3):
+        for b in range(3):
+            total += numbers[at + a] * numbers[TANGENT + 3 * a + b] * numbers[at + b]
+    return max(total, 0.0)
+
+
+@inlined
+def _bridged(
+    law: Law, last: FloatArray, s: FloatArray, final: FloatArray, force: FloatArray, push: float,
+    dt: float, steep: bool,
+) -> float:  # fmt: skip
+    """Slope over N towards where the friction is the predicted one; 0 for that of the law.
+
+    Args:
+        law: the laws.
+        last: what the last trial state has left.
+        s: slip.
+        final: sigma.
+        force: friction.
+        push: N.
+        dt: size of the step.
+        steep: True if the law has a slope at the trial state.
+    """
+    square = reverse = 0.0
+    wanted = np.empty(3)
+    for a in range(3):
+        wanted[a] = push * last[LAST_FORCE + a]
+        for b in range(3):
+            wanted[a] -= last[LAST_TANGENT + 3 * a + b] * (s[b] - last[LAST_SLIP + b])
+        square += wanted[a] * wanted[a]
+        reverse += wanted[a] * final[a]
+    size, most, width = np.sqrt(square), law.static_friction * push, law.slip_speed * dt
+    if size >= _SLIPS * most and reverse < 0.0:
+        return 0.0
+    part = min(size / most, 1.0)
+    share, place = 0.0, width * inverse(part)
+    if size > 0.0:
+        share = part * most / size
+        place /= size
+    # the slip of a step whose final one is the wanted one, or that slips so from start to end
+    inside = 0.0
+    for a in range(3):
+        start = 2.0 * s[a] - final[a]
+        inside -= place * wanted[a] * (start + place * wanted[a])
+    half = 0.5 if inside >= 0.0 else 1.0
+    lack = way = 0.0
+    for a in range(3):
+        start = 2.0 * s[a] - final[a]
+        lack += (force[a] - share * wanted[a]) ** 2
+        way += (s[a] + half * place * wanted[a] - (1.0 - half) * start) ** 2
+    if is_near(np.sqrt(way), width, steep):
+        return 0.0
+    return float(np.sqrt(lack / way) / push)
+
+
+@subroutine
+def rub(law: Law, step: StepMotion, groups: Groups, g: int, last: FloatArray) -> None:
+    """Write arms, force and tangent of a group, and the slopes along and across the slip."""
+    s, final, x, change = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    numbers, square, done = groups.numbers[g], 0.0, 0.0
+    _write_arms(groups, g, step, numbers)
+    _write_slips(groups, g, step, numbers, s, final)
+    x[:] = final
+    _project(s, x, change)
+    for a in range(3):
+        square += x[a] * x[a]
+    size, push = np.sqrt(square), numbers[PUSH]
+    across, along = _coefficient(law, size, step.dt)
+    along, wide = max(along, 0.0), across
+    for a in range(3):
+        numbers[FORCE + a] = -push * across * x[a]
+        done += numbers[FORCE + a] * s[a]
+    groups.losses[FRICTION] -= done
+    steep = along > 0.0 and final[0] * s[0] + final[1] * s[1] + final[2] * s[2] > 0.0
+    bridge = 0.0
+    if last[KNOWN] > 0.0 and push > 0.0:
+        force = numbers[FORCE : FORCE + 3]
+        bridge = _bridged(law, last, s, final, force, push, step.dt, steep)
+    _write_directions(numbers, x, size)
+    if bridge > 0.0 and steep:
+        _set_twice(change)
+        along = wide = 0.0
+    _write_tangent(numbers, push, along, wide, change)
+    if bridge > 0.0:
+        _stiffen(numbers, push * bridge)
+    for a in range(3):
+        last[LAST_SLIP + a], last[LAST_FORCE + a] = s[a], -across * x[a]
+    for k in range(9):
+        last[LAST_TANGENT + k] = numbers[TANGENT + k]
+    groups.slopes[g, 1] = _stiffness(numbers, ALONG)
+    groups.slopes[g, 2] = _stiffness(numbers, ACROSS)
