@@ -18,11 +18,15 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.obstacles.carried import (
     Carried,
     add_carried,
+    add_couples,
     add_over_cayley_step,
     add_over_step,
     add_turned,
     carried_into,
     moved_into,
+    rates_into,
+    spins_into,
+    turned_into,
     spread_means,
     weigh_means,
 )
@@ -201,6 +205,34 @@ class Carriers:
             moved_into(one.block.nodes.memory, one.own.memory, steps)
         self.bring(steps)
         weigh_means(*self._between, steps)
+
+    def spin(self, spins: FloatArray) -> None:
+        """Write the rotation vectors of the step of points here (n + d, 3); zero where unknown."""
+        spins[:] = 0.0
+        for one in self.by_kind.values():
+            spins_into(one.block.nodes.memory, one.own.memory, spins)
+
+    def turn(self, spins: FloatArray) -> None:
+        """Write the rotations by the blocks' steps of points here (n + d, 3)."""
+        spins[:] = 0.0
+        for one in self.by_kind.values():
+            turned_into(one.block.nodes.memory, one.own.memory, spins)
+
+    def rates(self, rates: FloatArray, spins: FloatArray) -> None:
+        """Write velocities and angular velocities of points here, each (n + d, 3)."""
+        rates[:] = spins[:] = 0.0
+        for one in self.by_kind.values():
+            rates_into(one.block.nodes.memory, one.own.memory, rates, spins)
+
+    def share(self, values: FloatArray) -> None:
+        """Complete values (n + d, 3) of points here: nearby, and of means (collective)."""
+        self.bring(values)
+        weigh_means(*self._between, values)
+
+    def add_couples(self, kind: int, couples: FloatArray, *, over_step: bool) -> None:
+        """Add gathered couples (n + d, 3) to a block's residual."""
+        one = self.by_kind[kind]
+        add_couples(one.block.nodes.memory, one.own.memory, couples, over_step)
 
     def gather(self, forces: FloatArray) -> None:
         """Add forces (n + d, 3) on all points to those of the nodes' owners (collective)."""

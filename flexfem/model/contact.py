@@ -149,6 +149,9 @@ class Contact:
     stiffness: float | None = number(default=None, positive=True, as_given=True)
     friction: float = number(default=0.0, nonnegative=True)
     damping: float = number(default=0.0, nonnegative=True)
+    restitution: float = number(default=1.0, nonnegative=True)
+    static_friction: float | None = number(default=None, nonnegative=True, as_given=True)
+    slip_speed: float | None = number(default=None, positive=True, as_given=True)
     two_pass: bool = flag(default=True)
     skin: float | None = number(default=None, positive=True, as_given=True)
     radius: float | None = number(default=None, positive=True, as_given=True)
@@ -159,6 +162,13 @@ class Contact:
     def __post_init__(self) -> None:
         """Check that there may be something that touches."""
         owner = _checks.named(self, self.name)
+        if self.restitution > 1.0:
+            raise ValueError(f"{owner}: restitution must lie in [0, 1], got {self.restitution:g}")
+        if self.static_friction is not None and self.static_friction < self.friction:
+            raise ValueError(
+                f"{owner}: static_friction must not be less than friction {self.friction:g}, got "
+                f"{self.static_friction:g}"
+            )
         if self.bodies == () or (self.against == () and not self.surfaces):
             raise ValueError(
                 f"{owner}: it needs bodies, and others or surfaces that they touch (leave bodies "

@@ -74,7 +74,7 @@ def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> Syste
         if block is not None
     ]
     if touching is not None:
-        _add_contacts(comm, touching, parts, placement)
+        _add_contacts(comm, touching, parts, placement, float(np.linalg.norm(gravity)))
     bodies, clusters = (
         np.array([of(kind, np.array([node]))[0] for kind, node in interface.keys], dtype=np.int64)
         for of in (serial.bodies, serial.clusters)
@@ -104,13 +104,14 @@ def _touching(serial: NumberedModel) -> _Touching | None:
 
 
 def _add_contacts(
-    comm: MPI.Intracomm, touching: _Touching, parts: list[BlockPart], placement: Placement
-) -> None:
+    comm: MPI.Intracomm, touching: _Touching, parts: list[BlockPart], placement: Placement,
+    gravity: float,
+) -> None:  # fmt: skip
     """Give each block its share of the contacts (collective)."""
     blocks = {part.kind: part.block for part in parts}
     contacts: Contacts | BarrierContacts
     if isinstance(touching, CollisionSurfaces):
-        contacts = BarrierContacts(comm, touching, blocks)
+        contacts = BarrierContacts(comm, touching, blocks, gravity)
     else:
         points, described = touching
         contacts = Contacts(comm, described, points, blocks, placement.elements)

@@ -17,11 +17,14 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.contact.barrier.pairs import ContactPairs
+from flexfem.contact.barrier.pairs import ContactPairs, PointMotion
 from flexfem.contact.barrier.rows import GroupRows
+from flexfem.contact.barrier.spins import Spins
 from flexfem.contact.barrier.surface import contact_surface
 from flexfem.contact.carriers import Carriers
+from flexfem.contact.dissipation.data import PUSH
 from flexfem.contact.primitives.candidates import Boxes, Motion
+from flexfem.contact.primitives.data import SLOPE
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.surfaces.surfaces import CollisionSurfaces
 from flexfem.contact.tangent_entries import ContactEntries, Triplets
@@ -56,36 +59,49 @@ class BarrierContacts:
     """
 
     def __init__(
-        self, comm: MPI.Intracomm, surfaces: CollisionSurfaces, blocks: Mapping[int, FrameBlock]
-    ) -> None:
+        self, comm: MPI.Intracomm, surfaces: CollisionSurfaces, blocks: Mapping[int, FrameBlock],
+        gravity: float,
+    ) -> None:  # fmt: skip
         """Exchange the owners of nodes (collective).
 
         Args:
             comm: communicator.
             surfaces: serial data of everything that touches.
             blocks: blocks of the system, by kind.
+            gravity: acceleration, m/s^2.
         """
         self._comm, count = comm, len(surfaces.start)
         carrying = {k: blocks[k] for k in np.unique(surfaces.kind).tolist() if k >= 0}
         self.kinds = sorted(carrying)
         self._carriers = Carriers(comm, surfaces, carrying)
-        self._rows = GroupRows(self._carriers)
         here = self._carriers.home == comm.rank
+        # to the trial state
+        self._motion = PointMotion.of(surfaces.start)
         self.contacts = [
-            ContactPairs(own, Neighbourhoods.of(own.surface, surfaces.start, own.touching, surfaces.links), here)
+            ContactPairs(
+                own,
+                Neighbourhoods.of(own.surface, surfaces.start, own.touching, surfaces.links),
+                here, self._motion, gravity,
+            )
             for own in (contact_surface(surfaces, sides) for sides in surfaces.contacts)
-        ]
+        ]  # fmt: skip
+        self._spins = Spins(
+            self._carriers, self._motion, surfaces.primitives.triangles,
+            used=any(one.rubs for one in self.contacts),
+        )  # fmt: skip
+        self._rows = GroupRows(self._carriers, self._spins, self.contacts)
         self._reach = max(float(one.own.surface.dhat.max()) for one in self.contacts)
         self._stride = _STRIDE * max(_longest_edge(surfaces, one) for one in self.contacts)
         self._stiff: FloatArray | None = None
-        # positions of the trial state, of the last one, and of the start of the step
-        self._points, self._last = surfaces.start.copy(), surfaces.start.copy()
-        self._before = surfaces.start.copy()
-        self._forces, self._steps = np.zeros((2, count, 3))
+        self._points, self._before = self._motion.after, self._motion.before
+        # positions at which the last correction has begun
+        self._last = surfaces.start.copy()
+        self._forces, self._couples, self._steps = np.zeros((3, count, 3))
         # boxes of the points in which no other pairs are found
         self._low = np.full((count, 3), np.inf)
         self._high = -self._low
         self._known = here
+        self._still = np.zeros((count, 3))
         self._over_step, self.factor, self._cayley = False, 1.0, False
         self.evaluated, self.time = False, 0.0
         self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
@@ -110,8 +126,8 @@ class BarrierContacts:
 
     # -- Motion ---------------------------------------------------------------------------------
 
-    def begin_step(self, weight: float, *, cayley: bool = False) -> None:
-        """Start a step at the accepted state (collective).
+    def begin_step(self, h: float, weight: float, *, cayley: bool = False) -> None:
+        """Start a step of size ``h`` (s) at the accepted state (collective).
 
         Forces have the factor ``weight`` in its equations. ``cayley`` is True where nodes rotate by
         Cayley vectors.
@@ -119,10 +135,16 @@ class BarrierContacts:
         self._place()
         self._before[:] = self._last[:] = self._points
         self._over_step, self.factor, self._cayley = True, weight, cayley
+        self.start(h)
+        self._spins.begin()
+        for one in self.contacts:
+            one.begin(h)
 
     def end_step(self, factor: float) -> None:
         """End a step; forces have a factor in the accelerations of the accepted state."""
         self.factor = factor
+        for one in self.contacts:
+            one.end()
 
     @property
     def pressing(self) -> bool:
@@ -159,9 +181,15 @@ class BarrierContacts:
         Corrections are small enough where forces change by a millionth of the largest, and points
         move by a thousandth of the gap at which they repel.
         """
-        moves = [one.moves(self._last, self._points) for one in self.contacts]
-        changes, forces, ways = (max(each) for each in zip(*moves, strict=True))
-        return max(changes / (_SETTLED * forces) if forces > 0.0 else 0.0, ways / _NEAR)
+        steps = self._points - self._last
+        change = largest = way = 0.0
+        for one in self.contacts:
+            way = max(way, one.way(self._last, self._points))
+            if one.closed:
+                largest = max(largest, one.groups.numbers[: one.closed, PUSH].max())
+                moved = one.slopes * one.motions(steps, self._still)
+                change = max(change, float(np.abs(moved).max()))
+        return max(change / (_SETTLED * largest) if largest > 0.0 else 0.0, way / _NEAR)
 
     def _place(self) -> None:
         """Positions of the trial state (collective)."""
@@ -243,9 +271,10 @@ class BarrierContacts:
         if not self._over_step:
             self._last[:] = self._points
         self._search()
-        before = self._before if self._over_step else None
+        if self._over_step:
+            self._spins.update()
         for one in self.contacts:
-            one.evaluate(self._points, before)
+            one.evaluate(over_step=self._over_step)
         self.evaluated, self._entries = True, None
 
     def refresh(self) -> None:
@@ -259,9 +288,10 @@ class BarrierContacts:
         self._gather(scale * self.factor)
 
     def _gather(self, scale: float) -> None:
-        self._forces[:] = 0.0
+        self._forces[:] = self._couples[:] = 0.0
         for one in self.contacts:
-            one.add_forces(-scale, self._forces)
+            one.add_forces(-scale, self._forces, self._couples)
+        self._spins.gather(self._couples, self._forces)
         self._carriers.gather(self._forces)
 
     def hand_out(self, kind: int, scale: float) -> None:
@@ -270,6 +300,7 @@ class BarrierContacts:
             self._carriers.add_over_step(kind, self._forces, scale, cayley=self._cayley)
         else:
             self._carriers.add_loads(kind, self._forces, scale)
+        self._spins.add_couples(kind, self._couples, over_step=self._over_step)
 
     def subtract_means(self) -> None:
         """Evaluate, and subtract the forces from the blocks' residuals (collective)."""
@@ -281,14 +312,19 @@ class BarrierContacts:
     def act(self, scale: float) -> None:
         """Gather ``scale`` times the tangent applied to the blocks' steps (collective)."""
         self._carriers.move(self._steps)
-        self._forces[:] = 0.0
+        spins = self._spins.of_steps(self._steps)
+        self._forces[:] = self._couples[:] = 0.0
         for one in self.contacts:
-            one.add_actions(scale * self.factor, self._steps, self._forces)
+            one.add_actions(
+                scale * self.factor, self._steps, spins, self._forces, self._couples
+            )  # fmt: skip
+        self._spins.gather(self._couples, self._forces)
         self._carriers.gather(self._forces)
 
     def hand_out_action(self, kind: int, scale: float) -> None:
         """Add the action gathered last to the residual of a block."""
         self._carriers.add_changes(kind, self._forces, scale)
+        self._spins.add_couples(kind, self._couples, over_step=False)
 
     def entries(self, scale: float) -> dict[tuple[int, int], Triplets]:
         """Rows, columns and values of ``scale`` times the tangent (collective).
@@ -305,7 +341,7 @@ class BarrierContacts:
 
     def rows(self) -> GroupRows:
         """Normal parts of the tangents of the contacts that are closed at the last evaluation."""
-        self._rows.take(self.contacts, self.factor)
+        self._rows.take(self.factor)
         return self._rows
 
     def nearby(self, kind: int) -> FloatArray:
@@ -317,7 +353,8 @@ class BarrierContacts:
         total = np.zeros((len(self._points), 3))
         for one in self.contacts:
             rows = one.pairs.points[one.response.pairs[: one.count]]
-            np.add.at(total[:, 0], rows.ravel(), np.repeat(np.abs(one.slopes), 4))
+            slopes = np.abs(one.response.numbers[: one.count, SLOPE])
+            np.add.at(total[:, 0], rows.ravel(), np.repeat(slopes, 4))
         self._carriers.gather(total)
         return self._carriers.at_nodes(kind, total[:, 0])
 
@@ -332,13 +369,20 @@ class BarrierContacts:
         self.evaluated = False
 
     def numberings(self) -> dict[str, Numbering]:
-        """Return none: contacts have no history."""
-        return {}
+        """Numberings of the rows of :meth:`state`."""
+        here = self._carriers.here
+        owned = np.ones(len(here), dtype=np.bool_)
+        return {"contacts": Numbering(here, owned, len(self._points))}
 
     def state(self) -> State:
         """Stiffness, and whether forces are in the impulses."""
         h = np.array([np.nan]) if self._stiff is None else self._stiff
-        return State({"contact_stiffness": h, "contact_factor": np.array([self.factor])})
+        here = self._carriers.here
+        impacts = {
+            f"{one.contact.name}_impacts": one.impacts[here, np.newaxis] for one in self.contacts
+        }
+        values = {"contact_stiffness": h, "contact_factor": np.array([self.factor])}
+        return State(values, {"contacts": impacts})
 
     def doubts(self, state: State) -> str:
         """Return this rank's objection to its rows; there are none."""
@@ -350,6 +394,9 @@ class BarrierContacts:
         if np.isfinite(h[0]):
             self._set_stiffness(h)
         self.factor = float(state.values["contact_factor"][0])
+        for one in self.contacts:
+            impacts = state.rows["contacts"][f"{one.contact.name}_impacts"]
+            one.impacts[self._carriers.here] = impacts[:, 0]
         self._over_step = self.factor == 0.0
         self._place()
         self._before[:] = self._last[:] = self._points
@@ -366,7 +413,7 @@ class BarrierContacts:
     def closed(self) -> int:
         """Number of pairs that act on this rank (collective)."""
         self.refresh()
-        return sum(one.count for one in self.contacts)
+        return sum(one.closed for one in self.contacts)
 
     @property
     def energy(self) -> float:
@@ -377,11 +424,11 @@ class BarrierContacts:
     @property
     def lost(self) -> float:
         """Energy dissipated on this rank, J."""
-        return 0.0
+        return sum(one.lost for one in self.contacts)
 
     def least_gap(self, name: str) -> float:
         """Least gap of a contact on all ranks, m; its reach if no pair is nearer (collective)."""
-        one = next(one for one in self.contacts if one.name == name)
+        one = next(one for one in self.contacts if one.contact.name == name)
         gaps = one.gaps()
         least = min(float(gaps.min(initial=np.inf)), float(one.own.surface.dhat.max()))
         return self._comm.allreduce(least, op=MPI.MIN)
@@ -390,26 +437,21 @@ class BarrierContacts:
         """This rank's share in gap, penetration, forces and number of a contact, (7,) (collective)."""
         self.refresh()
         least = self.least_gap(name)
-        one = next(one for one in self.contacts if one.name == name)
+        one = next(one for one in self.contacts if one.contact.name == name)
         forces = one.response.rows()[2]
         bodies = one.own.surface.label[one.pairs.points[one.response.pairs[: one.count]]]
         total = np.zeros(3)
         if len(forces):
             mine = one.own.first[bodies]
             total = (forces * mine[:, :, np.newaxis]).sum((0, 1))
-        # a group pushes with the sum of its pairs' forces on its first primitive
-        crossing = one.pairs.kind[one.response.pairs[: one.count]] >= 3
-        first = forces[:, 0] + np.where(crossing[:, np.newaxis], forces[:, 1], 0.0)
-        begins = np.flatnonzero(np.diff(one.groups, prepend=-1))
-        pushes = np.add.reduceat(first, begins) if len(begins) else np.zeros((0, 3))
-        normal = np.linalg.norm(pushes, axis=1).sum()
+        normal = one.groups.numbers[: one.closed, PUSH].sum()
         share = least * float(self._comm.rank == 0)
-        return np.array([share, 0.0, *total, normal, len(begins)])
+        return np.array([share, 0.0, *total, normal, one.closed])
 
 
 def _own_cells(one: ContactPairs, own: BoolArray) -> IntArray:
-    """Cells of a contact whose first points are on this rank."""
-    return np.flatnonzero(own[one.surface.complex.points[:, 0]])
+    """Cells of a contact with points of this rank."""
+    return np.flatnonzero(own[one.surface.complex.points].any(axis=1))
 
 
 def _longest_edge(surfaces: CollisionSurfaces, one: ContactPairs) -> float:

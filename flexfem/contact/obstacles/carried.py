@@ -17,11 +17,15 @@ from flexfem.kernels.records import Float2D, Int1D, Memory, Record, unpack
 __all__ = [
     "Carried",
     "add_carried",
+    "add_couples",
     "add_over_cayley_step",
     "add_over_step",
     "add_turned",
     "carried_into",
     "moved_into",
+    "rates_into",
+    "spins_into",
+    "turned_into",
     "spread_means",
     "weigh_means",
 ]
@@ -195,3 +199,62 @@ def spread_means(
             for p in range(parents.shape[1]):
                 values[parents[k, p], a] += weights[k, p] * values[rows[k], a]
             values[rows[k], a] = 0.0
+
+
+@inlined
+def _turn(H: FloatArray, v: FloatArray, out: FloatArray) -> None:
+    """Write ``R v`` of a frame stored as 12 numbers."""
+    for a in range(3):
+        j = 3 + 3 * a
+        out[a] = H[j] * v[0] + H[j + 1] * v[1] + H[j + 2] * v[2]
+
+
+@kernel
+def spins_into(nodes: Memory, carried: Memory, out: FloatArray) -> None:
+    """Write the rotation vectors of a step of points (k,), inertial axes, into rows of (n, 3)."""
+    state, own = unpack(Nodes, nodes), unpack(Carried, carried)
+    if own.turns:
+        for k in range(own.local.size):
+            node = own.local[k]
+            _turn(state.frames0[node], state.increment[node, 3:], out[own.rows[k]])
+
+
+@kernel
+def turned_into(nodes: Memory, carried: Memory, out: FloatArray) -> None:
+    """Write the rotations of points (k,) by the nodes' steps, inertial axes, into rows of (n, 3)."""
+    state, own = unpack(Nodes, nodes), unpack(Carried, carried)
+    if own.turns:
+        for k in range(own.local.size):
+            node = own.local[k]
+            _turn(state.frames[node], state.step[node, 3:], out[own.rows[k]])
+
+
+@kernel
+def rates_into(nodes: Memory, carried: Memory, rates: FloatArray, spins: FloatArray) -> None:
+    """Write velocities and angular velocities of points (k,), inertial axes, into rows of (n, 3)."""
+    state, own, v = unpack(Nodes, nodes), unpack(Carried, carried), np.empty(3)
+    for k in range(own.local.size):
+        node, row = own.local[k], own.rows[k]
+        twist = state.velocity[node]
+        for a in range(3):
+            v[a] = twist[a] + (_cross(twist[3:], own.arms[k], a) if own.turns else 0.0)
+        _turn(state.frames[node], v, rates[row])
+        if own.turns:
+            _turn(state.frames[node], twist[3:], spins[row])
+
+
+@kernel
+def add_couples(nodes: Memory, carried: Memory, couples: FloatArray, over_step: bool) -> None:
+    """Add inertial couples (n, 3) on points (k,) to the residuals of nodes.
+
+    Over a step their axes are the mean ones, in which their work is that along the rotation vector.
+    """
+    state, own = unpack(Nodes, nodes), unpack(Carried, carried)
+    if own.turns:
+        for k in range(own.local.size):
+            node, c = own.local[k], couples[own.rows[k]]
+            H0, H = state.frames0[node] if over_step else state.frames[node], state.frames[node]
+            for a in range(3):
+                for b in range(3):
+                    j = 3 + 3 * b + a
+                    state.residual[node, 3 + a] += 0.5 * (H0[j] + H[j]) * c[b]

@@ -204,8 +204,7 @@ class StepMechanics(Mechanics):
             part.beams.last_change[:] = self._part_of_last() * part.last_change
         self._rows.begin(h, self.weight, self._last_h)
         for contacts in system.contacts:
-            contacts.start(h)
-            contacts.begin_step(2.0 / (1.0 + self.chi), cayley=True)
+            contacts.begin_step(h, 2.0 / (1.0 + self.chi), cayley=True)
 
     def _part_of_last(self) -> float:
         """Part of the last changes of strains that enters a step of this size."""

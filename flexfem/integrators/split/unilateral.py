@@ -78,8 +78,7 @@ class UnilateralContacts(Unilateral):
 
     def begin(self, h: float, weight: float) -> None:
         """See :class:`Unilateral`."""
-        self._contacts.start(h)
-        self._contacts.begin_step(weight)
+        self._contacts.begin_step(h, weight)
 
     def evaluate(self, shifts: Shifts) -> None:
         """See :class:`Unilateral`."""
