@@ -9,13 +9,13 @@ wheel, is turned at a speed that rises within ``--ramp`` to ``--speed``; the whe
 viscous brake (``--brake``). Nothing but contact carries the motion over.
 
 History: ``pinion_angle, wheel_angle`` (rad, between -pi and pi), ``pinion_speed, wheel_speed``
-(rad/s) about Z;
-``contact_gap`` (m), the least distance of surfaces that are near each other;
-``contact_fx, contact_fy, contact_fz`` (N), the force of the wheel on the pinion,
-``contact_normal`` (N), the sum of the sizes of all normal forces, ``contact_number`` of pairs that
-repel each other; ``drive_fx, drive_fy, drive_fz, drive_mx, drive_my, drive_mz`` (N, N m), the
-wrench of the drive on the pinion; ``energy_kinetic, energy_strain, energy_gravity, energy_work,
-energy_dissipation, energy_balance`` (J).
+(rad/s) about Z; ``contact_gap`` (m), the least distance of surfaces that are near each other, and
+``contact_penetration`` (m), how far they overlap: not at all; ``contact_fx, contact_fy,
+contact_fz`` (N), the force of the wheel on the pinion; ``contact_normal`` (N), the sum of the sizes
+of all normal forces, and ``contact_closed``, the number of pairs that push; ``drive_fx, drive_fy,
+drive_fz, drive_mx, drive_my, drive_mz`` (N, N m), the wrench of the drive on the pinion;
+``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``
+(J).
 
 Expected: the speeds have the ratio of the numbers of teeth, with the other sign, and so have the
 torques without friction; the flanks push along the line of action, with the torque of the brake

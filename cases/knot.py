@@ -8,13 +8,14 @@ a stadium of two half circles (``--radius``) between them. Both ends are held, f
 rope first settles for the time ``--settle``; then one end is pulled away along X by ``--pull``
 metres. Nothing but the contact of the rope with itself keeps the knot.
 
-History: ``contact_gap`` (m), the least distance of surfaces that are near each other;
-``contact_fx, contact_fy, contact_fz`` (N), ``contact_normal`` (N), the sum of the sizes of all
-normal forces, ``contact_number`` of pairs that repel each other; ``drive_fx, drive_fy, drive_fz,
-drive_mx, drive_my, drive_mz`` (N, N m), the wrench of the drive on the rope, of which ``drive_fx``
-is the tension; ``loop`` (m), the radius of a circle as long as the rope in excess of the distance
-of its ends; ``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation,
-energy_balance`` (J).
+History: ``contact_gap`` (m), the least distance of surfaces that are near each other, and
+``contact_penetration`` (m), how far they overlap: not at all; ``contact_fx, contact_fy,
+contact_fz`` (N), that of the rope on itself, zero; ``contact_normal`` (N), the sum of the sizes of
+all normal forces, and ``contact_closed``, the number of pairs that push; ``drive_fx, drive_fy,
+drive_fz, drive_mx, drive_my, drive_mz`` (N, N m), the wrench of the drive on the rope, of which
+``drive_fx`` is the tension; ``loop`` (m), the radius of a circle as long as the rope in excess of
+the distance of its ends; ``energy_kinetic, energy_strain, energy_gravity, energy_work,
+energy_dissipation, energy_balance`` (J).
 
 Expected: without friction, and as long as the knot is loose, the tension is EI/(2 R^2) with the
 radius R of the loop, as the strain energy of a circle, pi EI/R, falls by the work of the end that
@@ -144,8 +145,8 @@ CASE = ff.Case(
     ),
     dt=2e-3,
     t_end=4.0,
-    smoke={"elements": 24, "tail": 0.05, "settle": 0.0, "pull": 0.01, "duration": 0.01,
-           "t_end": 0.01},
+    smoke={"elements": 32, "tail": 0.02, "braid": 0.3, "radius": 0.05, "apart": 3.0, "settle": 0.0,
+           "pull": 0.01, "duration": 0.01, "t_end": 0.01},
     results=results,
 )  # fmt: skip
 

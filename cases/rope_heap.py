@@ -10,11 +10,12 @@ everything: ropes the ground, each other and themselves.
 Ropes are damped in proportion to their stiffness (``--damping``); contact has Coulomb's friction
 (``--friction``) and gives back the part ``--restitution`` of the speed of approach.
 
-History: ``contact_gap`` (m), the least distance of surfaces that are near each other;
-``contact_fx, contact_fy, contact_fz`` (N), the force on the ropes, ``contact_normal`` (N), the sum
-of the sizes of all normal forces, ``contact_number`` of pairs that repel each other;
-``height`` (m), the mean of the ropes' middles; ``energy_kinetic, energy_strain, energy_gravity,
-energy_work, energy_dissipation, energy_balance`` (J).
+History: ``contact_gap`` (m), the least distance of surfaces that are near each other, and
+``contact_penetration`` (m), how far they overlap: not at all; ``contact_fx, contact_fy,
+contact_fz`` (N), the force on the ropes; ``contact_normal`` (N), the sum of the sizes of all normal
+forces, and ``contact_closed``, the number of pairs that push; ``height`` (m), the mean of the
+ropes' middles; ``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation,
+energy_balance`` (J).
 
 Expected: the gap stays positive whatever the step is; without friction and damping and with
 ``--restitution 1 --rho-inf 1`` the energy is that of the start, otherwise it falls. At rest
@@ -128,7 +129,7 @@ CASE = ff.Case(
         ff.Option("scatter", float, 0.1, "largest distance of the middles from the axis, along X "
                   "and Y", unit="m", minimum=0.0),
         ff.Option("seed", int, 0, "of the random numbers", minimum=0),
-        ff.Option("friction", float, 0.3, "Coulomb's coefficient", minimum=0.0),
+        ff.Option("friction", float, 0.0, "Coulomb's coefficient", minimum=0.0),
         ff.Option("restitution", float, 0.0, "speed after over speed before impacts", minimum=0.0,
                   maximum=1.0),
         ff.Option("reach", float, 0.05, "gap below which surfaces repel each other, in diameters",

@@ -14,11 +14,11 @@ of the shell. No gravity.
 
 History: ``angle`` (rad) between both caps; ``turn_fx, turn_fy, turn_fz, turn_mx, turn_my, turn_mz``
 (N, N m), the wrench of the drive on the left cap, of which ``turn_my`` is the moment;
-``contact_gap`` (m), the least distance of surfaces that are near each other;
-``contact_fx, contact_fy, contact_fz`` (N), ``contact_normal`` (N), the sum of the sizes of all
-normal forces, ``contact_number`` of pairs that repel each other;
-``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``
-(J).
+``contact_gap`` (m), the least distance of surfaces that are near each other, and
+``contact_penetration`` (m), how far they overlap: not at all; ``contact_fx, contact_fy,
+contact_fz`` (N), that of the tape on itself, zero; ``contact_normal`` (N), the sum of the sizes of
+all normal forces, and ``contact_closed``, the number of pairs that push; ``energy_kinetic,
+energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance`` (J).
 
 Expected: folded between a quarter and half a turn, the moment of a fold against the curvature is
 (1 + nu) D alpha, of one along it (1 - nu) D alpha, with the angle alpha of the section and the
