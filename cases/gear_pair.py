@@ -288,7 +288,7 @@ CASE = ff.Case(
         ff.Option("brake", float, 1.0, "torque over the wheel's speed", unit="N m s/rad",
                   above=0.0),
         ff.Option("friction", float, 0.0, "Coulomb's coefficient", minimum=0.0),
-        ff.Option("restitution", float, 0.0, "speed after over speed before impacts", minimum=0.0,
+        ff.Option("restitution", float, 1.0, "speed after over speed before impacts", minimum=0.0,
                   maximum=1.0),
         ff.Option("reach", float, 0.01, "gap below which surfaces repel each other, in modules",
                   above=0.0),

@@ -130,7 +130,7 @@ CASE = ff.Case(
                   "and Y", unit="m", minimum=0.0),
         ff.Option("seed", int, 0, "of the random numbers", minimum=0),
         ff.Option("friction", float, 0.0, "Coulomb's coefficient", minimum=0.0),
-        ff.Option("restitution", float, 0.0, "speed after over speed before impacts", minimum=0.0,
+        ff.Option("restitution", float, 1.0, "speed after over speed before impacts", minimum=0.0,
                   maximum=1.0),
         ff.Option("reach", float, 0.05, "gap below which surfaces repel each other, in diameters",
                   above=0.0),

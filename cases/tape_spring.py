@@ -160,7 +160,7 @@ CASE = ff.Case(
         ff.Option("fold", float, 1.0, "time in which the caps are turned", unit="s", above=0.0),
         ff.Option("release", float, 1.1, "time at which they are let go", unit="s", above=0.0),
         ff.Option("friction", float, 0.0, "Coulomb's coefficient", minimum=0.0),
-        ff.Option("restitution", float, 0.0, "speed after over speed before impacts", minimum=0.0,
+        ff.Option("restitution", float, 1.0, "speed after over speed before impacts", minimum=0.0,
                   maximum=1.0),
         ff.Option("reach", float, 0.5, "gap below which surfaces repel each other, in thicknesses",
                   above=0.0),
