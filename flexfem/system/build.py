@@ -13,12 +13,14 @@ from flexfem.constraints.batch import Constraints
 from flexfem.constraints.connect import all_ends, connect
 from flexfem.constraints.interface import Interface
 from flexfem.contact.barrier.contacts import BarrierContacts
-from flexfem.contact.barrier.start import check_apart
+from flexfem.contact.barrier.start import start_apart
+from flexfem.contact.barrier.surface import ContactSurface
 from flexfem.contact.contacts import Contacts, ContactShare
 from flexfem.contact.initial_overlaps import check_start
 from flexfem.contact.pairs import ContactSurfaces, contact_surfaces
 from flexfem.contact.penalty_contact import penalty_contacts
 from flexfem.contact.points import ContactPoints, contact_points
+from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.surfaces.surfaces import CollisionSurfaces, collision_surfaces
 from flexfem.core.marker import SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
@@ -85,7 +87,10 @@ def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> Syste
 
 
 #: Serial data of the contacts: collision surfaces, or points and surfaces of the penalty.
-type _Touching = CollisionSurfaces | tuple[ContactPoints, list[ContactSurfaces]]
+type _Touching = (
+    tuple[CollisionSurfaces, list[tuple[ContactSurface, Neighbourhoods]]]
+    | tuple[ContactPoints, list[ContactSurfaces]]
+)
 
 
 def _touching(serial: NumberedModel) -> _Touching | None:
@@ -94,8 +99,7 @@ def _touching(serial: NumberedModel) -> _Touching | None:
         return None
     if any(contact.law == "barrier" for contact in serial.model.contacts):
         surfaces = collision_surfaces(serial)
-        check_apart(surfaces)
-        return surfaces
+        return surfaces, start_apart(surfaces)
     contacts = penalty_contacts(serial)
     points = contact_points(serial, contacts, _joined(serial))
     described = contact_surfaces(serial, points, contacts)
@@ -110,10 +114,10 @@ def _add_contacts(
     """Give each block its share of the contacts (collective)."""
     blocks = {part.kind: part.block for part in parts}
     contacts: Contacts | BarrierContacts
-    if isinstance(touching, CollisionSurfaces):
-        contacts = BarrierContacts(comm, touching, blocks, gravity)
+    points, described = touching
+    if isinstance(points, CollisionSurfaces):
+        contacts = BarrierContacts(comm, points, described, blocks, gravity)
     else:
-        points, described = touching
         contacts = Contacts(comm, described, points, blocks, placement.elements)
     for part in parts:
         if part.kind in contacts.kinds:

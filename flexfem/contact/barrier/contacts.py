@@ -20,7 +20,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.barrier.pairs import ContactPairs, PointMotion
 from flexfem.contact.barrier.rows import GroupRows
 from flexfem.contact.barrier.spins import Spins
-from flexfem.contact.barrier.surface import contact_surface
+from flexfem.contact.barrier.surface import ContactSurface
 from flexfem.contact.carriers import Carriers
 from flexfem.contact.dissipation.data import PUSH
 from flexfem.contact.primitives.candidates import Boxes, Motion
@@ -36,7 +36,7 @@ __all__ = ["BarrierContacts"]
 
 #: Least way by which cells may approach before pairs are searched again, in parts of the largest
 #: gap below which they repel, and the number of steps as long as the last one for which they do.
-_SKIN, _STEPS = 0.5, 4.0
+_SKIN, _STEPS = 0.5, 16.0
 #: Part of the largest edge of the cells by which points move at most in one correction.
 _STRIDE = 1.0
 #: Size of steps whose barrier equilibria have, s: rigid bodies carry any weight with it.
@@ -59,7 +59,8 @@ class BarrierContacts:
     """
 
     def __init__(
-        self, comm: MPI.Intracomm, surfaces: CollisionSurfaces, blocks: Mapping[int, FrameBlock],
+        self, comm: MPI.Intracomm, surfaces: CollisionSurfaces,
+        made: Sequence[tuple[ContactSurface, Neighbourhoods]], blocks: Mapping[int, FrameBlock],
         gravity: float,
     ) -> None:  # fmt: skip
         """Exchange the owners of nodes (collective).
@@ -67,6 +68,7 @@ class BarrierContacts:
         Args:
             comm: communicator.
             surfaces: serial data of everything that touches.
+            made: of ``start.start_apart``.
             blocks: blocks of the system, by kind.
             gravity: acceleration, m/s^2.
         """
@@ -78,13 +80,8 @@ class BarrierContacts:
         # to the trial state
         self._motion = PointMotion.of(surfaces.start)
         self.contacts = [
-            ContactPairs(
-                own,
-                Neighbourhoods.of(own.surface, surfaces.start, own.touching, surfaces.links),
-                here, self._motion, gravity,
-            )
-            for own in (contact_surface(surfaces, sides) for sides in surfaces.contacts)
-        ]  # fmt: skip
+            ContactPairs(own, near, here, self._motion, gravity) for own, near in made
+        ]
         self._spins = Spins(
             self._carriers, self._motion, surfaces.primitives.triangles,
             used=any(one.rubs for one in self.contacts),
@@ -188,7 +185,7 @@ class BarrierContacts:
             if one.closed:
                 largest = max(largest, one.groups.numbers[: one.closed, PUSH].max())
                 moved = one.slopes * one.motions(steps, self._still)
-                change = max(change, float(np.abs(moved).max()))
+                change = max(change, float(np.abs(moved).max()), one.missing)
         return max(change / (_SETTLED * largest) if largest > 0.0 else 0.0, way / _NEAR)
 
     def _place(self) -> None:
@@ -265,8 +262,11 @@ class BarrierContacts:
 
     # -- Forces ---------------------------------------------------------------------------------
 
-    def evaluate(self) -> None:
-        """Evaluate all pairs at the trial state (collective)."""
+    def evaluate(self, *, settled: bool = True) -> None:
+        """Evaluate all pairs at the trial state (collective).
+
+        In iterations, before this has ``settled``, friction is that of predicted normal forces.
+        """
         self._place()
         if not self._over_step:
             self._last[:] = self._points
@@ -274,7 +274,7 @@ class BarrierContacts:
         if self._over_step:
             self._spins.update()
         for one in self.contacts:
-            one.evaluate(over_step=self._over_step)
+            one.evaluate(over_step=self._over_step, settled=settled)
         self.evaluated, self._entries = True, None
 
     def refresh(self) -> None:
@@ -284,7 +284,7 @@ class BarrierContacts:
 
     def collect(self, scale: float) -> None:
         """Evaluate, and gather ``scale`` times minus the forces for the blocks (collective)."""
-        self.evaluate()
+        self.evaluate(settled=not self._over_step)
         self._gather(scale * self.factor)
 
     def _gather(self, scale: float) -> None:

@@ -19,6 +19,8 @@ __all__ = ["overlaps", "triangle_boxes"]
 
 #: Bits of a cell's number along one axis, three of which make one key.
 _BITS = 21
+#: Number of cells per box up to which the grid is as fine as the boxes are on average.
+_CROWD = 64
 
 
 def overlaps(
@@ -41,8 +43,13 @@ def overlaps(
     origin = np.minimum(low.min(0), other_low.min(0))
     extent = float((np.maximum(high.max(0), other_high.max(0)) - origin).max())
     size = max(float((other_high - other_low).max(1).mean()), extent / (1 << (_BITS - 1)), 1e-300)
-    place = np.append(origin, 1.0 / size)
-    cells = _count_cells(low, high, place)
+    most = _CROWD * (len(low) + len(other_low))
+    while True:
+        place = np.append(origin, 1.0 / size)
+        cells = _count_cells(low, high, place)
+        if cells + _count_cells(other_low, other_high, place) <= most:
+            break
+        size *= 2.0
     buckets = 1 << int(np.ceil(np.log2(max(2 * cells, 16))))
     starts, keys = np.zeros(buckets + 1, np.int64), np.empty(cells, np.int64)
     boxes = np.empty(cells, np.int64)

@@ -33,10 +33,13 @@ from flexfem.contact.dissipation.data import (
     FRICTION,
     KNOWN,
     LAST_FORCE,
+    LAST_PUSH,
     LAST_SLIP,
     LAST_TANGENT,
+    MISSING,
     NORMAL,
     PUSH,
+    RUB,
     TANGENT,
     Groups,
     Law,
@@ -259,6 +262,30 @@ def _bridged(
     return float(np.sqrt(lack / way) / push)
 
 
+@inlined
+def _predicted(
+    law: Law, step: StepMotion, groups: Groups, g: int, last: FloatArray
+) -> float:  # fmt: skip
+    """Normal force that friction is proportional to, N; keeps what predicts the next one."""
+    numbers, apart = groups.numbers[g], 0.0
+    for e in range(groups.starts[g], groups.starts[g + 1]):
+        w, p = groups.weights[e], groups.points[e]
+        for a in range(3):
+            apart += w * numbers[NORMAL + a] * (step.after[p, a] - step.before[p, a])
+    push = numbers[PUSH]
+    if step.settled == 0.0:
+        if last[KNOWN] > 0.0:
+            push = max(last[LAST_PUSH + 1] - last[LAST_PUSH + 2] * (apart - last[LAST_PUSH]), 0.0)
+        else:
+            push = last[LAST_PUSH + 1]  # that of the last step
+            lack = law.static_friction * abs(numbers[PUSH] - push)
+            groups.losses[MISSING] = max(groups.losses[MISSING], lack)
+    last[LAST_PUSH], last[LAST_PUSH + 1] = apart, numbers[PUSH]
+    last[LAST_PUSH + 2] = groups.slopes[g, 0]
+    numbers[RUB] = push
+    return push
+
+
 @subroutine
 def rub(law: Law, step: StepMotion, groups: Groups, g: int, last: FloatArray) -> None:
     """Write arms, force and tangent of a group, and the slopes along and across the slip."""
@@ -270,7 +297,7 @@ def rub(law: Law, step: StepMotion, groups: Groups, g: int, last: FloatArray) ->
     _project(s, x, change)
     for a in range(3):
         square += x[a] * x[a]
-    size, push = np.sqrt(square), numbers[PUSH]
+    size, push = np.sqrt(square), _predicted(law, step, groups, g, last)
     across, along = _coefficient(law, size, step.dt)
     along, wide = max(along, 0.0), across
     for a in range(3):

@@ -14,7 +14,6 @@ from flexfem.contact.dissipation.data import (
     ARMS,
     FORCE,
     NORMAL,
-    PUSH,
     TANGENT,
     Groups,
 )
@@ -81,20 +80,18 @@ def add_friction_actions(
 ) -> None:  # fmt: skip
     """Add ``scale`` times the tangent of friction, applied to steps and spins of all points (n, 3).
 
-    It is minus the derivative of the forces for fixed normals, weights and arms, with that by the
-    normal force, and hence not symmetric.
+    It is minus the derivative of the forces for fixed normal forces, normals, weights and arms: in
+    iterations normal forces are predicted, and a step ahead of friction.
     """
     own, way, slip, force = unpack(Groups, groups), np.empty(3), np.empty(3), np.empty(3)
     for g in range(own.count[0]):
         numbers = own.numbers[g]
         _relative(own, g, steps, spins, way, slip)
-        apart = beside = 0.0
+        beside = 0.0
         for a in range(3):
-            apart += numbers[NORMAL + a] * way[a]
             beside += numbers[NORMAL + a] * slip[a]
-        share = own.slopes[g, 0] * apart / numbers[PUSH] if numbers[PUSH] > 0.0 else 0.0
         for a in range(3):
-            force[a] = share * numbers[FORCE + a]
+            force[a] = 0.0
             for b in range(3):
                 tangential = slip[b] - beside * numbers[NORMAL + b]
                 force[a] += numbers[TANGENT + 3 * a + b] * tangential

@@ -29,7 +29,7 @@ def dissipate(pairs: Memory, response: Memory, law: Memory, motion: Memory, grou
     rule, step = unpack(Law, law), unpack(StepMotion, motion)
     first = number = found = 0
     plain = rule.restitution == 1.0 and rule.damping == 0.0
-    result.losses[0] = result.losses[1] = 0.0
+    result.losses[:] = 0.0
     while first < out.count[0]:
         while own.starts[number + 1] <= out.pairs[first]:
             number += 1

@@ -15,6 +15,10 @@ from flexfem.kernels.compiled import kernel
 __all__ = ["Boxes", "Motion", "crossing_kind", "crossing_points", "vertex_kind", "vertex_points"]
 
 
+#: Size of a cell in parts of the usual one from which it is searched apart from others.
+_LARGE = 16.0
+
+
 @dataclass(frozen=True)
 class Motion:
     """Positions between which pairs may come into contact.
@@ -70,13 +74,24 @@ class Boxes:
     def _between(self, cells: IntArray, others: IntArray) -> tuple[IntArray, IntArray]:
         """Pairs of cells that overlap, of bodies that touch."""
         cells, others = cells[self.here[cells]], others[self.here[others]]
+        found = [self._overlaps(i, j) for i in self._by_size(cells) for j in self._by_size(others)]
+        first, second = (np.concatenate(pairs) for pairs in zip(*found, strict=True))
+        label = self.surface.cell_label
+        meet = self.touching[label[first], label[second]]
+        return first[meet], second[meet]
+
+    def _by_size(self, cells: IntArray) -> list[IntArray]:
+        """Cells of usual size, and those that are much larger, such as the halves of a plane."""
+        sizes = (self.high[cells] - self.low[cells]).max(axis=1, initial=0.0)
+        large = sizes > _LARGE * np.median(sizes) if len(cells) else np.zeros(0, np.bool_)
+        return [cells[~large], cells[large]] if large.any() else [cells]
+
+    def _overlaps(self, cells: IntArray, others: IntArray) -> tuple[IntArray, IntArray]:
+        """Pairs of cells whose boxes overlap."""
         starts, found = overlaps(
             self.low[cells], self.high[cells], self.low[others], self.high[others]
         )
-        counts, label = np.diff(starts), self.surface.cell_label
-        first, second = np.repeat(cells, counts), others[found]
-        meet = self.touching[np.repeat(label[cells], counts), label[second]]
-        return first[meet], second[meet]
+        return np.repeat(cells, np.diff(starts)), others[found]
 
     def vertices(self, acting: IntArray) -> tuple[IntArray, IntArray]:
         """Pairs (m,) of acting vertices with all cells, sorted by the vertex."""
