@@ -3,9 +3,9 @@
 
 The rope is a round rod, straight where it is free of stress, 10 mm thick (E = 1e7 N/m^2, nu = 0.45,
 rho = 1000 kg/m^3). At first it lies in a wide loop: two tails along X, which are wound about one
-another by one and a half turns (``--braid`` long, their axes 1.25 diameters apart, ``--apart``), and
-a stadium of two half circles (``--radius``) between them. Both ends are held, free to rotate. The
-rope first settles for the time ``--settle``; then one end is pulled away along X by ``--pull``
+another by one and a half turns (``--braid`` long, their axes 1.25 diameters apart, ``--apart``),
+and a stadium of two half circles (``--radius``) between them. Both ends are held, free to rotate.
+The rope first settles for the time ``--settle``; then one end is pulled away along X by ``--pull``
 metres. Nothing but the contact of the rope with itself keeps the knot.
 
 History: ``contact_gap`` (m), the least distance of surfaces that are near each other, and

@@ -65,7 +65,9 @@ def test_teeth_are_conjugate(teeth: tuple[int, int], degrees: float) -> None:
 
 
 def test_teeth_that_interfere_are_refused() -> None:
-    with pytest.raises(ValueError, match=r"teeth: the tips of 60 teeth interfere .* 10 at .* 20 deg"):
+    with pytest.raises(
+        ValueError, match=r"teeth: the tips of 60 teeth interfere .* 10 at .* 20 deg"
+    ):
         built("gear_pair", pinion_teeth=10, wheel_teeth=60, bore=0.005)
     with pytest.raises(ValueError, match=r"bore: .* 20 teeth, 0.04375 m, got 0.05"):
         built("gear_pair", bore=0.05)

@@ -49,7 +49,7 @@ def spike() -> Solid:
 def cube(z: float) -> Solid:
     """Cube with a face at z = 0, above it with z = 1 and below it with z = -1."""
     points, triangles = solids.box((SIZE,) * 3)
-    return points + [0.0, 0.0, 0.5 * z * SIZE], triangles
+    return points + np.array([0.0, 0.0, 0.5 * z * SIZE]), triangles
 
 
 def frame() -> Solid:
