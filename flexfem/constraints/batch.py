@@ -59,7 +59,12 @@ class Constraints(NumberedRows):
         forces: (r,) accepted multipliers, not scaled (N or N m for rows in m or rad).
         impulses: (r,) forces besides, means over the last step: of unilateral rows, and what other
             rows take of these and of contacts, see ``integrators.split``.
-        split: True if unilateral rows act by such impulses.
+        entering: (r,) those with which the last step began: ``forces`` of the step before, or other
+            ones where unilateral rows have begun or ceased to act by impulses.
+        settled: (r,) steps for which a row that acts by impulses has been closed.
+        unilateral: (r,) rows that are slack between limits, but for normal forces and tensions of
+            friction. Released rows count as well.
+        split: True if unilateral rows may act by impulses.
         poses: (m, 12) frames of the markers at the last evaluation, see ``marker_start``.
         mean_forces: True if ``forces`` are means over the last step, not those at its end.
         consistent: True if ``forces`` belong to accelerations that satisfy the constraints, as at a
@@ -99,8 +104,9 @@ class Constraints(NumberedRows):
         self.values, self.compliance = np.zeros(total), np.zeros(total)
         self.coupling, self.slopes = np.zeros(len(self.coupled)), np.zeros((total, 2))
         self.force_jacobian, self.step_jacobian = np.zeros((terms, 2, 6)), np.zeros((terms, 2, 6))
-        self.impulses = np.zeros(total)
+        self.impulses, self.entering, self.settled = np.zeros((3, total))
         self.mean_forces = self.consistent = self.split = False
+        self.unilateral = self._slack()
         self.has_unilateral: bool = comm.allreduce(bool(self.unilateral.any()), op=MPI.LOR)
         self.instant = 0.0
         self.reported: FloatArray | None = None
@@ -120,7 +126,7 @@ class Constraints(NumberedRows):
             multipliers=self.multipliers, values=self.values, compliance=self.compliance,
             slopes=self.slopes, line_sums=self.lines.sums, relaxation=0.0, coupled=self.coupled,
             wrapped_rows=self.wrapped_rows, wrap_terms=self.wrap_terms, wraps=self.wraps,
-            coupling=self.coupling,
+            coupling=self.coupling, excess=np.zeros(total),
         )  # fmt: skip
         of_rate = ~np.isin(self.elastic[:, 0], (*DAMPED_BY_COEFFICIENT, LawKind.ELEMENT))
         damping = (self.elastic[:, 2] != 0.0) | of_rate
@@ -142,7 +148,7 @@ class Constraints(NumberedRows):
         active, held = self.active.astype(np.float64), self.held.astype(np.float64)
         rows = {"forces": self.forces, "targets": self.targets, "active": active, "held": held}
         if self.has_unilateral:
-            rows["impulses"] = self.impulses
+            rows |= {"impulses": self.impulses, "settled": self.settled}
         values = {"relaxation": np.array([self.relaxation])}
         lines = {
             "places": {"places": self.lines.accepted_places()},
@@ -157,7 +163,7 @@ class Constraints(NumberedRows):
         self.forces[:], self.targets[:] = rows["forces"], rows["targets"]
         self.active[:], self.held[:] = rows["active"] > 0.0, rows["held"] > 0.0
         if self.has_unilateral:
-            self.impulses[:] = rows["impulses"]
+            self.impulses[:], self.settled[:] = rows["impulses"], rows["settled"]
         self.angles[:] = state.rows["terms"]["angles"]
         self.lines.restore_places(state.rows["places"]["places"])
         self.lines.angles[:] = state.rows["line_terms"]["line_angles"]
@@ -258,6 +264,7 @@ class Constraints(NumberedRows):
     def _switch(self, rows: IntArray, active: bool) -> None:
         self.active[rows] = active
         self.multipliers[rows] = self.forces[rows] = self.impulses[rows] = 0.0
+        self.settled[rows] = 0.0
 
     @property
     def rigid(self) -> BoolArray:
@@ -265,12 +272,8 @@ class Constraints(NumberedRows):
         held: BoolArray = self.active & (self.elastic[:, 0] == LawKind.RIGID)
         return held
 
-    @property
-    def unilateral(self) -> BoolArray:
-        """(r,) rows that are slack between limits, but for normal forces and tensions of friction.
-
-        Released rows count as well.
-        """
+    def _slack(self) -> BoolArray:
+        """(r,) see ``unilateral``."""
         kinds, lower, upper = self.elastic[:, 0], self.elastic[:, 3], self.elastic[:, 4]
         slack = np.isin(kinds, (LawKind.LIMIT, LawKind.PRESS))
         slack |= (kinds == LawKind.CURVE) & (lower < upper)
@@ -280,8 +283,17 @@ class Constraints(NumberedRows):
 
     @property
     def apart(self) -> BoolArray:
-        """(r,) rows that act by ``impulses`` alone."""
-        return self.unilateral & self.split
+        """(r,) rows that act by ``impulses`` alone: unilateral ones without part in ``forces``."""
+        found: BoolArray = self.unilateral & (self.forces == 0.0) & self.split
+        return found
+
+    def laws_forces(self) -> FloatArray:
+        """(r,) forces of laws at the last evaluation, with unscaled multipliers; zero if rigid."""
+        law = self.compliance > 0.0
+        found: FloatArray = np.divide(
+            self.values, self.compliance, out=np.zeros(self.size), where=law
+        )
+        return (found + self.multipliers) * (law & ~self.rigid)
 
     @property
     def of_elements(self) -> BoolArray:

@@ -96,8 +96,13 @@ class AcceptedForces:
         return found
 
     def _evaluate(self) -> None:
-        """Evaluate all rows; forces of those that act by impulses alone are zero."""
+        """Evaluate all rows; forces of those that act by impulses alone are zero.
+
+        Normal forces of friction have the mean forces of impulses in them.
+        """
         rows = self._system.constraints
+        if rows.split:
+            np.negative(rows.impulses, out=rows.own.excess)
         rows.evaluate(_UNSCALED)
         if rows.split:
             rows.leave_out(rows.apart)

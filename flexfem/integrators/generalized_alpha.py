@@ -148,9 +148,11 @@ class GeneralizedAlpha(Integrator):
         system.set_time(start + h)
         status = Status.DIVERGED
         for restart in predictions(system, partial(predict_step, system, laws, split)):
-            status = policy.solve(laws.shifts, restart, equations)
-            if status is Status.OK and split is not None:
-                status = split.finish(laws.shifts, h, lambda block: block.kick(h))
+            attempt = partial(policy.solve, laws.shifts, restart, equations)
+            if split is None:
+                status = attempt()
+            else:
+                status = split.solve(laws.shifts, attempt, restart, lambda block: block.kick(h))
             if status is Status.OK:
                 return status
         discard(system, start)
@@ -197,8 +199,6 @@ class GeneralizedAlpha(Integrator):
         which is unknown after a kink. With the radius 1 it is the acceleration: the trapezoidal
         rule, which makes no error in the impulse of loads that are linear in time.
         """
-        if self.split is not None:
-            self.split.separate()
         for part in system.parts:
             part.block.lead_auxiliary(part.block.accelerations, 0.0)
         return replace(self, rho_inf=1.0)
@@ -215,9 +215,13 @@ def predict_step(
     """Start a step of the given laws with the predicted trial state."""
     law, rows = laws.predict[prediction], system.constraints
     parts = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # of the increments
-    predict_apart(
-        system, lambda share: system.predict(law * (1.0 + (share - 1.0) * parts), laws.rates)
-    )
+
+    def predict(share: float) -> None:
+        system.predict(law * (1.0 + (share - 1.0) * parts), laws.rates)
+        if split is not None and split.steady and prediction is Prediction.ACCELERATION:
+            split.continue_impulses(share)
+
+    predict_apart(system, predict)
     if split is None:
         rows.multipliers[:] = laws.shifts.scale * rows.forces
     else:

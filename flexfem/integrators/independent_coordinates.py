@@ -13,7 +13,7 @@ the null space of the constraints at the start of the step instead of chosen coo
 K. Mani, E. J. Haug, K. E. Atkinson, J. Mech., Trans., and Automation 107 (1985) 82-87.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from functools import partial
 from typing import ClassVar
 
@@ -21,6 +21,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, predict_step, step_laws
@@ -110,22 +111,27 @@ class IndependentCoordinates(Integrator):
         equations = END_POINT if split is None else split
         step = _Step(system, self._motions, laws.shifts, h, policy.tolerance, equations)
         status = Status.DIVERGED
-        for _ in predictions(system, partial(predict_step, system, laws, split)):
-            status = step.solve()
-            if status is Status.OK and split is not None:
-                status = self._finish(system, split, step, h)
+        for restart in predictions(system, partial(predict_step, system, laws, split)):
+            if split is None:
+                status = step.solve()
+            else:
+                status = self._split(system, split, step, restart, h)
             if status is Status.OK:
                 return status
         discard(system, start)
         return status
 
-    def _finish(self, system: System, split: Split, step: "_Step", h: float) -> Status:
-        """Impulses of a step that has been solved, see ``integrators.split.step`` (collective)."""
+    def _split(
+        self, system: System, split: Split, step: "_Step", restart: Callable[[], None], h: float
+    ) -> Status:
+        """Solve a step with impulses, see ``integrators.split.step`` (collective)."""
         scheme, rows = self.scheme, system.constraints
         velocity = 1.0 - scheme.gamma / (2.0 * scheme.beta)
-        status = split.finish(
-            self.shifts(h), h, lambda block: block.kick_rates(h, velocity, -scheme.weight / h)
-        )
+
+        def kick(block: FrameBlock) -> None:
+            block.kick_rates(h, velocity, -scheme.weight / h)
+
+        status = split.solve(self.shifts(h), step.solve, restart, kick)
         if status is Status.OK and split.acting and velocity != 0.0:
             multipliers = rows.multipliers.copy()
             if not step.rates():

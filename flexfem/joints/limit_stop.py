@@ -30,8 +30,10 @@ class LimitStop(Joint):
     spring and damper while the damper's force is small against the spring's, which begins softly
     and never pulls. A function gives the force in their place: ``force(d)`` or ``force(d, v)``, or
     a `Curve`; it presses where it is positive, ``force(d, 0)`` is elastic, and what v adds is
-    dissipated. In motions it acts by its mean over each step, the change of the stored energy over
-    that of the coordinate: impacts neither make nor lose energy in the scheme, whatever the step.
+    dissipated. In impacts it acts by its mean over each step, the change of the stored energy over
+    that of the coordinate: they neither make nor lose energy in the scheme, whatever the step. Such
+    means are what a `ReactionProbe` records then, and forces at the end of steps while it stays
+    closed.
 
     Attributes:
         motion: "translation" of b from a along an axis fixed in a (m), "rotation" by which b has

@@ -125,7 +125,7 @@ def test_colour_is_a_field_that_is_there(series: str, fields: list[str], shown: 
     assert script("motion_scene").default_field([instant]) == shown
 
 
-def sliding(*probes: ff.EnergyProbe) -> ff.Model:
+def sliding(*probes: ff.EnergyProbe | ff.ReactionProbe) -> ff.Model:
     model = ff.Model("m")
     model.add(ff.RigidBody("bob", 2.0, (0.1, 0.1, 0.1)), ff.Gravity((0.0, 0.0, -9.81)), *probes)
     return model
@@ -157,10 +157,10 @@ def test_energy_drift_is_told() -> None:
 
 
 def test_coarse_steps_of_a_stop_are_told() -> None:
-    """A mass falls onto a stiff stop, which steps of 20 ms do not resolve; finer ones do."""
-    warnings = {}
+    """A mass falls onto a stiff stop for 14 ms: steps of 20 ms give a mean of its force alone."""
+    warnings, pushes = {}, {}
     for dt in (2e-2, 2e-4):
-        model = sliding(ff.EnergyProbe())
+        model = sliding(ff.EnergyProbe(), ff.ReactionProbe("push", "floor"))
         ends = ff.Ground(), ff.Marker("bob")
         model.add(
             ff.Prismatic("rail", *ends),
@@ -169,8 +169,13 @@ def test_coarse_steps_of_a_stop_are_told() -> None:
         outcome = ff.simulate(model, ff.RunOptions(dt=dt, t_end=0.4, rho_inf=1.0))
         assert outcome.status == "ok"
         warnings[dt] = outcome.summary["warnings"]
-    assert len(warnings[2e-2]) == 1
+        pushes[dt] = outcome.history["push_fz"].max()
+    largest = 2.0 * 9.81 + np.sqrt((2.0 * 9.81) ** 2 + 2.0 * 1e5 * 2.0 * 9.81 * 0.1)
+    assert pushes[2e-4] == pytest.approx(largest, rel=2e-3)
     assert warnings[2e-4] == []
+    assert pushes[2e-2] < 0.6 * largest
+    (line,) = warnings[2e-2]
+    assert 'LimitStop "floor": contacts last less than 5 steps' in line
 
 
 def test_smooth_drive_of_a_damped_beam_begins_without_a_force() -> None:

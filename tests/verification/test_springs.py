@@ -134,11 +134,9 @@ def test_functions_are_the_springs_that_they_say(cable: bool) -> None:
     model = hanging(0.54, stiffness=800.0, damping=6.0, rest_length=LENGTH)
     wanted = columns(ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=0.5, quiet=True)))
     assert (wanted["at_z"] < 0.5).all()  # it is stretched throughout, as a cable is
-    # a cable's force is the mean over the step, which differs by the square of the step alone
-    close = 1e-4 if cable else 1e-9
     for name, values in wanted.items():
         scale = max(np.abs(values).max(), 1e-3)
-        np.testing.assert_allclose(found[name], values, atol=close * scale, err_msg=name)
+        np.testing.assert_allclose(found[name], values, atol=1e-9 * scale, err_msg=name)
 
 
 @pytest.mark.parametrize(

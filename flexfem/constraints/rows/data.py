@@ -42,6 +42,7 @@ class RowArrays(Record):
         wrap_terms: (w, 2) terms that give the angle around the guide, see ``Wrap``.
         wraps: (w, 2) coefficient of friction, and angle at the start, -1 for an eyelet.
         coupling: (k,) derivatives of the residuals of the former by the multipliers of the latter.
+        excess: (r,) by which multipliers are larger than normal forces, see ``integrators.split``.
     """
 
     marker_node: Int1D
@@ -75,6 +76,7 @@ class RowArrays(Record):
     wrap_terms: Int2D
     wraps: Float2D
     coupling: Float1D
+    excess: Float1D
 
 
 class InterfaceNodes(Record):

@@ -165,8 +165,9 @@ def _apply_law(
     """
     squares, total, end, coupled, coupling = 0.0, 0.0, at, own.coupled, own.coupling
     while end < coupling.size and coupled[end, 0] == r:
-        squares += own.multipliers[coupled[end, 1]] ** 2
-        total += own.multipliers[coupled[end, 1]]
+        press = own.multipliers[coupled[end, 1]] - own.excess[coupled[end, 1]]
+        squares += press**2
+        total += press
         end += 1
     size = total if own.elastic[r, 0] == CAPSTAN else np.sqrt(squares)
     force_law(
@@ -178,7 +179,8 @@ def _apply_law(
     own.compliance[r] = scale / dynamics[1]
     own.slopes[r, 0], own.slopes[r, 1] = scale * out[1], scale * out[2]
     for k in range(at, end):
-        part = own.multipliers[coupled[k, 1]] / size if size > 0.0 else 0.0
+        press = own.multipliers[coupled[k, 1]] - own.excess[coupled[k, 1]]
+        part = press / size if size > 0.0 else 0.0
         if own.elastic[r, 0] == CAPSTAN:
             part = 1.0
         coupling[k] = -own.compliance[r] * out[3] * part

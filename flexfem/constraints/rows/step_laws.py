@@ -11,7 +11,7 @@ from math import sqrt, tan
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.constraints.rows.data import InterfaceNodes, RowArrays
 from flexfem.constraints.rows.kernels import ON_LINES
 from flexfem.constraints.rows.laws import LIMIT, PRESS, function_beyond, stored
@@ -25,7 +25,15 @@ from flexfem.lie import so3
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
 
-__all__ = ["RowsOverStep", "evaluate_over_step", "step_force", "step_forces"]
+__all__ = [
+    "RowsOverStep",
+    "begin_step",
+    "divide_rows",
+    "evaluate_over_step",
+    "open_rows",
+    "step_force",
+    "step_forces",
+]
 
 #: Kinds of terms up to here have exact discrete gradients.
 _EXACT = int(RowKind.ANGLE)
@@ -33,8 +41,9 @@ _EXACT = int(RowKind.ANGLE)
 #: eleven digits there, while the force in the middle is off by the square of the change.
 _SMALL = 1e-5
 #: Part of the motion of a row's nodes that its sum must at least change by for its mean gradient to
-#: be scaled to that change, and the largest relative change by scaling.
-_LEAST, _MOST = 1e-6, 0.5
+#: be scaled to that change, and the largest relative change by scaling. A difference of the last
+#: size is round-off, which the quotient would enlarge where the sum hardly changes.
+_LEAST, _MOST, _ROUND = 1e-6, 0.5, 1e-10
 #: Argument beyond which tanh is constant.
 _FLAT = 20.0
 
@@ -48,6 +57,7 @@ class RowsOverStep(Record):
         sums0, values0: (r,) sums of the rows there, and less their targets.
         gradients0, nodes0: (t, 2, 6) and (t, 2) gradients and nodes of the terms there.
         forces: (k,) mean forces of the last evaluation, N or N m.
+        values: (k,) values then.
         size: size of the step, s.
         weight: factor with which the forces act in the equations.
     """
@@ -60,6 +70,7 @@ class RowsOverStep(Record):
     gradients0: Float3D
     nodes0: Int2D
     forces: Float1D
+    values: Float1D
     size: float
     weight: float
 
@@ -253,12 +264,86 @@ def _scale(own: RowArrays, nodes: InterfaceNodes, r: int, way: float) -> None:
                 second = own.force_jacobian[t, side, 3 + k] * turned[k]
                 found += first + second
                 size += abs(first) + abs(second)
-    if abs(found) <= _LEAST * size or abs(way / found - 1.0) > _MOST:
+    if abs(found) <= _LEAST * size or abs(way - found) <= _ROUND * size:
+        return
+    if abs(way / found - 1.0) > _MOST:
         return
     for t in range(own.term_start[r], own.term_start[r + 1]):
         for side in range(2):
             for k in range(6):
                 own.force_jacobian[t, side, k] *= way / found
+
+
+@inlined
+def _sum(own: RowArrays, r: int, g: FloatArray, scratch: FloatArray) -> float:
+    """Sum of a row at the poses of its markers; gradient and work space are not used."""
+    total: float = own.line_sums[r]
+    for t in range(own.term_start[r], own.term_start[r + 1]):
+        if own.kinds[t] != ON_LINES:
+            a, b = own.poses[own.term_marker[t, 0]], own.poses[own.term_marker[t, 1]]
+            d, angle = own.directions[t], own.angles[t]
+            total += own.factors[t] * term(own.kinds[t], a, b, d, angle, g, scratch)
+    return total
+
+
+@kernel
+def begin_step(memory: Memory, interface_nodes: Memory, step: Memory) -> None:
+    """Store the accepted state of the chosen rows, whose markers have been placed.
+
+    Memories are those of :func:`evaluate_over_step`.
+    """
+    own, nodes = unpack(RowArrays, memory), unpack(InterfaceNodes, interface_nodes)
+    over, g, scratch = unpack(RowsOverStep, step), np.empty(12), np.empty((5, 3))
+    for k in range(over.chosen.size):
+        r = over.chosen[k]
+        over.sums0[r] = _sum(own, r, g, scratch)
+        over.values0[r] = over.sums0[r] - own.targets[r]
+        over.forces[k] = 0.0
+        for t in range(own.term_start[r], own.term_start[r + 1]):
+            for side in range(2):
+                m, node = own.term_marker[t, side], own.term_nodes[t, side]
+                over.nodes0[t, side] = node
+                if own.kinds[t] != ON_LINES:
+                    over.poses0[m] = own.poses[m]
+                if node >= 0:
+                    over.frames0[node] = nodes.frames[node]
+                over.gradients0[t, side] = own.force_jacobian[t, side]
+
+
+@kernel
+def open_rows(memory: Memory, which: IntArray, forces: FloatArray, out: BoolArray) -> bool:
+    """True if any of the rows (k,) is within its limits, or beyond the other one.
+
+    Those that are so are in ``out`` (k,). Forces (r,) are those at the start of the step; markers
+    have been placed.
+    """
+    own, g, scratch, some = unpack(RowArrays, memory), np.empty(12), np.empty((5, 3)), False
+    for k in range(which.size):
+        r = which[k]
+        beyond = _beyond(own.elastic[r], _sum(own, r, g, scratch) - own.targets[r])
+        out[k] = beyond == 0.0 or beyond * forces[r] < 0.0
+        some = some or out[k]
+    return some
+
+
+@kernel
+def divide_rows(
+    memory: Memory, which: IntArray, forces: FloatArray, settled: FloatArray, least: float,
+    apart: BoolArray, joining: BoolArray,
+) -> tuple[bool, bool]:  # fmt: skip
+    """Which rows (k,) act by impulses, and which ones have been closed for long enough to join.
+
+    Returns:
+        True if the former have changed, and if there are any of the latter.
+    """
+    own, changed, some = unpack(RowArrays, memory), False, False
+    for k in range(which.size):
+        r = which[k]
+        now = own.active[r] and forces[r] == 0.0
+        changed = changed or now != apart[k]
+        apart[k], joining[k] = now, now and settled[r] >= least
+        some = some or joining[k]
+    return changed, some
 
 
 @kernel
@@ -282,26 +367,25 @@ def evaluate_over_step(
     )
     vectors, T = np.empty((10, 3)), np.empty(9)
     for k in range(over.chosen.size):
-        r = over.chosen[k]
-        total, exact = own.line_sums[r], True
-        for t in range(own.term_start[r], own.term_start[r + 1]):
-            exact = exact and 0 <= own.kinds[t] <= _EXACT
-            if own.kinds[t] != ON_LINES:
-                a, b = own.poses[own.term_marker[t, 0]], own.poses[own.term_marker[t, 1]]
-                d, angle = own.directions[t], own.angles[t]
-                total += own.factors[t] * term(own.kinds[t], a, b, d, angle, g, scratch)
+        r, exact = over.chosen[k], True
+        total = _sum(own, r, g, scratch)
         way, value = total - over.sums0[r], total - own.targets[r]
         step_force(
             own.elastic[r], own.functions[r], own.function_data[r], over.values0[r], value,
             way / over.size - own.target_rates[r], over.size, found,
         )  # fmt: skip
-        over.forces[k] = found[0]
+        over.forces[k], over.values[k] = found[0], value
         slope = over.weight * found[1]
         scale = 1.0 / (1.0 / dynamics[1] + abs(slope))
         own.values[r] = scale * (over.weight * found[0] - own.multipliers[r] / dynamics[1])
         own.compliance[r] = scale / dynamics[1]
         own.slopes[r, 0], own.slopes[r, 1] = scale * slope, 0.0
+        if found[0] == 0.0 and found[1] == 0.0:  # open, as it would be at the end of the step
+            for t in range(own.term_start[r], own.term_start[r + 1]):
+                own.step_jacobian[t] = 0.0
+            continue
         for t in range(own.term_start[r], own.term_start[r + 1]):
+            exact = exact and 0 <= own.kinds[t] <= _EXACT
             for side in range(2):
                 for i in range(6):
                     gradient = own.force_jacobian[t, side, i]

@@ -13,6 +13,10 @@ the usual ones with ``b J^T F``, ``b = (1 - alpha_m)/(1 - alpha_f)/(2 beta)``, a
 + b L``. W is found once the iteration has converged. For ``rho_inf = 1`` the work of F is the
 change of the kinetic energy, exactly.
 
+What stays closed is no impact. Forces of rows that have been closed for many steps, or since the
+start, are those of the smooth scheme: their accelerations are added to the accepted ones, and
+subtracted again before a step in which they end.
+
 Discrete derivatives: Gonzalez, J. Nonlinear Sci. 6 (1996) 449-467; Laursen, Chawla, Int. J. Numer.
 Methods Eng. 40 (1997) 863-886. Splitting of impulses from a smooth scheme: Chen, Acary, Virlez,
 Brüls, Int. J. Numer. Methods Eng. 96 (2013) 487-511.
@@ -62,34 +66,42 @@ class Split(EndPoint):
     def __init__(self, system: System, forces: Sequence[Unilateral]) -> None:
         """Store the forces of the system, which act by impulses from now on."""
         self._system, self._forces, self._impulse = system, forces, Impulse(system)
-        self._weight, self.acting = 1.0, False
+        self._h, self._weight, self._start = 1.0, 1.0, system.time
+        self.acting = False
         self._means = np.zeros(system.constraints.size)
         self._jumps = [np.zeros_like(part.block.step) for part in system.parts]
-        system.constraints.split = True
-        self._apart = system.constraints.apart
+        self._last_jumps = [jumps.copy() for jumps in self._jumps]
+        self._steady = False
+        rows, comm = system.constraints, system.comm
+        self._rubbing: bool = comm.allreduce(bool(len(rows.coupled)), op=MPI.LOR)
+        rows.split, self._apart = True, rows.unilateral
 
     def begin(self, h: float, weight: float) -> bool:
         """Start a step of size ``h`` (s) from the accepted state; False if masses are singular.
 
         Collective. In the equations the forces are multiplied by ``weight``.
         """
-        self._weight = weight
+        self._h, self._weight, self._start = h, weight, self._system.time
+        self._system.constraints.own.excess[:] = 0.0
         self._system.interface.update()
-        if not self.separate():
+        return self._divide()
+
+    def _divide(self) -> bool:
+        """Start with forces either in the accepted accelerations, or by impulses (collective)."""
+        if self._any([forces.pressing for forces in self._forces]) and not self._separate():
             return False
         for forces in self._forces:
-            forces.begin(h, weight)
+            forces.begin(self._h, self._weight)
+        self._apart = self._system.constraints.apart
         return True
 
-    def separate(self) -> bool:
-        """Take unilateral forces out of the accepted accelerations, where a start has put them.
+    def _separate(self) -> bool:
+        """Take forces out of the accepted accelerations, or into them; False if impossible.
 
-        Collective; the trial state is the accepted one. False if masses are singular.
+        Collective; the trial state is the accepted one.
         """
         system, rows = self._system, self._system.constraints
-        if not self._any([forces.pressing for forces in self._forces]):
-            return True
-        system.interface.update()
+        rows.multipliers[:] = rows.forces
         rows.evaluate(_UNSCALED)
         impulses = np.zeros(rows.size)
         self._clear()
@@ -103,9 +115,80 @@ class Split(EndPoint):
         for part in system.parts:
             part.block.owned_step[:] *= -1.0
             part.block.slow()
+        system.reset()
+        system.interface.update()
         rows.impulses += impulses
         rows.forces -= impulses
         return True
+
+    def solve(
+        self, shifts: Shifts, attempt: Callable[[], Status], predict: Callable[[], None],
+        kick: Callable[[FrameBlock], None],
+    ) -> Status:  # fmt: skip
+        """Solve a step and find its impulses (collective).
+
+        Where a force of the scheme ends in the step, it acts by an impulse, and the step is solved
+        again. So it is where impulses change the normal forces of friction.
+
+        Args:
+            shifts: factors of the scheme.
+            attempt: solves from the present trial state.
+            predict: makes a predicted trial state.
+            kick: changes the velocities of a block by its steps.
+        """
+        releases = 0
+        for _ in range(_SOLUTIONS):
+            status = attempt()
+            if status is not Status.OK:
+                return status
+            if self._look():
+                if not self._release(every=releases > 0):
+                    return Status.SINGULAR
+                releases += 1
+            else:
+                status = self._finish(shifts, kick)
+                if status is not Status.OK or not self._rubs_otherwise(shifts):
+                    return status
+            predict()
+        return Status.NOT_CONVERGED
+
+    def _look(self) -> bool:
+        """True if forces of the scheme have ended; find whether others act (collective)."""
+        self._system.interface.update()
+        opened = [forces.opened for forces in self._forces]  # each finds its own
+        found = 2 * any(opened) + any(forces.acting for forces in self._forces)
+        comm = self._system.comm
+        found = comm.allreduce(found, op=MPI.MAX) if comm.size > 1 else found
+        self.acting = found == 1
+        return found >= 2
+
+    def _release(self, *, every: bool) -> bool:
+        """Return to the accepted state, without forces that have ended in its accelerations."""
+        system, end = self._system, self._system.time
+        system.set_time(self._start)
+        system.reset()
+        system.interface.update()
+        for forces in self._forces:
+            forces.release(every=every)
+        done = self._divide()
+        system.set_time(end)
+        return done
+
+    def _rubs_otherwise(self, shifts: Shifts) -> bool:
+        """True if normal forces of friction are not those of the solution (collective).
+
+        Multipliers have ``weight`` times the impulses in them, normal forces have them once.
+        """
+        rows, comm = self._system.constraints, self._system.comm
+        if not self._rubbing:
+            return False
+        pressing = rows.coupled[:, 1]
+        excess = (self._weight - 1.0) * shifts.scale * self._means[pressing]
+        change = np.abs(excess - rows.own.excess[pressing]).max(initial=0.0)
+        size = np.abs(rows.multipliers[pressing]).max(initial=0.0)
+        rows.own.excess[pressing] = excess
+        other = bool(change > _ALIKE * size)
+        return comm.allreduce(other, op=MPI.LOR) if comm.size > 1 else other
 
     def evaluate_rows(self, system: System, shifts: Shifts) -> None:
         """See :class:`EndPoint`."""
@@ -118,18 +201,34 @@ class Split(EndPoint):
         rows = self._system.constraints
         rows.multipliers[:] = shifts.scale * (rows.forces + self._weight * rows.impulses)
 
-    def finish(self, shifts: Shifts, h: float, kick: Callable[[FrameBlock], None]) -> Status:
-        """Find the impulses of a step of size ``h`` (s) that has been solved (collective).
+    def continue_impulses(self, share: float) -> None:
+        """Move the predicted trial state by a share of what lasting impulses move (collective)."""
+        for part, jumps in zip(self._system.parts, self._jumps, strict=True):
+            part.block.step[:] = 0.5 * self._h * self._h * share * jumps
+            part.block.correct(1.0)
 
-        ``kick`` changes the velocities of a block by its steps.
-        """
+    @property
+    def steady(self) -> bool:
+        """True if the impulses of the last steps are alike: bodies rest, roll or slide."""
+        return self._steady
+
+    def _lasts(self) -> bool:
+        """True if the impulses of the step are those of the last one, about (collective)."""
+        squares = np.zeros(2)
+        for now, last in zip(self._jumps, self._last_jumps, strict=True):
+            squares += np.sum((now - last) ** 2), np.sum(now**2)
+            last[:] = now
+        if self._system.comm.size > 1:
+            self._system.comm.Allreduce(MPI.IN_PLACE, squares)
+        return bool(squares[0] < _LASTING**2 * squares[1])
+
+    def _finish(self, shifts: Shifts, kick: Callable[[FrameBlock], None]) -> Status:
+        """Find the impulses of a step that has been solved (collective)."""
         system, rows = self._system, self._system.constraints
         self._means[:] = 0.0
-        self.acting = self._any([forces.acting for forces in self._forces])
         if not self.acting:
             return Status.OK
         multipliers = rows.multipliers.copy()
-        system.interface.update()
         self.evaluate_rows(system, shifts)
         self._clear()
         for forces in self._forces:
@@ -141,34 +240,42 @@ class Split(EndPoint):
             return Status.SINGULAR
         self._means += found * rows.rigid
         for part, jumps in zip(system.parts, self._jumps, strict=True):
-            part.block.owned_step[:] *= -h
+            part.block.owned_step[:] *= -self._h
             kick(part.block)
-            np.divide(part.block.step, h, out=jumps)
+            np.divide(part.block.step, self._h, out=jumps)
         return Status.OK
 
     def accept(self, shifts: Shifts) -> None:
         """Set the accepted forces of all rows, before the trial state is accepted."""
         rows = self._system.constraints
+        rows.entering[:] = rows.forces
         np.divide(rows.multipliers, shifts.scale, out=rows.forces)
-        rows.forces -= self._weight * self._means
+        if self.acting:
+            rows.forces -= self._weight * self._means
         rows.forces[self._apart] = 0.0
         rows.impulses[:] = self._means
+        for forces in self._forces:
+            forces.accept()
 
     def accepted(self) -> None:
         """Complete the accepted state of a step with impulses.
 
         Reported accelerations include those of unilateral forces. Those from which the next step
         goes on do not, and may be huge where these hold a stiff body: a prediction with them turns
-        nodes by whole turns.
+        nodes by whole turns, unless they last.
         """
         system = self._system
-        for forces in self._forces:
-            forces.end()
         if not self.acting:
+            self._steady = False
+            for last in self._last_jumps:
+                last[:] = 0.0
             return
+        self._steady = self._lasts()
         for part, jumps in zip(system.parts, self._jumps, strict=True):
             part.block.acceleration += jumps
-        if system.prediction is Prediction.ACCELERATION:
+        if self._steady:
+            system.prediction = Prediction.ACCELERATION
+        elif system.prediction is Prediction.ACCELERATION:
             system.prediction = Prediction.VELOCITY
 
     def _clear(self) -> None:
@@ -181,5 +288,9 @@ class Split(EndPoint):
         return comm.allreduce(any(flags), op=MPI.LOR) if comm.size > 1 else any(flags)
 
 
+#: Relative change of impulses from step to step below which they last.
+_LASTING = 0.1
+#: Number of solutions of a step, and relative change of normal forces that ends them.
+_SOLUTIONS, _ALIKE = 12, 1e-6
 #: Factors with which rows are evaluated at a state, not as part of a time step.
 _UNSCALED = np.array([1.0, 1.0])

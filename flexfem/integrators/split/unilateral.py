@@ -7,9 +7,15 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
+from flexfem.constraints.rows.step_laws import (
+    RowsOverStep,
+    begin_step,
+    divide_rows,
+    evaluate_over_step,
+    open_rows,
+)
 from flexfem.contact.barrier.contacts import BarrierContacts
-from flexfem.constraints.rows.step_laws import RowsOverStep, evaluate_over_step
 from flexfem.core.row import RowKind
 from flexfem.system.system import Shifts, System
 
@@ -47,26 +53,38 @@ class Unilateral(ABC):
     def add_means(self, shifts: Shifts) -> None:
         """Subtract the mean forces F of the step from the blocks' residuals."""
 
-    @property
-    @abstractmethod
-    def pressing(self) -> bool:
-        """True if the accepted accelerations have forces in them: after a start, on this rank."""
-
-    @abstractmethod
-    def add_pressing(self) -> None:
-        """Subtract these forces from the blocks' residuals."""
-
-    def end(self) -> None:
-        """End a step that has been accepted."""
-        return
-
     @abstractmethod
     def read_means(self, shifts: Shifts, out: FloatArray) -> None:
         """Write the mean forces of the step of rows (r,) to ``out``."""
 
+    @property
+    @abstractmethod
+    def pressing(self) -> bool:
+        """True if forces leave the accepted accelerations, or join them, on this rank."""
+
+    @abstractmethod
+    def add_pressing(self) -> None:
+        """Subtract forces that leave, less those that join, from the blocks' residuals.
+
+        Rows are evaluated at the accepted state, with unscaled multipliers.
+        """
+
     @abstractmethod
     def read_pressing(self, out: FloatArray) -> None:
-        """Write the forces of rows (r,) in the accepted accelerations to ``out``."""
+        """Write the same of rows (r,) to ``out``."""
+
+    @property
+    def opened(self) -> bool:
+        """True if forces in the accepted accelerations have ended in the step, on this rank."""
+        return False
+
+    def release(self, *, every: bool) -> None:
+        """Let these forces leave, or ``every`` one in the accepted accelerations."""
+        return
+
+    def accept(self) -> None:
+        """Take note that the trial state of the step is accepted."""
+        return
 
 
 class UnilateralContacts(Unilateral):
@@ -100,7 +118,7 @@ class UnilateralContacts(Unilateral):
     def add_pressing(self) -> None:
         """See :class:`Unilateral`."""
         self._contacts.subtract_means()
-        self._contacts.end_step(0.0)
+        self._contacts.factor = 0.0
 
     def read_means(self, shifts: Shifts, out: FloatArray) -> None:
         """See :class:`Unilateral`."""
@@ -108,13 +126,17 @@ class UnilateralContacts(Unilateral):
     def read_pressing(self, out: FloatArray) -> None:
         """See :class:`Unilateral`."""
 
-    def end(self) -> None:
+    def accept(self) -> None:
         """See :class:`Unilateral`."""
         self._contacts.end_step(0.0)
 
 
 class UnilateralRows(Unilateral):
-    """Rows that are slack between limits: stops, slack springs and cables, backlash."""
+    """Rows that are slack between limits: stops, slack springs and cables, backlash.
+
+    One that stays closed is no impact: its force is a part of the scheme until it opens. That is so
+    from a start at which it is closed, and after many steps in which its force hardly changes.
+    """
 
     def __init__(self, system: System) -> None:
         """Set up the work space."""
@@ -126,9 +148,12 @@ class UnilateralRows(Unilateral):
             chosen=numbers, frames0=np.zeros_like(rows.interface.frames),
             poses0=np.zeros_like(rows.poses), sums0=np.zeros(rows.size),
             values0=np.zeros(rows.size), gradients0=np.zeros_like(rows.force_jacobian),
-            nodes0=rows.term_nodes.copy(), forces=np.zeros(len(numbers)), size=1.0, weight=1.0,
+            nodes0=rows.term_nodes.copy(), forces=np.zeros(len(numbers)),
+            values=np.zeros(len(numbers)), size=1.0, weight=1.0,
         )  # fmt: skip
-        self._numbers, self._active = numbers, np.ones(len(numbers), dtype=np.bool_)
+        self._numbers, self._apart = numbers, np.ones(len(numbers), dtype=np.bool_)
+        self._leaving, self._joining = np.zeros((2, len(numbers)), dtype=np.bool_)
+        self._within, self._open = numbers[:0], np.zeros(0, dtype=np.bool_)
         kinds = rows.kinds[self._chosen[rows.row_of_term]]
         inexact = bool(((kinds < 0) | (kinds > RowKind.ANGLE)).any())
         self._inexact: bool = rows.comm.allreduce(inexact, op=MPI.LOR)
@@ -137,22 +162,35 @@ class UnilateralRows(Unilateral):
         """See :class:`Unilateral`."""
         rows, over = self._rows, self._over
         over.size, over.weight = h, weight
+        self._leaving[:] = False
+        self._divide()
+        if not len(over.chosen):
+            return
         if self._inexact:
             rows.evaluate(_UNSCALED)
         else:
             rows.place_markers()
-        over.frames0[:], over.poses0[:] = rows.interface.frames, rows.poses
-        over.sums0[:] = rows.sums()
-        np.subtract(over.sums0, rows.targets, out=over.values0)
-        over.gradients0[:], over.nodes0[:] = rows.force_jacobian, rows.term_nodes
-        active = rows.active[self._numbers]
-        if (active != self._active).any():
-            self._active, over.chosen = active, self._numbers[active]
-            over.forces = np.zeros(len(over.chosen))
+        begin_step(rows.own.memory, rows.interface.interface_nodes.memory, over.memory)
+
+    def _divide(self) -> bool:
+        """Sort the rows: impulses, or forces of the scheme. True if some are to join the latter."""
+        rows, over = self._rows, self._over
+        changed, some = divide_rows(
+            rows.own.memory, self._numbers, rows.forces, rows.settled, _SETTLED, self._apart,
+            self._joining,
+        )  # fmt: skip
+        if changed:
+            over.chosen = self._numbers[self._apart]
+            over.forces, over.values = np.zeros((2, len(over.chosen)))
+            self._within = self._numbers[~self._apart & rows.active[self._numbers]]
+            self._open = np.zeros(len(self._within), dtype=np.bool_)
+        return some
 
     def evaluate(self, shifts: Shifts) -> None:
         """See :class:`Unilateral`."""
         rows, over = self._rows, self._over
+        if not len(over.chosen):
+            return
         evaluate_over_step(
             rows.own.memory, rows.interface.interface_nodes.memory, over.memory, shifts.dynamics
         )
@@ -169,24 +207,69 @@ class UnilateralRows(Unilateral):
         self.read_means(shifts, means)
         self._system.add_constraint_forces(means)
 
-    @property
-    def pressing(self) -> bool:
-        """See :class:`Unilateral`."""
-        return bool(self._rows.forces[self._numbers].any())
-
-    def add_pressing(self) -> None:
-        """See :class:`Unilateral`."""
-        self._system.add_constraint_forces(np.where(self._chosen, self._rows.forces, 0.0))
-
     def read_means(self, shifts: Shifts, out: FloatArray) -> None:
         """See :class:`Unilateral`."""
         chosen = self._over.chosen
         out[chosen] = self._rows.multipliers[chosen] / (shifts.scale * self._over.weight)
 
+    @property
+    def pressing(self) -> bool:
+        """See :class:`Unilateral`."""
+        return self._divide() or bool(self._leaving.any())
+
+    def add_pressing(self) -> None:
+        """See :class:`Unilateral`."""
+        forces = np.zeros(self._rows.size)
+        self.read_pressing(forces)
+        self._system.add_constraint_forces(forces)
+
     def read_pressing(self, out: FloatArray) -> None:
         """See :class:`Unilateral`."""
-        out[self._numbers] = self._rows.forces[self._numbers]
+        rows, leaving, joining = (
+            self._rows,
+            *(self._numbers[some] for some in (self._leaving, self._joining)),
+        )
+        out[leaving] = rows.forces[leaving]
+        if len(joining):
+            out[joining] = -rows.laws_forces()[joining]
+
+    @property
+    def opened(self) -> bool:
+        """See :class:`Unilateral`."""
+        if not len(self._within):
+            return False
+        rows = self._rows
+        rows.place_markers()
+        return open_rows(rows.own.memory, self._within, rows.forces, self._open)
+
+    def _beyond(self, which: IntArray, values: FloatArray) -> FloatArray:
+        """(k,) distances by which values of rows are beyond their limits."""
+        laws = self._rows.elastic[which]
+        return values - np.clip(values, laws[:, 3], laws[:, 4])
+
+    def release(self, *, every: bool) -> None:
+        """See :class:`Unilateral`."""
+        rows = self._rows
+        self._leaving[:] = rows.forces[self._numbers] != 0.0
+        if not every:
+            self._leaving &= np.isin(self._numbers, self._within[self._open])
+        rows.settled[self._numbers[self._leaving]] = 0.0
+
+    def accept(self) -> None:
+        """See :class:`Unilateral`."""
+        rows, over = self._rows, self._over
+        if not self.acting:
+            rows.settled[:] = 0.0
+            return
+        ends = over.values0[over.chosen], over.values
+        first, last = (self._beyond(over.chosen, values) for values in ends)
+        steady = first * last > 0.0
+        steady &= np.abs(last - first) <= _STEADY * np.abs(first)
+        rows.settled[over.chosen] = np.where(steady, rows.settled[over.chosen] + 1.0, 0.0)
 
 
+#: Relative change of a row's stretch in a step up to which it counts as closed for good, and number
+#: of such steps in a row: half a wave of a sine has so many from 47 steps on.
+_STEADY, _SETTLED = 0.05, 20.0
 #: Factors with which rows are evaluated at a state, not as part of a time step.
 _UNSCALED = np.array([1.0, 1.0])

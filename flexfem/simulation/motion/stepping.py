@@ -119,6 +119,8 @@ class Simulation:
         self._error, self._limit = 0.0, _MOST_EVENTS
         # scheme of the steps, and True if the next one is the first after a jump
         self._scheme, self._behind_jump = self._integrator, False
+        # accelerations at the start of the last part of a step, and its size
+        self._last_part: tuple[list[FloatArray], float] = [], 0.0
         if restart is not None:
             restart.restore(self, self.system)
             restart.check_time(self.time)
@@ -270,6 +272,17 @@ class Simulation:
         self.follow()
         return self._jump()
 
+    def _accept_part(
+        self, start: float, size: float, end: float, values: FloatArray | None = None
+    ) -> Status:
+        """Accept a part of a step, see :meth:`_accept`, and keep the accelerations before it.
+
+        Its solution may have divided them from those of impulses.
+        """
+        before = [part.block.accelerations.copy() for part in self.system.parts]
+        self._last_part = before, size
+        return self._accept(start, size, end, values)
+
     def _jump_to(self, t: float) -> None:
         """Set loads and drives to those at time ``t`` (s), or just after it if they jump there."""
         self.system.lead = self.breakpoints.lead(t, before=False)
@@ -312,9 +325,8 @@ class Simulation:
             start, stop = system.time, self.breakpoints.next(system.time, end)
             self._behind_jump = False
             size = min(most, stop - start)
-            before = [part.block.accelerations.copy() for part in system.parts]
+            self._last_part = self._last_part[0], 0.0
             status = self._to_event(start, size, stop)
-            self._last_part = before, system.time - start
             short = 0.0 < system.time - start < _SHORT * whole
             if status is Status.OK and short and not self._behind_jump:
                 status = make_consistent(system, self._tangent, self.options.dt)
@@ -351,7 +363,7 @@ class Simulation:
         values = events.evaluate()
         if events.bad is None and not events.crossed(values).any():
             reached = end if size == end - start else start + size
-            return self._accept(start, size, reached, values)
+            return self._accept_part(start, size, reached, values)
         if events.bad is None:
             status, size, hits = events.locate(trial, size, values)
         if events.bad is not None:
@@ -360,7 +372,7 @@ class Simulation:
             discard(system, start)
             return status
         if size > 0.0:
-            status = self._accept(start, size, start + size)
+            status = self._accept_part(start, size, start + size)
         if status is Status.OK:
             status = events.carry_out(hits)
             self.controls.accepted(jumped=True)

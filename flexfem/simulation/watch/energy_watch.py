@@ -15,6 +15,7 @@ from flexfem._types import FloatArray
 from flexfem.core.laws import LawKind
 from flexfem.inspection.finding import owner_of
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.simulation.watch.brief_contacts import BriefContacts
 from flexfem.simulation.watch.inside_out import InsideOut
 from flexfem.simulation.watch.sagging import SagWatch
 from flexfem.simulation.watch.validity import ValidityWatch
@@ -68,7 +69,7 @@ class EnergyWatch:
         box = model_box(serial)
         self._drives = DriveChanges(rows, diagonal(box))
         self._validity, self._wraps = ValidityWatch(serial, system, box), WrapWatch(system)
-        self._sags = SagWatch(system)
+        self._sags, self._brief = SagWatch(system), BriefContacts(system, model)
         mine = len(self._drives.rows) + len(self._drives.wrenches)
         self._driven = bool(system.comm.allreduce(mine))
         self._complete = not system.comm.allreduce(not self._drives.complete, op=MPI.LOR)
@@ -133,6 +134,7 @@ class EnergyWatch:
         self._count += 1
         self._wraps.look()
         self._sags.look()
+        self._brief.look()
         if self._driven:
             self._drives.notice(self._system.time, self._h)
         if events != self._events:
@@ -211,6 +213,7 @@ class EnergyWatch:
             *self._validity.texts(),
             *self._wraps.texts(),
             *self._sags.texts(),
+            *self._brief.texts(),
             *self._turns(),
             *self._jumps(),
             *self._balance(),

@@ -60,7 +60,7 @@ class SagWatch:
         self._looks += 1
         rows, t = self._system.constraints, self._system.time
         for one in self._cables:
-            tension = float(rows.forces[one.row])
+            tension = float(rows.forces[one.row] + rows.impulses[one.row])
             count = len(one.cable.path)
             points = rows.poses[one.markers : one.markers + count, :3]
             sags = self._sags(one, points, tension)

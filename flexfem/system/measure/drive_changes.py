@@ -152,16 +152,23 @@ class DriveChanges:
             at_one, stiffness = self._energies_at_one()
             self.work[0] += 0.5 * float((stiffness - self._stiffness) @ (self._at_one + at_one))
             self._at_one, self._stiffness = at_one, stiffness
-        before = self._last[1].copy() if rows.split else self._last[1]
-        _work(self.rows, self._forces(), self._values(), rows.mean_forces, self._last, self.work)
-        if rows.split:  # means over the step
-            values = self._values()[self.rows]
-            self.work[0] -= float(rows.impulses[self.rows] @ (values - before))
+        values = self._values()
+        if rows.split:
+            self._follow_impulses(values[self.rows])
+        _work(self.rows, self._forces(), values, rows.mean_forces, self._last, self.work)
         if len(self.wrenches):
             (t0, F0, v0), self._powers = self._powers, self._wrench_powers()
             t1, F1, v1 = self._powers
             way = 0.5 * (t1 - t0) * (v0 + v1)
             self.work -= 0.5 * float((F0 + F1) @ way), -0.5 * abs(float((F1 - F0) @ way))
+
+    def _follow_impulses(self, values: FloatArray) -> None:
+        """Add the work of impulses on the driven rows, which have such values (k,) now."""
+        rows, own = self._table, self.rows
+        multiplied = ~(self._storing & (rows.target_rates == 0.0))[own]
+        means = rows.impulses[own] * multiplied
+        self.work[0] -= float(means @ (values - self._last[1]))
+        self._last[0] = np.where(multiplied, rows.entering[own], self._last[0])
 
     def _wrench_powers(self) -> tuple[float, FloatArray, FloatArray]:
         """Time (s), wrench components (N, N m) and the twists along them."""

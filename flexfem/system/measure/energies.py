@@ -129,12 +129,11 @@ class EnergyMeter:
         # a drive works on all its sides, any row works on a chosen body against another one
         self._working = sides & (owned & (driven | crossing))[rows.row_of_term][:, np.newaxis]
         self._springs = owned & ~crossing
-        # rows whose forces over a step are the change of what they store over that of their value
+        # rows whose forces may be the change of what they store over that of their value
         stores = np.isin(rows.elastic[:, 0], (LawKind.LIMIT, *STORING_FUNCTIONS))
         self._quotients = self._springs & ~self._moved
-        self._quotients &= rows.apart | (stores & rows.mean_forces)
-        laws = (rows.elastic[:, 0] != LawKind.RIGID) & ~self._quotients
-        self._dampers = self._springs & laws & ~driven
+        self._quotients &= (rows.unilateral & rows.split) | (stores & rows.mean_forces)
+        self._dampers = self._springs & (rows.elastic[:, 0] != LawKind.RIGID) & ~driven
         self._damped, self._exact = bool(self._dampers.any()), bool(self._quotients.any())
         # strain energies and viscous stresses, with the weights of the chosen elements in sums
         self._elastic, self._viscous = [], []
@@ -286,14 +285,15 @@ class EnergyMeter:
 
     def _loss(self, before: _State, after: _State, h: float) -> float:
         """Energy dissipated by dampers and by the damping of beams."""
-        total = 0.0
+        total, rows = 0.0, self._system.constraints
+        exact = self._quotients & (rows.apart | rows.mean_forces)
         if self._damped:
             rate = 0.5 * (before.all_rates + after.all_rates - before.own_rates - after.own_rates)
-            total = h * float((self._damping(before, after) * self._dampers) @ rate)
+            total = h * float((self._damping(before, after) * (self._dampers & ~exact)) @ rate)
         if self._exact:
-            way, forces = after.values - before.values, after.forces + after.impulses
+            way, forces = after.values - before.values, self._mean_force(before, after)
             lost = forces * way - (after.sprung - before.sprung)
-            total += float(lost[self._quotients].sum())
+            total += float(lost[exact].sum())
         if self._viscous:
             stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
             total += float(np.einsum("m,mi,mi->", 0.25 * h * self._lengths, stress, rate))
@@ -317,7 +317,9 @@ class EnergyMeter:
         """(r,) mean forces of all rows over a step."""
         if self._system.constraints.mean_forces:
             return after.forces
-        return 0.5 * (before.forces + after.forces) + after.impulses
+        rows = self._system.constraints
+        entering = rows.entering if rows.split else before.forces
+        return 0.5 * (entering + after.forces) + after.impulses
 
     def _damping(self, before: _State, after: _State) -> FloatArray:
         """(r,) mean forces of dampers over a step."""
