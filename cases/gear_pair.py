@@ -120,9 +120,7 @@ class Gear:
         outline, bore, faces = self._section(parts, start)
         flat = np.concatenate([outline, bore])
         layers = np.linspace(-0.5, 0.5, slices + 1) * self.width
-        points = np.concatenate(
-            [np.column_stack([flat, np.full(len(flat), z)]) for z in layers]
-        )
+        points = np.concatenate([np.column_stack([flat, np.full(len(flat), z)]) for z in layers])
         n, m, count = len(outline), len(bore), len(flat)
         ring, hole = np.arange(n), n + np.arange(m)[::-1]
         sides = [

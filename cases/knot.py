@@ -21,8 +21,8 @@ Expected: without friction, and as long as the knot is loose, the tension is EI/
 radius R of the loop, as the strain energy of a circle, pi EI/R, falls by the work of the end that
 is pulled (B. Audoly, N. Clauvelin, S. Neukirch, "Elastic knots", Phys. Rev. Lett. 99, 2007,
 164301); the results compare both, ``tension`` and ``tension_of_circle`` (N). The thickness adds to
-it: with the default it is 1.3 times as much for R = 108 mm, 11 diameters, and 1.6 times in the end,
-for 58 mm, which is what a strain energy of 1.2 and 1.37 times that of the circle leads to.
+it: with the default it is 1.3 times as much for R = 108 mm, 11 diameters, and 1.6 to 1.7 times in
+the end, for 58 mm, with 1.2 and 1.37 times the strain energy of the circle.
 Run: ``mpirun -n 2 python cases/knot.py``, then ``flexfem render results/knot``.
 """
 
