@@ -45,7 +45,7 @@ _NODAL = {
 #: Columns in the data of cells: the length, and behind it the roots of the dampings.
 _LENGTH, _DAMPING = 6, 7
 #: Forms, and whether their kernels evaluate several cells at once.
-_BATCHED = {"residual": True, "stiffness": False, "inertia": False, "action": False}
+_BATCHED = {"residual": True, "stiffness": False, "inertia": False, "action": True}
 
 
 @dataclass(frozen=True)

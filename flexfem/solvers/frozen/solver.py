@@ -175,7 +175,7 @@ class FrozenSolver:
                 pieces[i] = None
             elif flexible.split:
                 pieces[i], rows[0, i] = flexible.every, rows[1, i]
-        return Worst(pieces, float(rows[0].sum() / rows[1].sum()))
+        return Worst(pieces, float(rows[0].sum() / max(rows[1].sum(), 1.0)))
 
     def renew(self, worst: Worst, strains: PartStrains | None = None) -> None:
         """Factorise these bodies again at the trial state, with the shifts in use (collective)."""
