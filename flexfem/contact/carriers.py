@@ -26,8 +26,8 @@ from flexfem.contact.obstacles.carried import (
     moved_into,
     rates_into,
     spins_into,
-    turned_into,
     spread_means,
+    turned_into,
     weigh_means,
 )
 from flexfem.contact.surfaces.collected import GROUND
@@ -252,9 +252,7 @@ class Carriers:
         add_carried(one.block.nodes.memory, one.own.memory, forces, loads)
         loads /= scale
 
-    def add_over_step(
-        self, kind: int, forces: FloatArray, scale: float, *, cayley: bool
-    ) -> None:
+    def add_over_step(self, kind: int, forces: FloatArray, scale: float, *, cayley: bool) -> None:
         """Add gathered forces (n + d, 3) over a step, which have been scaled, to a residual.
 
         ``cayley`` is True where nodes rotate by Cayley vectors.

@@ -14,7 +14,6 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.contact.carriers import Carriers
 from flexfem.contact.detection.broad_phase import triangle_boxes
 from flexfem.contact.frames import SurfaceFrames
@@ -30,7 +29,7 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.halo import send_numbers
 from flexfem.core.state import Numbering, State
 
-__all__ = ["ContactShare", "Contacts"]
+__all__ = ["Contacts"]
 
 
 class Contacts:
@@ -337,7 +336,7 @@ class Contacts:
         return sum(made.closed.lost for g in self.groups for made in g.every)
 
     def measure(self, name: str) -> FloatArray:
-        """This rank's share in gap, penetration, forces and number of a contact, (7,) (collective)."""
+        """This rank's share in gap, penetration, forces and number, (7,) (collective)."""
         self.refresh()
         group = next(g for g in self.groups if g.surfaces.contact.name == name)
         deepest = max([made.deepest for made in group.every], default=0.0)
@@ -345,51 +344,6 @@ class Contacts:
         closed = sum(made.count for made in group.every)
         deepest *= float(self._comm.rank == 0)
         return np.array([-deepest, deepest, *group.forces, closed])
-
-
-class ContactShare:
-    """Forces and tangents of a system's contacts on one of its blocks.
-
-    Blocks are evaluated in their order: the first one evaluates the contacts of all.
-
-    Attributes:
-        contacts: contacts of the system.
-        kind: kind of the block.
-    """
-
-    def __init__(self, contacts: Contacts | BarrierContacts, kind: int) -> None:
-        """Store the contacts and the kind of the block."""
-        self.contacts, self.kind = contacts, kind
-        self._first = kind == contacts.kinds[0]
-
-    def add_residual(self, scale: float) -> None:
-        """Add ``scale`` times the forces at the trial state to the residual (collective)."""
-        if self._first:
-            self.contacts.collect(scale)
-        self.contacts.hand_out(self.kind, scale)
-
-    def add_action(self, scale: float) -> None:
-        """Add ``scale`` times the tangent applied to the blocks' steps (collective)."""
-        if self._first:
-            self.contacts.act(scale)
-        self.contacts.hand_out_action(self.kind, scale)
-
-    def entries(self, scale: float, other: int | None = None) -> Triplets:
-        """Rows, columns and values of ``scale`` times the tangent (collective).
-
-        Args:
-            scale: factor.
-            other: kind of the block of the columns; None for this one.
-        """
-        return self.contacts.entries(scale)[self.kind, self.kind if other is None else other]
-
-    def nearby(self) -> FloatArray:
-        """Stiffness (n_owned,) of contacts that are or may soon be closed, N/m (collective)."""
-        return self.contacts.nearby(self.kind)[:, 0]
-
-    def nearby_turns(self) -> FloatArray:
-        """Rotational stiffness (n_owned,) of the same contacts, N m (collective)."""
-        return self.contacts.nearby(self.kind)[:, 3]
 
 
 def _triangle_ranks(

@@ -21,6 +21,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.state import State
 from flexfem.core.status import Status
@@ -73,6 +74,12 @@ class IndependentCoordinates(Integrator):
                 f"the integrator independent_coordinates works with dense matrices: "
                 f"{system.unknowns} unknowns are more than {LARGEST}"
             )
+        for contacts in system.contacts:
+            if isinstance(contacts, BarrierContacts):
+                raise InputError(
+                    f'Contact "{contacts.contacts[0].contact.name}": the integrator '
+                    "independent_coordinates does not support barriers"
+                )
         self._motions = IndependentMotions(system)
         self._usual.prepare(system)
 

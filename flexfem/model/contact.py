@@ -7,7 +7,17 @@ from types import MappingProxyType
 from typing import Any
 
 from flexfem import _checks
-from flexfem._fields import Given, Renamed, checked, choice, declared, flag, number, renamed_arguments, text
+from flexfem._fields import (
+    Given,
+    Renamed,
+    checked,
+    choice,
+    declared,
+    flag,
+    number,
+    renamed_arguments,
+    text,
+)
 from flexfem.model.bodies.base import Body
 from flexfem.model.bodies.basic import Beam, RigidBody
 from flexfem.model.bodies.floating_body import FloatingBody
@@ -97,11 +107,17 @@ class Contact:
     Bodies that are both named, or a surface given for named ones, do. A rigid body does not touch
     itself, nor a surface that it carries.
 
-    At present the nodes of ``bodies`` touch the triangles of ``against``, in a second pass also
-    the other way round, and rigid surfaces: a penalty, the normal force per area is the stiffness
-    times the penetration. Beams touch by points along the chords of their elements, with the area
-    of their length times their diameter; forces act at the centre line. Contact of beams with
-    beams, of rigid bodies with each other and of NURBS beams is refused by name.
+    There are two laws. A barrier repels all surfaces, vertices, edges and triangles of each other,
+    that are nearer than ``reach``, and never lets them touch; in motions its forces are discrete
+    derivatives of its potential, whose work is exact, and act by impulses. It is used between
+    bodies for which there is no penalty (rigid bodies with each other, beams with beams, NURBS
+    beams), and where one of ``reach``, ``restitution``, ``static_friction`` or ``slip_speed`` is
+    given.
+
+    With the penalty the nodes of ``bodies`` touch the triangles of ``against``, in a second pass
+    also the other way round, and rigid surfaces: the normal force per area is the stiffness times
+    the penetration. Beams touch by points along the chords of their elements, with the area of their
+    length times their diameter; forces act at the centre line.
 
     Attributes:
         name: Unique name in the model.
@@ -112,15 +128,26 @@ class Contact:
         surfaces: Rigid surfaces that the bodies touch.
         exclude: Pairs of names of bodies that do not touch; (name, name) for one that does not
             touch itself.
-        stiffness: Force per penetration and area, N/m^3. None: at first contact the smaller one of
+        reach: Gap below which surfaces repel, metres; None: a tenth of the radius (half of the
+            thickness), and a thousandth of the size of bodies without; where bodies are nearer at
+            the start, that gap.
+        law: "barrier" or "penalty"; None: see above. All contacts of a model have the same.
+        stiffness: Force per penetration and area, N/m^3; of the barrier the scale of its force.
+            None: with the barrier that of the mass per area and the speeds at the start, at most
+            that through the thickness; with the penalty, at first contact the smaller one of
             the stiffness through the thickness, ``A / h^2`` with the membrane stiffness A, and of
             the inertia per area in the matrix of the first time step, with which an impact takes
             two steps; then the force grows up to ten times as fast, half of that at a tenth of the
             distance of touching. It aims at loads of a few nodes that penetrate by less than a
             fifth of the thickness, and at impacts that do not gain energy; see the penetration.
         friction: Coulomb's coefficient; statics leave friction and damping out.
-        damping: Viscous part of the normal force: the stiffness times this time, seconds, times
-            the rate of penetration.
+        damping: Viscous part of the normal force: of the penalty the stiffness times this time,
+            seconds, times the rate of penetration; of the barrier its force times this number,
+            s/m, times the speed of approach (Hunt, Crossley 1975).
+        restitution: Part of the speed of approach with which surfaces separate, 0 to 1; barrier.
+        static_friction: Coefficient of surfaces at rest, at least ``friction``; barrier.
+        slip_speed: Speed of slip from which on friction is that of Coulomb, m/s; barrier. None:
+            that of a fall through a small part of the reach.
         two_pass: True if both sides, shells or meshes of rigid surfaces, change roles in a second
             pass, each with half of the stiffness; beams have one role only.
         skin: Distance within which candidates are searched, metres: nothing passes through a
@@ -178,6 +205,13 @@ class Contact:
                 f"{owner}: it needs bodies, and others or surfaces that they touch (leave bodies "
                 "out for all)"
             )
+
+    @property
+    def needs_barrier(self) -> bool:
+        """True if the law is the barrier, or an argument is given that the penalty has not."""
+        own = self.reach, self.static_friction, self.slip_speed
+        more = any(value is not None for value in own) or self.restitution < 1.0
+        return self.law == "barrier" or more
 
     def members(self, model: Structure) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return the names of the bodies and of those that they touch, automatic ones included.

@@ -3,6 +3,8 @@
 
 from itertools import combinations
 
+from collections.abc import Callable
+
 from mpi4py import MPI
 
 import numpy as np
@@ -14,14 +16,12 @@ from flexfem.constraints.connect import all_ends, connect
 from flexfem.constraints.interface import Interface
 from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.contact.barrier.start import start_apart
-from flexfem.contact.barrier.surface import ContactSurface
-from flexfem.contact.contacts import Contacts, ContactShare
+from flexfem.contact.contacts import Contacts
 from flexfem.contact.initial_overlaps import check_start
-from flexfem.contact.pairs import ContactSurfaces, contact_surfaces
+from flexfem.contact.pairs import contact_surfaces
 from flexfem.contact.penalty_contact import penalty_contacts
-from flexfem.contact.points import ContactPoints, contact_points
-from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
-from flexfem.contact.surfaces.surfaces import CollisionSurfaces, collision_surfaces
+from flexfem.contact.points import contact_points
+from flexfem.contact.surfaces.surfaces import collision_surfaces
 from flexfem.core.marker import SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.forms.beam_law import law_expressions
@@ -36,6 +36,7 @@ from flexfem.materials.section import Section
 from flexfem.materials.shell_section import ShellSection
 from flexfem.model.bodies.basic import Beam, PointMass
 from flexfem.model.bodies.shell import Shell
+from flexfem.system.contact_share import ContactShare
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["build"]
@@ -60,7 +61,7 @@ def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> Syste
     _check_laws(serial)
     for mass in model.point_masses:
         _check_node(serial, mass)
-    touching = _touching(serial)
+    contacts = _contacts(serial, comm, placement, float(np.linalg.norm(gravity)))
     families = serial.families
     blocks: list[FrameBlock | None] = [None for _ in range(1 + max(families))]
     elements: dict[int, ElementFamily | None] = {}
@@ -75,8 +76,8 @@ def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> Syste
         for kind, block in enumerate(blocks)
         if block is not None
     ]
-    if touching is not None:
-        _add_contacts(comm, touching, parts, placement, float(np.linalg.norm(gravity)))
+    if contacts is not None:
+        _add_contacts(contacts, parts)
     bodies, clusters = (
         np.array([of(kind, np.array([node]))[0] for kind, node in interface.keys], dtype=np.int64)
         for of in (serial.bodies, serial.clusters)
@@ -86,39 +87,46 @@ def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> Syste
     return system
 
 
-#: Serial data of the contacts: collision surfaces, or points and surfaces of the penalty.
-type _Touching = (
-    tuple[CollisionSurfaces, list[tuple[ContactSurface, Neighbourhoods]]]
-    | tuple[ContactPoints, list[ContactSurfaces]]
-)
+#: Makes the contacts of a system from its blocks, by kind (collective).
+type _Make = Callable[[dict[int, FrameBlock]], Contacts | BarrierContacts]
 
 
-def _touching(serial: NumberedModel) -> _Touching | None:
-    """Serial data of the contacts, None without any; raises for surfaces that intersect."""
+def _contacts(
+    serial: NumberedModel, comm: MPI.Intracomm, placement: Placement, gravity: float
+) -> _Make | None:
+    """Contacts of a model, None without any; raises for surfaces that touch or intersect."""
     if not serial.model.contacts:
         return None
-    if any(contact.law == "barrier" for contact in serial.model.contacts):
-        surfaces = collision_surfaces(serial)
-        return surfaces, start_apart(surfaces)
-    contacts = penalty_contacts(serial)
+    laws = {contact.law for contact in serial.model.contacts}
+    if any(contact.needs_barrier for contact in serial.model.contacts):
+        if "penalty" in laws:
+            raise ValueError(
+                f"{serial.model!r}: a contact has the law penalty, and another one needs the "
+                "barrier: all contacts of a model have the same law"
+            )
+        return _barrier(serial, comm, gravity)
+    try:
+        contacts = penalty_contacts(serial)
+    except ValueError:
+        if "penalty" in laws:
+            raise
+        return _barrier(serial, comm, gravity)
     points = contact_points(serial, contacts, _joined(serial))
     described = contact_surfaces(serial, points, contacts)
     check_start(points, described)
-    return points, described
+    return lambda blocks: Contacts(comm, described, points, blocks, placement.elements)
 
 
-def _add_contacts(
-    comm: MPI.Intracomm, touching: _Touching, parts: list[BlockPart], placement: Placement,
-    gravity: float,
-) -> None:  # fmt: skip
+def _barrier(serial: NumberedModel, comm: MPI.Intracomm, gravity: float) -> _Make:
+    """Contacts by barriers."""
+    surfaces = collision_surfaces(serial)
+    made = start_apart(surfaces)
+    return lambda blocks: BarrierContacts(comm, surfaces, made, blocks, gravity)
+
+
+def _add_contacts(make: _Make, parts: list[BlockPart]) -> None:
     """Give each block its share of the contacts (collective)."""
-    blocks = {part.kind: part.block for part in parts}
-    contacts: Contacts | BarrierContacts
-    points, described = touching
-    if isinstance(points, CollisionSurfaces):
-        contacts = BarrierContacts(comm, points, described, blocks, gravity)
-    else:
-        contacts = Contacts(comm, described, points, blocks, placement.elements)
+    contacts = make({part.kind: part.block for part in parts})
     for part in parts:
         if part.kind in contacts.kinds:
             part.contacts = ContactShare(contacts, part.kind)

@@ -19,7 +19,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.constraints.batch import Constraints
 from flexfem.constraints.interface import Interface
 from flexfem.contact.barrier.contacts import BarrierContacts
-from flexfem.contact.contacts import Contacts, ContactShare
+from flexfem.contact.contacts import Contacts
 from flexfem.core.load import Load
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Misses, Prediction
@@ -29,6 +29,7 @@ from flexfem.layout.family import Family
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.node_loads import NodeForces, NodeMasses
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
+from flexfem.system.contact_share import ContactShare
 from flexfem.system.modal_dampers import ModalDampers
 
 __all__ = ["GYROSCOPIC", "MASS", "BlockPart", "Counters", "PartStrains", "Shifts", "System"]

@@ -77,9 +77,7 @@ class BarrierContacts:
         here = self._carriers.home == comm.rank
         # to the trial state
         self._motion = PointMotion.of(surfaces.start)
-        self.contacts = [
-            ContactPairs(own, near, here, self._motion, gravity) for own, near in made
-        ]
+        self.contacts = [ContactPairs(own, near, here, self._motion, gravity) for own, near in made]
         self._spins = Spins(
             self._carriers, self._motion, surfaces.primitives.triangles,
             used=any(one.rubs for one in self.contacts),
@@ -441,10 +439,10 @@ class BarrierContacts:
         one = next(one for one in self.contacts if one.contact.name == name)
         gaps = one.gaps()
         least = min(float(gaps.min(initial=np.inf)), one.own.reach)
-        return self._comm.allreduce(least, op=MPI.MIN)
+        return float(self._comm.allreduce(least, op=MPI.MIN))
 
     def measure(self, name: str) -> FloatArray:
-        """This rank's share in gap, penetration, forces and number of a contact, (7,) (collective)."""
+        """This rank's share in gap, penetration, forces and number, (7,) (collective)."""
         self.refresh()
         least = self.least_gap(name)
         one = next(one for one in self.contacts if one.contact.name == name)
@@ -481,9 +479,7 @@ def _farthest(before: FloatArray, after: FloatArray, known: BoolArray) -> float:
     return float(ways.max(initial=0.0))
 
 
-def _short_part(
-    before: FloatArray, after: FloatArray, known: BoolArray, longest: float
-) -> float:
+def _short_part(before: FloatArray, after: FloatArray, known: BoolArray, longest: float) -> float:
     """Part of a motion in which no known point moves farther than ``longest``."""
     way = _farthest(before, after, known)
     return longest / way if way > longest else 1.0

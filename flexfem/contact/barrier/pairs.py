@@ -204,7 +204,8 @@ class ContactPairs:
     def gaps(self) -> FloatArray:
         """Gaps of the pairs that act, m."""
         acting = self.response.numbers[: self.count]
-        return acting[acting[:, POTENTIAL] != 0.0, GAP]
+        found: FloatArray = acting[acting[:, POTENTIAL] != 0.0, GAP]
+        return found
 
     def way(self, before: FloatArray, after: FloatArray) -> float:
         """Largest way of points of all pairs in a motion, in parts of the gap of repulsion."""

@@ -105,7 +105,8 @@ def contact_surface(surfaces: CollisionSurfaces, sides: Sides) -> ContactSurface
     size = max((float(sizes[b] + 2.0 * own.radius[own.body == b].max()) for b in moving),
                default=1.0)  # fmt: skip
     return ContactSurface(
-        sides.contact, surface, np.append(first, False), wide, surfaces.through, surfaces.density, size
+        sides.contact, surface, np.append(first, False), wide, surfaces.through,
+        surfaces.density, size,
     )  # fmt: skip
 
 

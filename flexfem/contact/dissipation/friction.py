@@ -283,7 +283,7 @@ def _predicted(
     last[LAST_PUSH], last[LAST_PUSH + 1] = apart, numbers[PUSH]
     last[LAST_PUSH + 2] = groups.slopes[g, 0]
     numbers[RUB] = push
-    return push
+    return float(push)
 
 
 @subroutine

@@ -25,8 +25,8 @@ __all__ = [
     "moved_into",
     "rates_into",
     "spins_into",
-    "turned_into",
     "spread_means",
+    "turned_into",
     "weigh_means",
 ]
 
@@ -115,7 +115,12 @@ def add_over_step(nodes: Memory, carried: Memory, forces: FloatArray) -> None:
     local, arms, rows = own.local, own.arms, own.rows
     for k in range(local.size):
         node = local[k]
-        H0, H, n, f = state.frames0[node], state.frames[node], state.increment[node], forces[rows[k]]
+        H0, H, n, f = (
+            state.frames0[node],
+            state.frames[node],
+            state.increment[node],
+            forces[rows[k]],
+        )
         for a in range(3):
             x[a] = H0[3 + a] * f[0] + H0[6 + a] * f[1] + H0[9 + a] * f[2]
             loads[k, a] = H[3 + a] * f[0] + H[6 + a] * f[1] + H[9 + a] * f[2]
@@ -154,7 +159,9 @@ def add_over_cayley_step(nodes: Memory, carried: Memory, forces: FloatArray) -> 
         for a in range(3):
             j = 3 + 3 * a
             arm[a] = 0.5 * (
-                (H0[j] + H[j]) * s[0] + (H0[j + 1] + H[j + 1]) * s[1] + (H0[j + 2] + H[j + 2]) * s[2]
+                (H0[j] + H[j]) * s[0]
+                + (H0[j + 1] + H[j + 1]) * s[1]
+                + (H0[j + 2] + H[j + 2]) * s[2]
             )
         for a in range(3):
             m[a] = _cross(arm, f, a)
@@ -221,7 +228,7 @@ def spins_into(nodes: Memory, carried: Memory, out: FloatArray) -> None:
 
 @kernel
 def turned_into(nodes: Memory, carried: Memory, out: FloatArray) -> None:
-    """Write the rotations of points (k,) by the nodes' steps, inertial axes, into rows of (n, 3)."""
+    """Write the rotations of points (k,) by the steps of nodes to rows of (n, 3)."""
     state, own = unpack(Nodes, nodes), unpack(Carried, carried)
     if own.turns:
         for k in range(own.local.size):
@@ -231,7 +238,7 @@ def turned_into(nodes: Memory, carried: Memory, out: FloatArray) -> None:
 
 @kernel
 def rates_into(nodes: Memory, carried: Memory, rates: FloatArray, spins: FloatArray) -> None:
-    """Write velocities and angular velocities of points (k,), inertial axes, into rows of (n, 3)."""
+    """Write velocities and angular velocities of points (k,), inertial axes, to rows of (n, 3)."""
     state, own, v = unpack(Nodes, nodes), unpack(Carried, carried), np.empty(3)
     for k in range(own.local.size):
         node, row = own.local[k], own.rows[k]

@@ -71,9 +71,9 @@ class Complex:
             twice = (cell == np.roll(cell, 1, axis=1)).any(axis=1)
             if twice.any():
                 raise ValueError(f"points {cell[twice][0].tolist()} of a cell: one is there twice")
-        vertices = np.unique(np.concatenate([
-            c.ravel() for c in (*cells, np.asarray(points), np.asarray(stations))
-        ]))
+        vertices = np.unique(
+            np.concatenate([c.ravel() for c in (*cells, np.asarray(points), np.asarray(stations))])
+        )
         corners, ends = (np.searchsorted(vertices, cell) for cell in cells)
         both = np.sort(np.concatenate([corners[:, _SIDES].reshape(-1, 2), ends]), axis=1)
         edges, at = np.unique(both, axis=0, return_inverse=True)

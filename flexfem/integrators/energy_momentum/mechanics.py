@@ -21,6 +21,7 @@ from flexfem.bodies.step_inertia import (
     moved_lumps,
     step_inertia_tangent,
 )
+from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.contact.contacts import Contacts
 from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.nodes.step_kernels import StepNodes, correct, mean_acceleration, start
@@ -165,6 +166,7 @@ class StepMechanics(Mechanics):
         """
         self.chi, self.h, self._last_h = chi, 0.0, np.inf
         _check_parts(system)
+        self._contacts = [c for c in system.contacts if isinstance(c, BarrierContacts)]
         self._parts = {id(p): _Part(system, p, chi) for p in system.parts}
         self._check_offsets(system)
         self._rows = StepRows(system.constraints, chi)
@@ -203,7 +205,7 @@ class StepMechanics(Mechanics):
                 part.last_change = part.twists0 - part.beams.twists(part.before)
             part.beams.last_change[:] = self._part_of_last() * part.last_change
         self._rows.begin(h, self.weight, self._last_h)
-        for contacts in system.contacts:
+        for contacts in self._contacts:
             contacts.begin_step(h, 2.0 / (1.0 + self.chi), cayley=True)
 
     def _part_of_last(self) -> float:
@@ -256,7 +258,7 @@ class StepMechanics(Mechanics):
         system.interface.update()
         self._rows.accept()
         system.constraints.accept()
-        for contacts in system.contacts:
+        for contacts in self._contacts:
             contacts.end_step(1.0)
         self._last_h = self.h
 

@@ -16,8 +16,10 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.contact.contacts import ContactGroup
+from flexfem.contact.barrier.contacts import BarrierContacts
+from flexfem.contact.contacts import ContactGroup, Contacts
 from flexfem.core.state import State, counts
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.relaxation.damping import DAMPINGS, Damping, Motion
@@ -112,13 +114,28 @@ class Relaxation:
             part.block.velocity[:] = part.block.acceleration[:] = 0.0
             part.block.take()
         self.system.constraints.multipliers[:] = 0.0
-        self._touching = [c for c in self.system.contacts if any(_remembers(g) for g in c.groups)]
+        self._touching = [c for c in self._penalties() if any(_remembers(g) for g in c.groups)]
         for contacts in self.system.contacts:
             contacts.prepare(0.0)
         self._projection = RowProjection(self.system)
         self._physical = physical_masses(tangent) if scheme.physical else None
         if fresh:
             self.renew()
+
+    def _penalties(self) -> list[Contacts]:
+        """Contacts of the system.
+
+        Raises:
+            InputError: they are barriers, which the steps of a relaxation would pass through.
+        """
+        for contacts in self.system.contacts:
+            if isinstance(contacts, BarrierContacts):
+                name = contacts.contacts[0].contact.name
+                raise InputError(
+                    f'Contact "{name}": relaxations do not support barriers: solve for the '
+                    'equilibrium, simulate the motion, or give law="penalty"'
+                )
+        return [c for c in self.system.contacts if isinstance(c, Contacts)]
 
     def renew(self) -> None:
         """Compute masses for the present stiffness; nodal axes rotate with shells (collective)."""
