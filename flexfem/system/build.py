@@ -1,9 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Build of the system of a model (collective)."""
 
-from itertools import combinations
-
 from collections.abc import Callable
+from itertools import combinations
 
 from mpi4py import MPI
 
