@@ -179,7 +179,7 @@ def over_plane(places, radius, dhat, kappa, mass, law, size=50.0):
     x[3:, :2] = places
     label, area = np.repeat([0, 1], [3, k]), np.repeat([0.0, 1.0], [3, k])
     surface = surface_of(x, [[0, 1, 2]], label=label, radius=0.0, dhat=dhat, area=area)
-    surface.radius[3:], surface.kappa[:] = radius, 2.0 * kappa
+    surface.radius[3:], surface.kappa[:] = radius, kappa
     gap = rest_gap(mass * GRAVITY, 1.0, dhat, kappa)
     x[3:, 2] = radius + gap
     masses = np.repeat([np.inf, mass], [3, k])

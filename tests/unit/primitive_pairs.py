@@ -33,7 +33,7 @@ def surface_of(points, triangles, lines=(), label=None, radius=0.01, dhat=0.05, 
     cells = Complex.of(np.reshape(triangles, (-1, 3)), np.reshape(lines, (-1, 2)), np.arange(n))
     label = np.zeros(n, np.int64) if label is None else label
     area = node_areas(points, cells.vertices[cells.triangles]) if area is None else area
-    return Surface(cells, label, np.full(n, radius), np.full(n, dhat), np.full(n, 2e4), area)
+    return Surface(cells, label, np.full(n, radius), np.full(n, dhat), np.full(n, 1e4), area)
 
 
 def at_rest(pairs, points):

@@ -108,7 +108,6 @@ def test_points_between_nodes_stop_what_nodes_do_not():
     ("change", "message"),
     [
         ({"section": ff.Section.rectangle(0.01, 0.01, ff.Material(1e9, 0.3, 1e3))}, "not round"),
-        ({"formulation": "nurbs", "degree": 2}, "contact needs the formulation se3, got nurbs"),
     ],
 )
 def test_bad_beams(change, message):

@@ -67,7 +67,8 @@ class ContactSurface:
         """
         if self.contact.stiffness is not None:
             return np.full(len(self.through), self.contact.stiffness)
-        found = np.minimum(self.through, self.density * (speed / self.surface.dhat) ** 2)
+        dhat = np.maximum(self.surface.dhat, 1e-300)  # of points that touch nothing
+        found = np.minimum(self.through, self.density * (speed / dhat) ** 2)
         return np.where(np.isfinite(found), found, 0.0)
 
     def stiff(self, kappa: FloatArray) -> Surface:
@@ -81,10 +82,12 @@ def contact_surface(surfaces: CollisionSurfaces, sides: Sides) -> ContactSurface
     first, second = sides.first.members, sides.second.members
     members = first | second
     there = (own.body >= 0) & members[own.body]
+    of_lines = np.flatnonzero(members[own.edge_body[: own.lines]])
+    carried = np.array([body.carried for body in surfaces.bodies], dtype=np.bool_)
     cells = Complex.of(
-        own.triangles[members[own.triangle_body]],
-        own.edges[: own.lines][members[own.edge_body[: own.lines]]],
+        own.triangles[members[own.triangle_body]], own.edges[of_lines],
         np.flatnonzero(there & own.vertex), np.flatnonzero(there & ~own.vertex & (own.areas > 0.0)),
+        carried[own.edge_body[of_lines]],
     )  # fmt: skip
     rigid = np.array([body.rigid for body in surfaces.bodies], dtype=np.bool_)
     cells = cells.flattened(own.start, rigid[own.triangle_body[members[own.triangle_body]]])

@@ -59,9 +59,13 @@ class Complex:
 
     @classmethod
     def of(
-        cls, triangles: IntArray, lines: IntArray, points: IntArray, stations: IntArray = _NONE
-    ) -> "Complex":
+        cls, triangles: IntArray, lines: IntArray, points: IntArray, stations: IntArray = _NONE,
+        rods: BoolArray | None = None,
+    ) -> "Complex":  # fmt: skip
         """Number the cells of triangles (t, 3), edges of polylines (l, 2), points and stations.
+
+        ``rods`` (l,) is True for edges that vertices touch, but no polyline crosses: what is wound
+        around them touches along a line.
 
         Raises:
             ValueError: a triangle or an edge has a point twice.
@@ -80,9 +84,10 @@ class Complex:
         at = at.ravel()
         sides = at[: 3 * len(corners)].reshape(-1, 3)
         inside = np.searchsorted(vertices, stations)
+        crossed = at[sides.size :]
+        lines = np.unique(crossed if rods is None else crossed[~rods])
         return cls(
-            vertices.astype(np.int64), edges, corners, sides, np.unique(at[sides.size :]), inside,
-            _NONE,
+            vertices.astype(np.int64), edges, corners, sides, lines, inside, _NONE,
         )  # fmt: skip
 
     def flattened(self, points: FloatArray, rigid: BoolArray) -> "Complex":

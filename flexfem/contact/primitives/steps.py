@@ -155,7 +155,7 @@ def _write_tangent(own: Pairs, p: int, gaps: FloatArray, numbers: FloatArray) ->
     for a in range(3):
         numbers[NORMAL + a] = numbers[LINE + 4 + a]
         size += numbers[NORMAL + a] ** 2
-    size = np.sqrt(size)
+    size = max(np.sqrt(size), 1e-300)
     for i in range(4):
         numbers[WEIGHTS + i] = numbers[LINE + i]
     for a in range(3):

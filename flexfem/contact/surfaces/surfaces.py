@@ -9,10 +9,9 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.detection.neighbours import Rows
-from flexfem.contact.obstacles.surface_data import mean_edge
 from flexfem.contact.surfaces.bodies import ContactBodies, connections, contact_bodies
 from flexfem.contact.surfaces.collected import Collected, CollisionBody
-from flexfem.contact.surfaces.complexes import Complex, Primitives, make_complex
+from flexfem.contact.surfaces.complexes import Complex, Primitives, edges_of, make_complex
 from flexfem.contact.surfaces.flexible import add_beam, add_surfaces
 from flexfem.contact.surfaces.near import joint_links, near_points
 from flexfem.contact.surfaces.rigid import DistanceField, add_rigid_body, add_surface
@@ -181,16 +180,21 @@ class _Builder:
                     self._surfaces[id(surface)] = number
                     if field is not None:
                         self._fields[id(surface)] = field
+        every = [surface for one in contacts for surface in one.contact.surfaces]
+        self._curvature = min(map(_curved, every), default=np.inf)
         spacing = self._edge()
         for one in contacts:
             for name in dict.fromkeys((*one.bodies, *one.against)):
                 self._add_beam(one.contact, name, spacing)
 
     def _edge(self) -> float:
-        """Mean edge of all triangles, infinite without any."""
+        """Median edge of all triangles, infinite without any."""
         triangles = self.made.all_triangles()[0]
-        start = self.made.all_carried()[4]
-        return mean_edge(start, triangles) if len(triangles) else np.inf
+        if not len(triangles):
+            return np.inf
+        edges = edges_of(triangles)[0]
+        ends = self.made.all_carried()[4][edges]
+        return float(np.median(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1)))
 
     def _add_beam(self, contact: Contact, name: str, edge: float) -> None:
         """Add a beam with its radius in a contact, unless it is there."""
@@ -198,8 +202,7 @@ class _Builder:
         if not isinstance(body, Beam):
             return
         radius = contact.beam_radius(body)
-        curved = [_curved(one.surface) for one in self._fields.values()]
-        sag = np.sqrt(8.0 * _SAG * radius * min(curved, default=np.inf))
+        sag = np.sqrt(8.0 * _SAG * radius * self._curvature)
         if (name, radius) not in self._beams:
             family = self._serial.family_of(name)
             self._beams[name, radius] = add_beam(
@@ -269,8 +272,10 @@ class _Builder:
 
 
 def _curved(surface: RigidSurface) -> float:
-    """Radius of a surface, infinite for a plane; of any other shape half of its smallest size."""
-    if isinstance(surface, (RigidCylinder, RigidSphere)):
+    """Radius of a surface; infinite for planes and what is made of vertices and triangles."""
+    if isinstance(surface, RigidCylinder) or (
+        isinstance(surface, RigidSphere) and surface.inside
+    ):  # fmt: skip
         return surface.radius
     if isinstance(surface, RigidObstacle):
         return 0.5 * float(np.ptp(surface.box, axis=0).min())
