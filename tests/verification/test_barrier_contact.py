@@ -95,7 +95,7 @@ def block(scale: float, angle: float, friction: float, speed: float = 0.0) -> ff
         ff.RigidBody("block", mass, inertia, position=normal * (size[2] / 2 + 2e-4 * scale),
                      rotation=axes, velocity=speed * np.sqrt(scale) * down, shape=ff.Box(size)),
         ff.Contact("slope", "block", surfaces=ff.RigidPlane(ff.Ground(rotation=axes)),
-                   friction=friction, law="barrier"),
+                   friction=friction, restitution=0.0),
         ff.Probe("way", ff.Marker("block"), ("x", "v"),
                  lambda t, s: (s.position @ down, s.velocity @ down)),
         ff.EnergyProbe(),

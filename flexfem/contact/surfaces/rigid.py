@@ -27,7 +27,7 @@ from flexfem.model.rigid_surface import (
 __all__ = ["DistanceField", "add_rigid_body", "add_surface"]
 
 #: Where planes and cylinders end, in parts of the distance of the model.
-_FAR = 100.0
+_FAR = 1000.0
 
 
 @dataclass(frozen=True)
@@ -142,11 +142,11 @@ def add_surface(
 
 
 def _extent(serial: NumberedModel, carrier: _Carrier) -> float:
-    """Largest distance of nodes from a surface at the start, at least the size of the model, m."""
+    """Largest distance of nodes from a surface at the start, m."""
     frames = [family.frames[:, :3] for family in serial.families.values() if len(family.frames)]
     points = np.concatenate([np.zeros((0, 3)), *frames])
     away = np.linalg.norm(points - se3.position(carrier.start), axis=1)
-    return max(float(away.max(initial=0.0)), 1.0)
+    return float(away.max(initial=0.0)) or 1.0
 
 
 def _add_plane(made: Collected, carrier: _Carrier, number: int, half: float) -> None:
