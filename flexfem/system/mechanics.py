@@ -162,6 +162,8 @@ class EndPoint(Mechanics):
 
     def correct(self, system: System, again: Callable[[FloatArray], bool] | None) -> Correction:
         """See :class:`Mechanics`."""
+        if not system.contacts:
+            return Correction(True, Moved(self.move(system, -1.0)))
         return Correction(True, move_apart(system, lambda: self.move(system, -1.0)))
 
     def move(self, system: System, sign: float) -> float:

@@ -179,8 +179,11 @@ def test_a_cable_that_leaves_its_sheave_is_told() -> None:
     assert warnings_of(over(), 2e-3, 0.1) == []
     model = over()
     model.add(ff.PointForce("throw", ff.Marker("load"), (5.0, 0.0, 60.0)))
-    (text,) = warnings_of(model, 2e-3, 0.4)
-    assert text.startswith('Cable "j": path[1]: the cable has left this sheave at t = 0.')
+    texts = warnings_of(model, 2e-3, 0.4)
+    assert any(
+        text.startswith('Cable "j": path[1]: the cable has left this sheave at t = 0.')
+        for text in texts
+    )
 
 
 @pytest.mark.three_ranks

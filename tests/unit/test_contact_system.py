@@ -177,7 +177,10 @@ def test_rigid_bodies_touch_with_shapes_or_surfaces(role: str) -> None:
         ({"against": "none"}, 'Contact "hit": against: Model "impact" has no body .* "none"'),
         ({"friction": -1.0}, 'Contact "hit": friction must not be negative'),
         ({"against": ()}, 'Contact "hit": it needs bodies, and others or surfaces'),
-        ({"against": ("up", "low"), "law": "penalty"}, 'Contact "hit": against must be others than the bodies'),
+        (
+            {"against": ("up", "low"), "law": "penalty"},
+            'Contact "hit": against must be others than the bodies',
+        ),
         ({"skin": 0.0}, 'Contact "hit": skin must be positive'),
         (
             {"surfaces": ff.RigidSphere(ff.Ground((0, 0, 0)), 0.05)},

@@ -10,6 +10,8 @@ import pytest
 
 from flexfem.core.status import Status
 from flexfem.solvers.newton.iteration import NewtonOptions, iterate
+from flexfem.system.mechanics import Correction
+from flexfem.system.moving_apart import Moved
 from flexfem.system.system import Shifts
 
 pytestmark = pytest.mark.serial
@@ -26,7 +28,8 @@ def _end(*sizes: float) -> tuple[Status, int]:
         continued_strains=lambda **_: (),
     )
     equations = SimpleNamespace(
-        evaluate=lambda system, shifts: None, correct=lambda system, again: (True, next(steps))
+        evaluate=lambda system, shifts: None,
+        correct=lambda system, again: Correction(True, Moved(next(steps))),
     )
     options = NewtonOptions(tolerance=1e-6, max_iterations=len(sizes))
     shifts = Shifts(1.0, 1.0, 1.0, 1.0, False)

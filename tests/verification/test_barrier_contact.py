@@ -127,7 +127,7 @@ def test_a_block_slides_sticks_and_stops_as_coulomb_says() -> None:
 def test_what_barriers_cannot_do_is_refused_by_name() -> None:
     model = tumbling()
     for integrator in ("independent_coordinates",):
-        with pytest.raises(InputError, match='Contact "all": .* does not support barriers'):
+        with pytest.raises(InputError, match=r'Contact "all": .* does not support barriers'):
             run(model, 1e-3, 2e-3, MPI.COMM_SELF, integrator=integrator)
     tube = ff.RigidCylinder(ff.Ground(), 1.0, inside=True)
     model = ff.Model("tube")

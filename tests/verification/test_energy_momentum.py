@@ -559,7 +559,7 @@ def test_tangent(make, rho_inf):
     integrator = simulation._integrator
     mechanics, shifts = integrator._mechanics, integrator.shifts(h)
     mechanics.begin(system, h, system.factors.copy())
-    mechanics.predict(system.prediction)
+    mechanics.predict(system, system.prediction)
     random = np.random.default_rng(3)
 
     def move(size: float, twists) -> None:

@@ -72,6 +72,7 @@ class Split(EndPoint):
         self._jumps = [np.zeros_like(part.block.step) for part in system.parts]
         self._last_jumps = [jumps.copy() for jumps in self._jumps]
         self._steady = False
+        self._touching = any(isinstance(one, UnilateralContacts) for one in forces)
         rows, comm = system.constraints, system.comm
         self._rubbing: bool = comm.allreduce(bool(len(rows.coupled)), op=MPI.LOR)
         rows.split, self._apart = True, rows.unilateral
@@ -270,7 +271,7 @@ class Split(EndPoint):
             for last in self._last_jumps:
                 last[:] = 0.0
             return
-        self._steady = self._lasts()
+        self._steady = self._touching and self._lasts()
         for part, jumps in zip(system.parts, self._jumps, strict=True):
             part.block.acceleration += jumps
         if self._steady:
