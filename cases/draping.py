@@ -23,7 +23,8 @@ History: ``residual, largest_step, pseudo_energy`` of the relaxation; heights of
 midpoints of the sides ``middle_bottom_z, middle_right_z, middle_top_z, middle_left_z``, m; the
 outline seen from above, by 32 nodes, roots of mean squares: ``outline_radius`` (m), and relative to
 it, its deviation from itself after half a turn, ``outline_half_turn``, a quarter turn,
-``outline_quarter_turn``, and a mirror and rotation, ``outline_mirror``; ``contact_penetration``
+``outline_quarter_turn``, and a mirror and rotation, ``outline_mirror``; ``contact_gap,
+contact_penetration``
 (m), force of the sphere ``contact_fx, contact_fy, contact_fz, contact_normal`` (N) and number of
 points that touch, ``contact_closed``;
 ``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``,

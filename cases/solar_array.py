@@ -31,7 +31,8 @@ velocities of the centres of the panels along Z, m/s; ``grommet_2_y, grommet_4_y
 displacements of the hinges on the first wire along Y, m;
 ``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``,
 J; ``panels_membrane, panels_bending, panels_shear``, the strain energy of the panels by kind, J;
-``contact_penetration``, m, ``contact_fx, contact_fy, contact_fz``, ``contact_normal``, N, and
+``contact_gap, contact_penetration``, m, ``contact_fx, contact_fy, contact_fz``,
+``contact_normal``, N, and
 ``contact_closed``, the number of points that touch.
 
 Results count the contacts: points that touch ``contacts_at_start`` and ``most_contacts`` at a time,

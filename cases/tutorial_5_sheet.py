@@ -5,7 +5,8 @@ A rubber sheet of 0.4 x 0.2 m (thickness 2 mm, E = 5e6 N/m^2, nu = 0.45, rho = 1
 clamped along one short edge and falls from the horizontal on a rigid cylinder of 40 mm radius below
 its middle, whose axis is twice the radius deep.
 
-History: ``corner_x``, ``corner_y``, ``corner_z`` (m) of a free corner; ``touch_penetration`` (m),
+History: ``corner_x``, ``corner_y``, ``corner_z`` (m) of a free corner; ``touch_gap``,
+``touch_penetration`` (m),
 ``touch_fx``, ``touch_fy``, ``touch_fz`` (N), the force of the cylinder on the sheet, and
 ``touch_normal`` (N), the sum of all normal forces, ``touch_closed``, the number of touching points.
 

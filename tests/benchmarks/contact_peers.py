@@ -25,7 +25,7 @@ from pathlib import Path
 from chain_against_exudyn import spawn
 from contact_scenes import Break, Capstan, Sheet
 
-SCENES = {"sheet_landing": Sheet(), "billiards": Break(), "capstan": Capstan()}
+SCENES = {"sheet_landing": Sheet(), "billiards": Break()}
 #: Module that each program needs.
 PROGRAMS = {"flexfem": "flexfem", "mujoco": "mujoco", "exudyn": "exudyn", "drake": "pydrake"}
 #: Settings in which they run the scenes, explained in ``contact_*.py``.

@@ -41,7 +41,7 @@ _SKIN, _STEPS = 0.5, 16.0
 _STRIDE = 1.0
 #: Relative change of forces, and way of points in parts of the gap at which they repel, at which an
 #: iteration ends.
-_SETTLED, _NEAR = 1e-6, 1e-3
+_SETTLED, _NEAR = 1e-8, 1e-3
 
 
 class BarrierContacts:
@@ -183,7 +183,7 @@ class BarrierContacts:
     def unsettled(self) -> float:
         """How much the last correction changes forces on this rank, over what ends an iteration.
 
-        Corrections are small enough where forces change by a millionth of the largest, and points
+        Corrections are small enough where forces change by 1e-8 of the largest one, and points
         move by a thousandth of the gap at which they repel.
         """
         steps = self._points - self._last

@@ -44,7 +44,7 @@ _NOISE = 10.0
 _ROUND_OFF = 1e-5
 #: Ratio of these changes above which they are round-off, too, and the largest such ones, in parts
 #: of those that end an iteration.
-_STAGNATION, _ALIKE = 0.5, 100.0
+_STAGNATION, _ALIKE = 0.5, 1e4
 
 
 @dataclass(frozen=True)
