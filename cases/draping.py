@@ -24,9 +24,8 @@ midpoints of the sides ``middle_bottom_z, middle_right_z, middle_top_z, middle_l
 outline seen from above, by 32 nodes, roots of mean squares: ``outline_radius`` (m), and relative to
 it, its deviation from itself after half a turn, ``outline_half_turn``, a quarter turn,
 ``outline_quarter_turn``, and a mirror and rotation, ``outline_mirror``; ``contact_gap,
-contact_penetration``
-(m), force of the sphere ``contact_fx, contact_fy, contact_fz, contact_normal`` (N) and number of
-points that touch, ``contact_closed``;
+contact_penetration`` (m), force of the sphere ``contact_fx, contact_fy, contact_fz,
+contact_normal`` (N) and number of points that touch, ``contact_closed``;
 ``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``,
 and the strain energy by kind, ``sheet_energy_membrane, sheet_energy_bending, sheet_energy_shear``
 (J).

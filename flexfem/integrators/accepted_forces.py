@@ -208,12 +208,5 @@ class AcceptedForces:
     def _kept(self) -> FrozenSolver:
         """Solver with the factors of the masses at the start."""
         if self._frozen is None:
-            self._frozen = FrozenSolver(self._system)
-            blocks = [part.block for part in self._system.parts]
-            present = [block.frames.copy() for block in blocks]
-            for block in blocks:
-                block.frames[:] = block.start_frames
-            self._frozen.factor(MASS)
-            for block, frames in zip(blocks, present, strict=True):
-                block.frames[:] = frames
+            self._frozen = FrozenSolver.of_masses(self._system)
         return self._frozen

@@ -4,7 +4,7 @@
 from typing import Any
 
 import numpy as np
-from contact_scenes import Break, Capstan, Figures, Sheet
+from contact_scenes import Break, Figures, Sheet
 
 from flexfem.case import load_case
 
@@ -42,11 +42,4 @@ def billiards(scene: Break, step: float, setting: str) -> Figures:
     found, history = _run("billiards", step, scene.t_end)
     found.energy = _energy(history)
     found.momenta = list(np.column_stack([history[f"momentum_p{axis}"] for axis in "xyz"]))
-    return found
-
-
-def capstan(scene: Capstan, step: float, setting: str) -> Figures:
-    """A beam."""
-    found, history = _run("capstan", step, scene.t_end)
-    found.pulls = list(zip(history["t"].tolist(), history["pull_fx"].tolist(), strict=True))
     return found

@@ -2,7 +2,7 @@
 """Scenes of ``contact_peers.py``: numbers, places, and what is measured; without flexfem.
 
 The numbers are the defaults of ``cases/sheet_landing.py`` (without gravity, so that only contact
-can change the energy), ``billiards.py`` and ``capstan.py``.
+can change the energy) and ``billiards.py``; the rope over a cylinder has its own.
 """
 
 import math

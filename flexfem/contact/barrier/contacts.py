@@ -219,18 +219,16 @@ class BarrierContacts:
         if self._comm.size > 1:
             self._comm.Allreduce(MPI.IN_PLACE, longest, op=MPI.MAX)
         skin = max(_SKIN * self._reach, min(_STEPS * longest[0], self._stride))
-        low, high = np.minimum.reduce(sets), np.maximum.reduce(sets)
         if self._comm.size > 1:
-            low, high, sets = self._bring(sets, skin)
+            self._bring(sets, skin)
+        low, high = np.minimum.reduce(sets), np.maximum.reduce(sets)
         motion = Motion(low, high, skin, self._known)
         for one in self.contacts:
             one.search(motion)
         self._low, self._high = low - 0.5 * skin, high + 0.5 * skin
 
-    def _bring(
-        self, sets: list[FloatArray], skin: float
-    ) -> tuple[FloatArray, FloatArray, list[FloatArray]]:
-        """Ask for the points near those of this rank; bounds of their motion (collective)."""
+    def _bring(self, sets: list[FloatArray], skin: float) -> None:
+        """Ask for the points near those of this rank in all ``sets`` of positions (collective)."""
         carriers, comm = self._carriers, self._comm
         mine = [_own_cells(one, carriers.home == comm.rank) for one in self.contacts]
         corners = [one.surface.complex.points[cells] for one, cells in
@@ -261,7 +259,6 @@ class BarrierContacts:
         self._known = carriers.home == comm.rank
         self._known[wanted] = True
         self._bring_all(sets)
-        return np.minimum.reduce(sets), np.maximum.reduce(sets), sets
 
     def _bring_all(self, sets: list[FloatArray]) -> None:
         """Receive positions and steps' histories of the points asked for (collective)."""

@@ -30,7 +30,7 @@ class GroupRows:
 
     def take(self, factor: float) -> None:
         """Make the rows of all contacts, with ``factor`` times their slopes."""
-        slopes = [np.maximum(one.slopes, 0.0).ravel() for one in self._contacts]
+        slopes = [one.slopes.ravel() for one in self._contacts]
         self.slopes = factor * np.concatenate(slopes)
         self._cuts = np.cumsum([0, *map(len, slopes)]).tolist()
 

@@ -279,10 +279,8 @@ class StepMechanics(Mechanics):
                 add_step_forces(
                     forces.nodes, forces.wrenches.memory, state.memory, self._factors, self.weight
                 )
-        for contacts in system.contacts:
-            contacts.collect(shifts.scale)
-            for kind in contacts.kinds:
-                contacts.hand_out(kind, shifts.scale)
+            if part.contacts is not None:
+                part.contacts.add_residual(shifts.scale)
         system.interface.update()
         self._rows.evaluate()
         system.add_constraint_forces(system.constraints.multipliers)

@@ -105,14 +105,7 @@ class Impulse:
     def _factors(self, fresh: bool) -> FrozenSolver:
         """Solver with the factors of the masses at the start, or of the trial state."""
         if self._kept is None:
-            self._kept = FrozenSolver(self._system)
-            blocks = [part.block for part in self._system.parts]
-            present = [block.frames.copy() for block in blocks]
-            for block in blocks:
-                block.frames[:] = block.start_frames
-            self._kept.factor(MASS)
-            for block, frames in zip(blocks, present, strict=True):
-                block.frames[:] = frames
+            self._kept = FrozenSolver.of_masses(self._system)
         if fresh:
             self._kept.factor(MASS)
         return self._kept

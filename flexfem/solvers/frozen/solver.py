@@ -33,7 +33,7 @@ from flexfem.solvers.frozen.refine import Refined, Refinement
 from flexfem.solvers.frozen.stiff_rows import StiffRows
 from flexfem.solvers.frozen.vectors import StepVectors
 from flexfem.system.mechanics import END_POINT, Mechanics
-from flexfem.system.system import PartStrains, Shifts, System
+from flexfem.system.system import MASS, PartStrains, Shifts, System
 
 __all__ = ["FrozenSolver", "Worst"]
 
@@ -100,6 +100,18 @@ class FrozenSolver:
         self._vectors = StepVectors(system)
         self._refinement = Refinement(system, mechanics, self._vectors)
         self._stiff = StiffRows(system, self._vectors)
+
+    @classmethod
+    def of_masses(cls, system: System) -> "FrozenSolver":
+        """Solver with the factors of the masses at the start (collective)."""
+        made, blocks = cls(system), [part.block for part in system.parts]
+        present = [block.frames.copy() for block in blocks]
+        for block in blocks:
+            block.frames[:] = block.start_frames
+        made.factor(MASS)
+        for block, frames in zip(blocks, present, strict=True):
+            block.frames[:] = frames
+        return made
 
     @property
     def exact(self) -> bool:
