@@ -213,7 +213,7 @@ class Carriers:
             spins_into(one.block.nodes.memory, one.own.memory, spins)
 
     def turn(self, spins: FloatArray) -> None:
-        """Write the rotations by the blocks' steps of points here (n + d, 3)."""
+        """Write the changes of the spins of points here (n + d, 3) by the blocks' steps."""
         spins[:] = 0.0
         for one in self.by_kind.values():
             turned_into(one.block.nodes.memory, one.own.memory, spins)
@@ -229,10 +229,10 @@ class Carriers:
         self.bring(values)
         weigh_means(*self._between, values)
 
-    def add_couples(self, kind: int, couples: FloatArray, *, over_step: bool) -> None:
-        """Add gathered couples (n + d, 3) to a block's residual."""
+    def add_couples(self, kind: int, couples: FloatArray) -> None:
+        """Add gathered couples (n + d, 3) over a step to a block's residual."""
         one = self.by_kind[kind]
-        add_couples(one.block.nodes.memory, one.own.memory, couples, over_step)
+        add_couples(one.block.nodes.memory, one.own.memory, couples)
 
     def gather(self, forces: FloatArray) -> None:
         """Add forces (n + d, 3) on all points to those of the nodes' owners (collective)."""

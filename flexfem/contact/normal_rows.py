@@ -24,12 +24,14 @@ class NormalRows:
 
     Attributes:
         slopes: derivative of the normal force of each by its gap, (c,), N/m.
+        rub: False: friction is explicit.
     """
 
     def __init__(self, carriers: Carriers, frames: SurfaceFrames) -> None:
         """Store points and surfaces of the contacts; no rows."""
         self._carriers, self._frames = carriers, frames
         self._steps, self._forces = np.zeros((2, len(carriers.serial.start), 3))
+        self.rub = False
         self.clear()
 
     def clear(self) -> None:

@@ -42,6 +42,9 @@ _STRIDE = 1.0
 #: Relative change of forces, and way of points in parts of the gap at which they repel, at which an
 #: iteration ends.
 _SETTLED, _NEAR = 1e-8, 1e-3
+#: Correction that decides by its contraction whether friction is to be smoothed, the widths of
+#: smoother friction, and their ratio.
+_EARLY, _HARDLY, _LEVELS, _BLUR = 5, 0.5, 8, 3.0
 
 
 class BarrierContacts:
@@ -78,9 +81,9 @@ class BarrierContacts:
         # to the trial state
         self._motion = PointMotion.of(surfaces.start)
         self.contacts = [ContactPairs(own, near, here, self._motion, gravity) for own, near in made]
+        self._rubs, self._levels = any(one.rubs for one in self.contacts), 0
         self._spins = Spins(
-            self._carriers, self._motion, surfaces.primitives.triangles,
-            used=any(one.rubs for one in self.contacts),
+            self._carriers, self._motion, surfaces.primitives.triangles, used=self._rubs
         )  # fmt: skip
         self._rows = GroupRows(self._carriers, self._spins, self.contacts)
         self._reach = max(one.own.reach for one in self.contacts)
@@ -161,6 +164,17 @@ class BarrierContacts:
         self._place()
         self._last[:] = self._points
 
+    def watch(self, iteration: int, contraction: float) -> None:
+        """Take note of a correction, the same on all ranks, with its number, from 1 on.
+
+        Where corrections hardly shrink, friction becomes smoother than it is, and then step by step
+        what it is: bodies that start and stop to slip with each correction find no end otherwise.
+        """
+        if self._levels > 0:
+            self._levels -= 1
+        elif self._rubs and iteration == _EARLY and contraction > _HARDLY:
+            self._levels = _LEVELS
+
     def safe_part(self, keep: float) -> float:
         """Part of the motion from the marked to the trial state without contact (collective).
 
@@ -177,7 +191,7 @@ class BarrierContacts:
 
     def safe_part_of_step(self, keep: float) -> float:
         """Part of the motion from the step's start to the trial state without contact."""
-        self._last[:] = self._before
+        self._last[:], self._levels = self._before, 0
         return self.safe_part(keep)
 
     def unsettled(self) -> float:
@@ -188,12 +202,14 @@ class BarrierContacts:
         """
         steps = self._points - self._last
         change = largest = way = 0.0
+        if self._levels:
+            return np.inf
         for one in self.contacts:
             way = max(way, one.way(self._last, self._points))
             if one.closed:
                 largest = max(largest, one.groups.numbers[: one.closed, PUSH].max())
                 moved = one.slopes * one.motions(steps, self._still)
-                change = max(change, float(np.abs(moved).max()), one.missing)
+                change = max(change, float(np.abs(moved).max()))
         return max(change / (_SETTLED * largest) if largest > 0.0 else 0.0, way / _NEAR)
 
     def _place(self) -> None:
@@ -267,11 +283,8 @@ class BarrierContacts:
 
     # -- Forces ---------------------------------------------------------------------------------
 
-    def evaluate(self, *, settled: bool = True) -> None:
-        """Evaluate all pairs at the trial state (collective).
-
-        In iterations, before this has ``settled``, friction is that of predicted normal forces.
-        """
+    def evaluate(self) -> None:
+        """Evaluate all pairs at the trial state (collective)."""
         self._place()
         if not self._over_step:
             self._last[:] = self._points
@@ -279,7 +292,7 @@ class BarrierContacts:
         if self._over_step:
             self._spins.update()
         for one in self.contacts:
-            one.evaluate(over_step=self._over_step, settled=settled)
+            one.evaluate(over_step=self._over_step, blur=_BLUR**self._levels)
         self.evaluated, self._entries = True, None
 
     def refresh(self) -> None:
@@ -289,7 +302,7 @@ class BarrierContacts:
 
     def collect(self, scale: float) -> None:
         """Evaluate, and gather ``scale`` times minus the forces for the blocks (collective)."""
-        self.evaluate(settled=not self._over_step)
+        self.evaluate()
         self._gather(scale * self.factor)
 
     def _gather(self, scale: float) -> None:
@@ -305,7 +318,7 @@ class BarrierContacts:
             self._carriers.add_over_step(kind, self._forces, scale, cayley=self._cayley)
         else:
             self._carriers.add_loads(kind, self._forces, scale)
-        self._spins.add_couples(kind, self._couples, over_step=self._over_step)
+        self._spins.add_couples(kind, self._couples)
 
     def subtract_means(self) -> None:
         """Evaluate, and subtract the forces from the blocks' residuals (collective)."""
@@ -329,7 +342,7 @@ class BarrierContacts:
     def hand_out_action(self, kind: int, scale: float) -> None:
         """Add the action gathered last to the residual of a block."""
         self._carriers.add_changes(kind, self._forces, scale)
-        self._spins.add_couples(kind, self._couples, over_step=False)
+        self._spins.add_couples(kind, self._couples)
 
     def entries(self, scale: float) -> dict[tuple[int, int], Triplets]:
         """Rows, columns and values of ``scale`` times the tangent (collective).

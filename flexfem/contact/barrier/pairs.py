@@ -7,7 +7,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.barrier.surface import ContactSurface
-from flexfem.contact.dissipation.data import MISSING, Groups, Law, StepMotion, slow_speed
+from flexfem.contact.dissipation.data import Groups, Law, StepMotion, slow_speed
 from flexfem.contact.dissipation.rows import (
     add_friction,
     add_friction_actions,
@@ -83,7 +83,7 @@ class ContactPairs:
         self._motion = StepMotion(
             before=motion.before, after=motion.after, spins=motion.spins, rates=motion.rates,
             spin_rates=motion.spin_rates, impacts=np.zeros(len(here)),
-            radius=own.surface.radius, dt=1.0, settled=1.0,
+            radius=own.surface.radius, dt=1.0, blur=1.0,
         )  # fmt: skip
         nothing = np.zeros(0, np.int64)
         self._use(Pairs(
@@ -120,17 +120,17 @@ class ContactPairs:
 
     def end(self) -> None:
         """End a step that has been evaluated at its end."""
-        self.lost += float(self.groups.losses[:MISSING].sum())
+        self.lost += float(self.groups.losses.sum())
         if self._law.restitution < 1.0:
             remember(self.groups.memory, self._motion.memory, self.impacts)
 
-    def evaluate(self, *, over_step: bool, settled: bool) -> None:
+    def evaluate(self, *, over_step: bool, blur: float = 1.0) -> None:
         """Evaluate the step to the trial state, or the trial state alone.
 
-        In iterations, before this has ``settled``, friction is that of predicted normal forces.
+        Friction is that of Coulomb's law from a multiple ``blur`` of the slip speed on.
         """
         pairs, response, motion = self.pairs.memory, self.response.memory, self._motion
-        law, motion.settled = self._law, float(settled)
+        law, motion.blur = self._law, blur
         if over_step:
             forces_of_step(pairs, motion.before, motion.after, response)
         else:
@@ -180,11 +180,6 @@ class ContactPairs:
     def energy(self) -> float:
         """Potential of the pairs, J."""
         return float(potential(self.response.memory))
-
-    @property
-    def missing(self) -> float:
-        """Largest friction that the last trial state lacks, N."""
-        return float(self.groups.losses[MISSING])
 
     @property
     def slopes(self) -> FloatArray:

@@ -20,6 +20,7 @@ class GroupRows:
 
     Attributes:
         slopes: derivative (c,) of each force by its motion, N/m.
+        rub: True if there is friction.
     """
 
     def __init__(self, carriers: Carriers, spins: Spins, contacts: Sequence[ContactPairs]) -> None:
@@ -27,6 +28,7 @@ class GroupRows:
         self._carriers, self._spins, self._contacts = carriers, spins, contacts
         self._steps, self._forces, self._couples = np.zeros((3, len(carriers.serial.start), 3))
         self.slopes, self._cuts = np.zeros(0), [0]
+        self.rub = any(one.rubs for one in contacts)
 
     def take(self, factor: float) -> None:
         """Make the rows of all contacts, with ``factor`` times their slopes."""
@@ -53,4 +55,4 @@ class GroupRows:
         self._carriers.gather(self._forces)
         for kind in self._carriers.by_kind:
             self._carriers.add_forces(kind, self._forces)
-            self._spins.add_couples(kind, self._couples, over_step=False)
+            self._spins.add_couples(kind, self._couples)

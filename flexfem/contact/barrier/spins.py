@@ -54,7 +54,10 @@ class Spins:
             self._carriers.share(motion.spins)
 
     def of_steps(self, steps: FloatArray) -> FloatArray:
-        """Spins (n, 3) of the blocks' steps, which move the points by ``steps`` (collective)."""
+        """Changes of the spins (n, 3) by the blocks' steps, which move the points by ``steps``.
+
+        Collective.
+        """
         if self._used:
             self._carriers.turn(self._steps)
             add_spins(self._tilts.memory, steps, self._steps)
@@ -67,10 +70,10 @@ class Spins:
             self._carriers.gather(couples)
             spread_couples(self._tilts.memory, couples, forces)
 
-    def add_couples(self, kind: int, couples: FloatArray, *, over_step: bool) -> None:
-        """Add gathered couples (n, 3) to a block's residual."""
+    def add_couples(self, kind: int, couples: FloatArray) -> None:
+        """Add gathered couples (n, 3) over a step to a block's residual."""
         if self._used:
-            self._carriers.add_couples(kind, couples, over_step=over_step)
+            self._carriers.add_couples(kind, couples)
 
 
 def _still(carriers: Carriers) -> BoolArray:

@@ -20,11 +20,10 @@ __all__ = [
     "LAST_PUSH",
     "LAST_SLIP",
     "LAST_TANGENT",
-    "MISSING",
     "NORMAL",
     "NORMAL_LAWS",
     "PUSH",
-    "RUB",
+    "RATIO",
     "TANGENT",
     "Groups",
     "Law",
@@ -47,10 +46,10 @@ ALONG, ACROSS = 10, 13
 FORCE = 16
 #: Minus its derivative by the slip at a given normal force, 3 x 3 numbers, N/m.
 TANGENT = 19
-#: Normal force that friction is proportional to, N.
-RUB = 28
+#: Friction over the normal force, 3 numbers.
+RATIO = 28
 #: Numbers of a group.
-GROUP_FIELDS = 29
+GROUP_FIELDS = 31
 
 # What the last trial state of a step has left for the next one.
 #: 1 after one
@@ -63,8 +62,8 @@ LAST_SLIP, LAST_FORCE, LAST_TANGENT = 4, 7, 10
 LAST_PUSH = 19
 LAST_FIELDS = 22
 
-#: Places in the losses; the last one is the largest friction that a trial state lacks, N.
-NORMAL_LAWS, FRICTION, MISSING = 0, 1, 2
+#: Places in the losses.
+NORMAL_LAWS, FRICTION = 0, 1
 
 
 class Law(Record):
@@ -116,9 +115,8 @@ class StepMotion(Record):
             infinite for no limit of the speed of separation, shape (n,), m/s.
         radius: Distance of the surface from the points, shape (n,), metres.
         dt: Size of the step, s.
-        settled: 1 where friction is that of the normal forces, 0 for iterations, in which it is
-            that of the normal forces that the last one has predicted: those of trial states inside
-            of a stiff barrier may be larger by decades.
+        blur: Factor of the slip speed from which on friction is that of Coulomb's law: 1, and more
+            in iterations on the way to it.
     """
 
     before: Float2D
@@ -129,7 +127,7 @@ class StepMotion(Record):
     impacts: Float1D
     radius: Float1D
     dt: float
-    settled: float
+    blur: float
 
 
 class Groups(Record):
@@ -147,8 +145,7 @@ class Groups(Record):
             negative, shape (g, 3), N/m.
         last: Forces and slopes of all groups of pairs at the last trial state, shape
             (all, LAST_FIELDS).
-        losses: Energy that normal laws and friction have dissipated in the step, J, and the
-            largest friction that is missing, N, shape (3,).
+        losses: Energy that normal laws and friction have dissipated in the step, shape (2,), J.
     """
 
     count: Int1D
@@ -170,7 +167,7 @@ class Groups(Record):
             sides=np.zeros(groups, np.int64), points=np.zeros(entries, np.int64),
             weights=np.zeros(entries), numbers=np.zeros((groups, GROUP_FIELDS)),
             slopes=np.zeros((groups, 3)), last=np.zeros((groups, LAST_FIELDS)),
-            losses=np.zeros(3),
+            losses=np.zeros(2),
         )  # fmt: skip
 
     def forget(self) -> None:

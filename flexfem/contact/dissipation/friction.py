@@ -12,10 +12,11 @@ w_i r_i x t then have no sum and no torque, and do exactly the work t . s.
 Friction is directed against the slip at the END of the step: velocities that grow linearly from
 those of its start, slip rate u_0, have the final one sigma / dt, sigma = 2 s - dt u_0. A law of the
 mean slip would stop a body at the mean of the step and hence return its velocity, so that what
-sticks in an impact leaves with reversed slip. So that no step makes energy, sigma is projected to
-the ball with the diameter from 0 to s,
+sticks in an impact leaves with reversed slip. So that no step makes energy, sigma is shortened to
+what the slip has along it,
 
-    x = P_ball sigma,   x . s >= |x|^2,   t = -mu(|x| / dt) N f(|x| / (dt v_0)) x / |x|,
+    x = min(max(s . sigma / |sigma|^2, 0), 1) sigma,   x . s >= |x|^2,
+    t = -mu(|x| / dt) N f(|x| / (dt v_0)) x / |x|,
 
 f(y) = y (2 - y) for y < 1, then 1: exactly Coulomb's law from the slip speed v_0 on. The normal
 force N is that of this step. mu(v) = mu_k + (mu_s - mu_k) exp(-(v / v_s)^2) (Stribeck).
@@ -36,10 +37,9 @@ from flexfem.contact.dissipation.data import (
     LAST_PUSH,
     LAST_SLIP,
     LAST_TANGENT,
-    MISSING,
     NORMAL,
     PUSH,
-    RUB,
+    RATIO,
     TANGENT,
     Groups,
     Law,
@@ -49,10 +49,9 @@ from flexfem.kernels.compiled import inlined, subroutine
 
 __all__ = ["rub"]
 
-
-#: Part of |s|^2 up to which sigma counts as inside for the derivative: steady slip is on the rim of
-#: the ball, and most of what changes it slows it down.
-_RIM = 1e-9
+#: Part of sigma that counts as none for the derivative: steady slip has all of it along, and most
+#: of what changes it slows it down.
+_RIM = 1e-6
 #: Part of the largest friction from which on slip is predicted: all but round-off.
 _SLIPS = 1.0 - 1e-9
 
@@ -108,42 +107,31 @@ def _write_slips(
 
 
 @inlined
-def _set_twice(change: FloatArray) -> None:
-    """Write dx/ds inside the ball."""
+def _shorten(s: FloatArray, x: FloatArray, change: FloatArray) -> bool:
+    """Replace sigma by x, the part of it that slip s has along; write dx/ds (3, 3).
+
+    Returns:
+        True if the slip has been reversed in the step.
+    """
+    work = square = 0.0
+    for a in range(3):
+        work += s[a] * x[a]
+        square += x[a] * x[a]
+    part = max(work / square, 0.0) if work < square else 1.0
     for a in range(3):
         for b in range(3):
-            change[a, b] = 2.0 if a == b else 0.0
+            change[a, b] = 2.0 * part if a == b else 0.0
+            if 0.0 < part < 1.0 - _RIM:
+                change[a, b] += x[a] * (x[b] + 2.0 * s[b] - 4.0 * part * x[b]) / square
+    for a in range(3):
+        x[a] *= part
+    return bool(part < 0.5 - _RIM)
 
 
 @inlined
-def _project(s: FloatArray, x: FloatArray, change: FloatArray) -> None:
-    """Replace sigma by x, its projection to the ball from 0 to s; write dx/ds (3, 3)."""
-    inside = square = size = 0.0
-    for a in range(3):
-        inside += x[a] * (x[a] - s[a])
-        square += s[a] * s[a]
-        size += (x[a] - 0.5 * s[a]) ** 2
-    _set_twice(change)
-    if inside <= 0.0:
-        return
-    radius, size = 0.5 * np.sqrt(square), np.sqrt(size)
-    for a in range(3):
-        x[a] = (x[a] - 0.5 * s[a]) / size  # the direction e from the middle of the ball
-    if inside > _RIM * square:
-        for a in range(3):
-            for b in range(3):
-                unit = 1.0 if a == b else 0.0
-                change[a, b] = 0.5 * unit + 1.5 * radius / size * (unit - x[a] * x[b])
-                if radius > 0.0:
-                    change[a, b] += 0.25 * x[a] * s[b] / radius
-    for a in range(3):
-        x[a] = 0.5 * s[a] + radius * x[a]
-
-
-@inlined
-def _coefficient(law: Law, size: float, dt: float) -> tuple[float, float]:
+def _coefficient(law: Law, size: float, dt: float, width: float) -> tuple[float, float]:
     """Friction over N and the slip ``size``, and its derivative by the slip, over N, 1/m."""
-    width, v = law.slip_speed * dt, size / dt
+    v = size / dt
     more = law.static_friction - law.friction
     ratio = v / law.stribeck_speed if more > 0.0 else 0.0
     more *= np.exp(-ratio * ratio)
@@ -216,7 +204,7 @@ def _stiffness(numbers: FloatArray, at: int) -> float:
 @inlined
 def _bridged(
     law: Law, last: FloatArray, s: FloatArray, final: FloatArray, force: FloatArray, push: float,
-    dt: float, steep: bool,
+    width: float, steep: bool,
 ) -> float:  # fmt: skip
     """Slope over N towards where the friction is the predicted one; 0 for that of the law.
 
@@ -227,7 +215,7 @@ def _bridged(
         final: sigma.
         force: friction.
         push: N.
-        dt: size of the step.
+        width: slip from which on friction is that of Coulomb's law, m.
         steep: True if the law has a slope at the trial state.
     """
     square = reverse = 0.0
@@ -238,7 +226,7 @@ def _bridged(
             wanted[a] -= last[LAST_TANGENT + 3 * a + b] * (s[b] - last[LAST_SLIP + b])
         square += wanted[a] * wanted[a]
         reverse += wanted[a] * final[a]
-    size, most, width = np.sqrt(square), law.static_friction * push, law.slip_speed * dt
+    size, most = np.sqrt(square), law.static_friction * push
     if size >= _SLIPS * most and reverse < 0.0:
         return 0.0
     part = min(size / most, 1.0)
@@ -263,26 +251,24 @@ def _bridged(
 
 
 @inlined
-def _predicted(
-    law: Law, step: StepMotion, groups: Groups, g: int, last: FloatArray
-) -> float:  # fmt: skip
-    """Normal force that friction is proportional to, N; keeps what predicts the next one."""
+def _expected(step: StepMotion, groups: Groups, g: int, last: FloatArray) -> float:
+    """Normal force that was expected here, N; keeps what expects the next one.
+
+    It is that of the linear model of the last trial state, or that of the last step, or the one
+    that is there.
+    """
     numbers, apart = groups.numbers[g], 0.0
     for e in range(groups.starts[g], groups.starts[g + 1]):
         w, p = groups.weights[e], groups.points[e]
         for a in range(3):
             apart += w * numbers[NORMAL + a] * (step.after[p, a] - step.before[p, a])
-    push = numbers[PUSH]
-    if step.settled == 0.0:
-        if last[KNOWN] > 0.0:
-            push = max(last[LAST_PUSH + 1] - last[LAST_PUSH + 2] * (apart - last[LAST_PUSH]), 0.0)
-        else:
-            push = last[LAST_PUSH + 1]  # that of the last step
-            lack = law.static_friction * abs(numbers[PUSH] - push)
-            groups.losses[MISSING] = max(groups.losses[MISSING], lack)
+    push = last[LAST_PUSH + 1]
+    if last[KNOWN] > 0.0:
+        push = max(push - last[LAST_PUSH + 2] * (apart - last[LAST_PUSH]), 0.0)
+    elif push == 0.0:
+        push = numbers[PUSH]
     last[LAST_PUSH], last[LAST_PUSH + 1] = apart, numbers[PUSH]
     last[LAST_PUSH + 2] = groups.slopes[g, 0]
-    numbers[RUB] = push
     return float(push)
 
 
@@ -291,33 +277,34 @@ def rub(law: Law, step: StepMotion, groups: Groups, g: int, last: FloatArray) ->
     """Write arms, force and tangent of a group, and the slopes along and across the slip."""
     s, final, x, change = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
     numbers, square, done = groups.numbers[g], 0.0, 0.0
+    width = step.blur * law.slip_speed * step.dt
     _write_arms(groups, g, step, numbers)
     _write_slips(groups, g, step, numbers, s, final)
     x[:] = final
-    _project(s, x, change)
+    reversed_ = _shorten(s, x, change)
     for a in range(3):
         square += x[a] * x[a]
-    size, push = np.sqrt(square), _predicted(law, step, groups, g, last)
-    across, along = _coefficient(law, size, step.dt)
+    size, push = np.sqrt(square), _expected(step, groups, g, last)
+    across, along = _coefficient(law, size, step.dt, width)
     along, wide = max(along, 0.0), across
     for a in range(3):
-        numbers[FORCE + a] = -push * across * x[a]
+        numbers[RATIO + a] = -across * x[a]
+        numbers[FORCE + a] = numbers[PUSH] * numbers[RATIO + a]
         done += numbers[FORCE + a] * s[a]
     groups.losses[FRICTION] -= done
     steep = along > 0.0 and final[0] * s[0] + final[1] * s[1] + final[2] * s[2] > 0.0
     bridge = 0.0
-    if last[KNOWN] > 0.0 and push > 0.0:
-        force = numbers[FORCE : FORCE + 3]
-        bridge = _bridged(law, last, s, final, force, push, step.dt, steep)
+    if last[KNOWN] > 0.0 and push > 0.0 and not (reversed_ and steep):
+        force = push * numbers[RATIO : RATIO + 3]
+        bridge = _bridged(law, last, s, final, force, push, width, steep)
     _write_directions(numbers, x, size)
     if bridge > 0.0 and steep:
-        _set_twice(change)
         along = wide = 0.0
     _write_tangent(numbers, push, along, wide, change)
     if bridge > 0.0:
         _stiffen(numbers, push * bridge)
     for a in range(3):
-        last[LAST_SLIP + a], last[LAST_FORCE + a] = s[a], -across * x[a]
+        last[LAST_SLIP + a], last[LAST_FORCE + a] = s[a], numbers[RATIO + a]
     for k in range(9):
         last[LAST_TANGENT + k] = numbers[TANGENT + k]
     groups.slopes[g, 1] = _stiffness(numbers, ALONG)

@@ -2,7 +2,8 @@
 """Sums over groups: friction and its linearisation, and the rows of motion of the linear solver.
 
 A group has a row along the normal, sum w_i n . dX_i, and with friction two along tangents e,
-sum w_i e . (dX_i + phi_i x r_i), where phi_i are spins and r_i the arms of both sides.
+sum w_i e . (dX_i + phi_i x r_i), where phi_i are spins and r_i the arms of both sides. Friction is
+proportional to the normal force: what changes this changes it with it.
 """
 
 import numpy as np
@@ -14,6 +15,7 @@ from flexfem.contact.dissipation.data import (
     ARMS,
     FORCE,
     NORMAL,
+    RATIO,
     TANGENT,
     Groups,
 )
@@ -80,18 +82,18 @@ def add_friction_actions(
 ) -> None:  # fmt: skip
     """Add ``scale`` times the tangent of friction, applied to steps and spins of all points (n, 3).
 
-    It is minus the derivative of the forces for fixed normal forces, normals, weights and arms: in
-    iterations normal forces are predicted, and a step ahead of friction.
+    It is minus the derivative of the forces for fixed normals, weights and arms.
     """
     own, way, slip, force = unpack(Groups, groups), np.empty(3), np.empty(3), np.empty(3)
     for g in range(own.count[0]):
         numbers = own.numbers[g]
         _relative(own, g, steps, spins, way, slip)
-        beside = 0.0
+        beside = apart = 0.0
         for a in range(3):
             beside += numbers[NORMAL + a] * slip[a]
+            apart += numbers[NORMAL + a] * way[a]
         for a in range(3):
-            force[a] = 0.0
+            force[a] = own.slopes[g, 0] * apart * numbers[RATIO + a]
             for b in range(3):
                 tangential = slip[b] - beside * numbers[NORMAL + b]
                 force[a] += numbers[TANGENT + 3 * a + b] * tangential
@@ -125,6 +127,8 @@ def motions_into(groups: Memory, steps: FloatArray, spins: FloatArray, motions: 
 def spread(groups: Memory, rows: FloatArray, sums: FloatArray, couples: FloatArray) -> None:
     """Add the forces of rows to forces and couples on all points, each (n, 3).
 
+    Those along normals bring their share of friction along.
+
     Args:
         groups: of :class:`Groups`.
         rows: forces along the motions of :func:`motions_into`, of the same shape, N.
@@ -140,4 +144,5 @@ def spread(groups: Memory, rows: FloatArray, sums: FloatArray, couples: FloatArr
         if rows.shape[1] > 1:
             for a in range(3):
                 force[a] = rows[g, 1] * numbers[ALONG + a] + rows[g, 2] * numbers[ACROSS + a]
+                force[a] += rows[g, 0] * numbers[RATIO + a]
             _rub(own, g, force, sums, couples)

@@ -13,6 +13,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.nodes.frame_kernels import Nodes
 from flexfem.kernels.compiled import inlined, kernel
 from flexfem.kernels.records import Float2D, Int1D, Memory, Record, unpack
+from flexfem.lie import so3
 
 __all__ = [
     "Carried",
@@ -228,12 +229,18 @@ def spins_into(nodes: Memory, carried: Memory, out: FloatArray) -> None:
 
 @kernel
 def turned_into(nodes: Memory, carried: Memory, out: FloatArray) -> None:
-    """Write the rotations of points (k,) by the steps of nodes to rows of (n, 3)."""
+    """Write the changes of :func:`spins_into` by the steps of nodes to rows of (n, 3)."""
     state, own = unpack(Nodes, nodes), unpack(Carried, carried)
+    T, change = np.empty(9), np.empty(3)
     if own.turns:
         for k in range(own.local.size):
             node = own.local[k]
-            _turn(state.frames[node], state.step[node, 3:], out[own.rows[k]])
+            so3.inverse_tangent_into(state.increment[node, 3:], T)
+            for a in range(3):
+                change[a] = 0.0
+                for b in range(3):
+                    change[a] += T[3 * a + b] * state.step[node, 3 + b]
+            _turn(state.frames0[node], change, out[own.rows[k]])
 
 
 @kernel
@@ -251,16 +258,16 @@ def rates_into(nodes: Memory, carried: Memory, rates: FloatArray, spins: FloatAr
 
 
 @kernel
-def add_couples(nodes: Memory, carried: Memory, couples: FloatArray, over_step: bool) -> None:
-    """Add inertial couples (n, 3) on points (k,) to the residuals of nodes.
+def add_couples(nodes: Memory, carried: Memory, couples: FloatArray) -> None:
+    """Add inertial couples (n, 3) over a step on points (k,) to the residuals of nodes.
 
-    Over a step their axes are the mean ones, in which their work is that along the rotation vector.
+    Their axes are the mean ones, in which their work is that along the rotation vector.
     """
     state, own = unpack(Nodes, nodes), unpack(Carried, carried)
     if own.turns:
         for k in range(own.local.size):
             node, c = own.local[k], couples[own.rows[k]]
-            H0, H = state.frames0[node] if over_step else state.frames[node], state.frames[node]
+            H0, H = state.frames0[node], state.frames[node]
             for a in range(3):
                 for b in range(3):
                     j = 3 + 3 * b + a

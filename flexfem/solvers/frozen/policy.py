@@ -156,6 +156,8 @@ class FrozenPolicy:
         if status is Status.OK:
             self._refine = self._refine and self._defect > _RELAX * self.limit
             return status
+        if frozen.rubbing:
+            return status
         self._system.counters.fallbacks += 1
         self._failed = True  # its factors would fail in the next step, too
         restart()

@@ -206,6 +206,11 @@ class FrozenSolver:
         """True if contacts were closed on any rank in the last step."""
         return self._stiff.active
 
+    @property
+    def rubbing(self) -> bool:
+        """True if there was friction in these, of which assembled matrices have nothing."""
+        return self._stiff.active and self._stiff.rub
+
     def state(self) -> State:
         """Return the states and shifts at which factors were computed."""
         shifts = np.array([astuple(s) for s in self._kept], dtype=np.float64)

@@ -48,10 +48,16 @@ class SpringRows(Protocol):
 
     Attributes:
         slopes: derivatives (c,) of their forces by their motions, not negative, N/m.
+        rub: True if there is friction, on any rank.
     """
 
     @property
     def slopes(self) -> FloatArray:
+        """See above."""
+        ...
+
+    @property
+    def rub(self) -> bool:
         """See above."""
         ...
 
@@ -69,13 +75,14 @@ class StiffRows:
 
     Attributes:
         active: True if there are springs on any rank.
+        rub: True if they are those of contacts with friction.
         soft: True if they are not much stiffer than the frozen operator.
     """
 
     def __init__(self, system: System, vectors: StepVectors) -> None:
         """Allocate the responses."""
         self._system, self._vectors = system, vectors
-        self.active = self.soft = False
+        self.active = self.soft = self.rub = False
         self._values = np.zeros(system.constraints.size)
         # of the directions, in pages that are used as they come
         self._responses = np.empty((_MOST if system.contacts else 0, len(vectors)))
@@ -88,7 +95,7 @@ class StiffRows:
             return
         slopes = scale * rows.slopes
         if self._vectors.sum(np.array([float(np.count_nonzero(slopes))]))[0]:
-            self.active = True
+            self.active, self.rub = True, rows.rub
             self._forces = _Forces(rows, slopes, self._vectors)
 
     def correct(self, correction: FloatArray, solve: Solve, *, refine: bool = False) -> FloatArray:
@@ -99,15 +106,18 @@ class StiffRows:
         Args:
             correction: the multipliers' correction (r,) by the frozen solve.
             solve: this, for the blocks' residuals and given values (r,) of the rows.
-            refine: True if GMRES with the exact tangent follows, to which soft springs are left.
+            refine: True if GMRES with the exact tangent follows, to which soft springs are left,
+                but not friction: what sticks has a slip that is a small difference of motions.
 
         Returns:
             That with the springs.
         """
         kept = [part.block.residual.copy() for part in self._system.parts]
         solution = self._vectors.collect(correction)
-        parts = self._forces.solve(partial(self._respond, solve), leave_soft=refine)
-        self.soft = self._forces.soft
+        parts = self._forces.solve(
+            partial(self._respond, solve), leave_soft=refine and not self.rub
+        )
+        self.soft = self._forces.soft and not self.rub
         solution -= parts @ self._responses[: len(parts)]
         for part, residual in zip(self._system.parts, kept, strict=True):
             part.block.residual[:] = residual
