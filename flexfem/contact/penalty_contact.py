@@ -100,8 +100,8 @@ def _check_surfaces(serial: NumberedModel, owner: str, who: ContactBodies) -> No
     for surface in who.contact.surfaces:
         if isinstance(surface, RigidObstacle):
             raise ValueError(
-                f"{owner}: bodies cannot touch a RigidObstacle yet, the penalty has planes, "
-                "spheres, cylinders and meshes"
+                f"{owner}: bodies cannot touch a RigidObstacle by the penalty, which has planes, "
+                "spheres, cylinders and meshes: leave law out"
             )
     for name, surface in product(who.bodies, who.contact.surfaces):
         carrier = surface.place.body if isinstance(surface.place, Marker) else ""

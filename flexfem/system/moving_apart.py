@@ -47,7 +47,7 @@ def move_apart(system: System, move: Callable[[], float]) -> Moved:
     largest = move()
     part, safe = 1.0, contacts.safe_part(_KEEP)
     for time in range(_TIMES):
-        if safe >= 1.0:
+        if safe >= 1.0 or part == 0.0:
             break
         shorter = _SHORTER * safe if time + 1 < _TIMES else 0.0
         part *= shorter
@@ -71,7 +71,7 @@ def predict_apart(system: System, predict: Callable[[float], None]) -> None:
         share = 1.0
         for time in range(_TIMES):
             safe = contacts.safe_part_of_step(_PREDICTED)
-            if safe >= 1.0:
+            if safe >= 1.0 or share == 0.0:
                 break
             share *= _SHORTER * safe if time + 1 < _TIMES else 0.0
             predict(share)

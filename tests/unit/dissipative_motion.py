@@ -156,7 +156,7 @@ class Points:
         else:
             raise AssertionError("Newton's method does not end")
         dv, dw = self._vectors(h * self.forces(y, phi, h) / self.masses)
-        impacts = np.empty_like(self.impacts)
+        impacts = np.zeros_like(self.impacts)
         remember(self.groups.memory, self.motion.memory, impacts)
         self.x, self.v, self.spin = y, self.v + h * fall + dv, self.spin + dw
         self.impacts, self.stored = impacts, potential(self.response.memory)

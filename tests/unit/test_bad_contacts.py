@@ -177,7 +177,7 @@ BUILT = [
     ([ff.Contact("c", "ball", "cube")], 'RigidBody "ball" cannot touch RigidBody "cube" yet'),
     ([ff.Contact("c", ("low", "ball"), (), FLOOR)], '"ball" cannot touch a RigidPlane yet'),
     ([ff.Contact("c", "low", (), ff.RigidObstacle(ff.Marker("ball"), ball, CUBE))],
-     'Contact "c": bodies cannot touch a RigidObstacle yet, the penalty has planes'),
+     'Contact "c": bodies cannot touch a RigidObstacle by the penalty, which has planes'),
     ([ff.Contact("c", "ball", "low")], '"low" this way round yet: rigid bodies belong to against'),
     ([ff.Contact("c", "low", "rod")], '"rod" this way round yet: beams belong to bodies'),
     ([ff.Contact("c", "bow", "low")], 'Beam "bow": contact needs the formulation se3, got nurbs'),

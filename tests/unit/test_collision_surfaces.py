@@ -9,7 +9,8 @@ import pytest
 
 import flexfem as ff
 from flexfem.contact.fields.obstacles import Obstacle, Obstacles
-from flexfem.contact.surfaces.complexes import Complex, coefficients, edges_of, make_complex
+from flexfem.contact.primitives.complexes import Complex
+from flexfem.contact.surfaces.primitives import Side
 from flexfem.contact.surfaces.surfaces import CollisionSurfaces, collision_surfaces
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import so3
@@ -34,10 +35,15 @@ def number(found: CollisionSurfaces, label: str) -> int:
     return one
 
 
-def alone(found: CollisionSurfaces, label: str) -> Complex:
-    """The complex of one body."""
+def alone(found: CollisionSurfaces, label: str) -> tuple[Complex, Side]:
+    """The cells of one body, and what touches others."""
     members = np.arange(len(found.bodies)) == number(found, label)
-    return make_complex(found.primitives, members)
+    return found.primitives.complex(members), Side.of(found.primitives, members)
+
+
+def characteristic(found: CollisionSurfaces, side: Side) -> float:
+    """That of Euler: 1 of a disc, 2 of a sphere, 0 of a ring."""
+    return float(found.primitives.complex(side.members).coefficients.sum())
 
 
 def sheet(name: str = "sheet", z: float = 0.0) -> ff.SurfaceMesh:
@@ -57,11 +63,11 @@ def test_shells(element: str, triangles: int, points: int) -> None:
     model = ff.Model("m", surface=sheet())
     model.add(ff.Shell("sheet", SHEET, element=element), ff.Contact("all"))
     found = surfaces_of(model)
-    own = alone(found, 'Shell "sheet"')
+    own, side = alone(found, 'Shell "sheet"')
     assert len(own.triangles) == triangles
-    assert len(own.stations) == points
-    assert own.characteristic == 1  # of a disc; a sphere has 2, a ring 0
-    assert own.areas.sum() == pytest.approx(0.24, rel=1e-12)
+    assert len(side.stations) == points
+    assert characteristic(found, side) == 1  # of a disc; a sphere has 2, a ring 0
+    assert side.areas.sum() == pytest.approx(0.24, rel=1e-12)
     np.testing.assert_allclose(found.primitives.radius, 1e-3, **EXACT)
     np.testing.assert_allclose(found.density, 7800 * 2e-3, **EXACT)
     # E / (1 - nu^2) h / h^2
@@ -77,9 +83,10 @@ def test_shells_that_share_an_edge_count_alone_as_if_the_other_were_not_there() 
     model = ff.Model("m", surface=ff.SurfaceMesh(whole.points, whole.triangles, halves))
     model.add(ff.Shell("left", SHEET), ff.Shell("right", SHEET))
     model.add(ff.Contact("both"), ff.Contact("one", "left", "right"))
-    both, one = surfaces_of(model).contacts
-    assert both.first.characteristic == one.first.characteristic == 1
-    assert one.second.characteristic == 1
+    found = surfaces_of(model)
+    both, one = found.contacts
+    assert characteristic(found, both.first) == characteristic(found, one.first) == 1
+    assert characteristic(found, one.second) == 1
     assert one.first.areas.sum() == pytest.approx(0.12, rel=1e-12)
     assert one.second.areas.sum() == pytest.approx(0.12, rel=1e-12)
     assert both.first.areas.sum() == pytest.approx(0.24, rel=1e-12)
@@ -97,7 +104,7 @@ def test_membranes() -> None:
     model.add(ff.RigidBody("punch", 1.0, (1, 1, 1), position=(0, 0, 1), shape=ff.Sphere(0.1)))
     model.add(ff.Contact("all"))
     found = surfaces_of(model)
-    assert alone(found, 'UFLBody "skin"').areas.sum() == pytest.approx(0.24, rel=1e-12)
+    assert alone(found, 'UFLBody "skin"')[1].areas.sum() == pytest.approx(0.24, rel=1e-12)
     skin = found.primitives.body == number(found, 'UFLBody "skin"')
     np.testing.assert_allclose(found.primitives.radius[skin], 2e-3, **EXACT)
     np.testing.assert_allclose(found.density[skin], 0.3, **EXACT)
@@ -107,13 +114,12 @@ def test_beams_are_polylines() -> None:
     model = ff.Model("m", mesh=ff.LineMesh.straight({"rod": [(0, 0, 0), (2, 0, 0)]}, 4))
     model.add(ff.Beam("rod", ROUND), ff.Contact("all"))
     found = surfaces_of(model)
-    own = alone(found, 'Beam "rod"')
+    own, side = alone(found, 'Beam "rod"')
     np.testing.assert_array_equal(found.primitives.edges, [[0, 1], [1, 2], [2, 3], [3, 4]])
-    assert set(own.edge_coefficients) == {1}
-    np.testing.assert_array_equal(own.vertices, [1, 2, 3])  # the ends have none
-    assert set(own.vertex_coefficients) == {-1}
-    assert own.characteristic == 1
-    assert own.areas.sum() == pytest.approx(2.0 * 0.02, rel=1e-12)  # length times diameter
+    # the ends have none
+    np.testing.assert_array_equal(own.coefficients, [0, -1, -1, -1, 0, 1, 1, 1, 1])
+    assert characteristic(found, side) == 1
+    assert side.areas.sum() == pytest.approx(2.0 * 0.02, rel=1e-12)  # length times diameter
     np.testing.assert_allclose(found.primitives.radius, 0.01, **EXACT)
     np.testing.assert_allclose(found.density, 7800 * pi * 0.01**2 / 0.02, **EXACT)
 
@@ -128,7 +134,8 @@ def test_stations_of_beams_are_as_near_as_what_they_touch_needs() -> None:
     # sqrt(8 x 0.1 x 0.01 x 0.5): 0.0632 m, at most ten parts
     assert len(sides.first.stations) == 2 * 10 + 1
     assert sides.first.areas.sum() == pytest.approx(2.0 * 0.02, rel=1e-12)
-    assert len(sides.first.vertices) == 1  # further stations are no vertices
+    own, _ = alone(found, 'Beam "rod"')
+    assert own.coefficients.tolist().count(-1.0) == 1  # further stations are no vertices
     assert not sides.fields  # a drum is a line with a radius
     drum_body = found.bodies[number(found, 'RigidCylinder 0 of Contact "wound"')]
     assert (drum_body.rigid, drum_body.carried, drum_body.owner) == (True, True, "")
@@ -141,12 +148,16 @@ def test_obstacles_have_a_distance_on_their_carrier() -> None:
     box = [(-1, -1, -0.5), (1, 1, 0.5)]
     slab = ff.RigidObstacle(place, lambda x: np.abs(x[:, 2]) - 0.25, box)
     model.add(ff.Contact("c", "rod", surfaces=slab))
-    (sides,) = surfaces_of(model).contacts
+    found = surfaces_of(model)
+    (sides,) = found.contacts
     (field,) = sides.fields
-    made = Obstacles([Obstacle.of(field, "slab")])
-    distance, feet = made.closest(np.zeros(1, np.int64), np.array([[0.3, 0.2, 1.0]]))
+    made = Obstacles([Obstacle.of(field)])
+    at = made.placed(found.start)
+    np.testing.assert_allclose(at.frames[0, :3], [1.0, 0.0, 0.5], **EXACT)
+    distance, feet = made.closest(np.zeros(1, np.int64), np.array([[0.3, 0.2, 0.5]]))
     np.testing.assert_allclose(distance, 0.25, **EXACT)
-    np.testing.assert_allclose(feet, [[0.3, 0.2, 0.75]], rtol=1e-9)
+    np.testing.assert_allclose(feet, [[0.3, 0.2, 0.25]], rtol=1e-9)
+    assert (found.primitives.body[field.points] == -1).all()  # they only carry it
     assert len(sides.first.stations) > 3  # nearer than the ends of elements
 
 
@@ -162,12 +173,12 @@ def test_points_of_nurbs_beams_are_on_the_curve() -> None:
     np.testing.assert_allclose(np.linalg.norm(points, axis=1), 1.0, **EXACT)
     np.testing.assert_allclose(found.weights.sum(axis=1), 1.0, **EXACT)
     np.testing.assert_allclose(points[[0, -1]], [[1, 0, 0], [0, -1, 0]], **EXACT)
-    one = alone(found, 'Beam "ring"')
-    assert one.characteristic == 1
+    _, side = alone(found, 'Beam "ring"')
+    assert characteristic(found, side) == 1
     count = len(found.primitives.edges)
     chords = count * 2.0 * np.sin(0.5 * turn / count)
     # chords of a circle; elements of an arc of degree two are not divided quite equally
-    assert one.areas.sum() == pytest.approx(0.02 * chords, rel=1e-3)
+    assert side.areas.sum() == pytest.approx(0.02 * chords, rel=1e-3)
     middles = found.primitives.start[found.primitives.edges].mean(axis=1)
     assert np.linalg.norm(middles, axis=1).min() > 1.0 - 5e-3 * turn / 3
 
@@ -192,16 +203,16 @@ def test_shapes_of_rigid_bodies(name: str) -> None:
     model = ff.Model("m")
     model.add(ball("a", (0, 0, 0), shape), ball("b", (0, 0, 9), ff.Sphere(0.1)), ff.Contact("all"))
     found = surfaces_of(model)
-    own = alone(found, 'RigidBody "a"')
+    own, side = alone(found, 'RigidBody "a"')
     assert (found.primitives.body == number(found, 'RigidBody "a"')).sum() == points
     assert len(found.primitives.edges) == edges
     assert len(own.triangles) == triangles
     # a solid's surface 2, a ball or rod 1 each
-    assert own.characteristic == {"compound": 3, "sphere": 1, "capsule": 1}.get(name, 2)
+    assert characteristic(found, side) == {"compound": 3, "sphere": 1, "capsule": 1}.get(name, 2)
     # a prism of 64 sides is 0.1 % smaller than its cylinder, the others are exact
     share = 2e-3 if name == "cylinder" else 1e-12
-    assert own.areas.sum() == pytest.approx(area, rel=share)
-    assert found.bodies[0].density == pytest.approx(2.0 / own.areas.sum(), rel=1e-12)
+    assert side.areas.sum() == pytest.approx(area, rel=share)
+    assert found.bodies[0].density == pytest.approx(2.0 / side.areas.sum(), rel=1e-12)
     assert found.bodies[0].through == np.inf
     (sides,) = found.contacts
     np.testing.assert_array_equal(sides.excluded, [[0, 0], [1, 1]])  # not with themselves
@@ -245,9 +256,9 @@ def test_rigid_surfaces_on_the_ground_and_on_bodies() -> None:
     model.add(ff.Contact("floor", "sheet", surfaces=listed))
     found = surfaces_of(model)
     (sides,) = found.contacts
-    assert [type(one.surface) for one in sides.fields] == [ff.RigidSphere]
-    assert sides.second.characteristic == 1 + 2 + 1  # plane, box and ball
-    assert sides.first.characteristic == 1
+    assert [type(one.surface) for one in sides.fields] == [ff.RigidPlane, ff.RigidSphere]
+    assert characteristic(found, sides.second) == 2 + 1  # box and ball
+    assert characteristic(found, sides.first) == 1
     labels = [body.label for body in found.bodies]
     assert labels[1:] == [
         f'Rigid{what} {k} of Contact "floor"'
@@ -255,7 +266,7 @@ def test_rigid_surfaces_on_the_ground_and_on_bodies() -> None:
     ]
     assert found.bodies[3].density == pytest.approx(3.0 / 6.0, rel=1e-12)
     assert found.bodies[2].density == np.inf  # the ground
-    np.testing.assert_array_equal(found.side, [0] * 12 + [1] * 14)
+    np.testing.assert_array_equal(found.side, [0] * 12 + [1] * 12)
     # those on the ground do not touch each other, nor those of the cart its own
     for pair in ((1, 2), (1, 4), (2, 4), (3, 3)):
         assert not sides.touch(*pair)
@@ -325,21 +336,6 @@ def test_near_points_along_a_thick_rod() -> None:
     np.testing.assert_array_equal(near.values[: near.starts[1]], range(4))
 
 
-def test_coefficients_of_known_complexes() -> None:
-    # a tetrahedron's surface has 2, with a rod at one corner still 2, two rods that meet 1
-    faces = np.array([[0, 1, 2], [0, 1, 3], [0, 2, 3], [1, 2, 3]])
-    sides, first = edges_of(faces)
-    np.testing.assert_array_equal(first, [0, 0, 1, 0, 1, 2])
-    of_edges, of_vertices = coefficients(4, np.arange(4), sides, faces)
-    assert set(of_edges) == {-1}
-    np.testing.assert_array_equal(of_vertices, [1, 1, 1, 1])
-    rod = np.concatenate([[[3, 4]], sides])
-    of_edges, of_vertices = coefficients(5, np.arange(5), rod, faces)
-    assert len(faces) + of_edges.sum() + of_vertices.sum() == 2
-    assert of_edges[0] == 1
-    np.testing.assert_array_equal(of_vertices, [1, 1, 1, 0, 0])
-
-
 def nearest(point: np.ndarray, corners: np.ndarray) -> float:
     """Distance to the convex hull of one to three corners, by its faces."""
     found = [np.linalg.norm(corners - point, axis=1).min()]
@@ -356,13 +352,9 @@ def nearest(point: np.ndarray, corners: np.ndarray) -> float:
 def barrier_sum(found: CollisionSurfaces, own: Complex, point: np.ndarray, reach: float) -> float:
     """Sum of a function of the distances to all primitives with their coefficients."""
     x, total = found.primitives.start, 0.0
-    for rows, factors in (
-        (found.primitives.triangles[own.triangles], np.ones(len(own.triangles))),
-        (found.primitives.edges[own.edges], own.edge_coefficients),
-        (own.vertices[:, np.newaxis], own.vertex_coefficients),
-    ):
-        for row, factor in zip(rows, factors, strict=True):
-            total += factor * max(1.0 - nearest(point, x[row]) / reach, 0.0) ** 3
+    for rows, factor in zip(own.points, own.coefficients, strict=True):
+        corners = x[np.unique(rows)]
+        total += factor * max(1.0 - nearest(point, corners) / reach, 0.0) ** 3
     return total
 
 
@@ -374,7 +366,7 @@ def test_a_point_sees_a_flat_sheet_and_a_straight_rod_once(element: str) -> None
     model.add(ff.Shell("sheet", SHEET, element=element), ff.Beam("rod", ROUND), ff.Contact("all"))
     found, reach = surfaces_of(model), 0.3
     for label, height, sides in (('Shell "sheet"', 0.0, (0.6, 0.4)), ('Beam "rod"', 5.0, (0.6, 0))):
-        own = alone(found, label)
+        own, _ = alone(found, label)
         for at in np.random.default_rng(4).uniform((-0.1, -0.1, 0.02), (0.7, 0.5, 0.2), (12, 3)):
             flat = np.clip(at, 0.0, (*sides, 0.0))
             expected = max(1.0 - np.linalg.norm(at - flat) / reach, 0.0) ** 3

@@ -22,9 +22,7 @@ from flexfem.contact.barrier.rows import GroupRows
 from flexfem.contact.barrier.spins import Spins
 from flexfem.contact.barrier.surface import ContactSurface
 from flexfem.contact.carriers import Carriers
-from flexfem.contact.dissipation.data import PUSH
 from flexfem.contact.primitives.candidates import Boxes, Motion
-from flexfem.contact.primitives.data import SLOPE
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.surfaces.surfaces import CollisionSurfaces
 from flexfem.contact.tangent_entries import ContactEntries, Triplets
@@ -85,7 +83,11 @@ class BarrierContacts:
         self._spins = Spins(
             self._carriers, self._motion, surfaces.primitives.triangles, used=self._rubs
         )  # fmt: skip
-        self._rows = GroupRows(self._carriers, self._spins, self.contacts)
+        self._every = [pairs for one in self.contacts for pairs in one.every]
+        self._rows = GroupRows(self._carriers, self._spins, self._every)
+        # of obstacles: far from where they touch
+        self._axes = np.unique(np.concatenate([one.own.obstacles.points.ravel() for one in
+                                               self.contacts]))  # fmt: skip
         self._reach = max(one.own.reach for one in self.contacts)
         self._stride = _STRIDE * max(_longest_edge(surfaces, one) for one in self.contacts)
         self._speed: FloatArray | None = None
@@ -182,8 +184,8 @@ class BarrierContacts:
         """
         self._place()
         self._search()
-        part = _short_part(self._last, self._points, self._known, self._stride)
-        for one in self.contacts:
+        part = _short_part(self._last, self._points, self._touching(), self._stride)
+        for one in self._every:
             part = min(part, one.safe_part(self._last, self._points, keep))
         if self._comm.size > 1:
             part = self._comm.allreduce(part, op=MPI.MIN)
@@ -204,10 +206,10 @@ class BarrierContacts:
         change = largest = way = 0.0
         if self._levels:
             return np.inf
-        for one in self.contacts:
+        for one in self._every:
             way = max(way, one.way(self._last, self._points))
             if one.closed:
-                largest = max(largest, one.groups.numbers[: one.closed, PUSH].max())
+                largest = max(largest, one.pushes.max())
                 moved = one.slopes * one.motions(steps, self._still)
                 change = max(change, float(np.abs(moved).max()))
         return max(change / (_SETTLED * largest) if largest > 0.0 else 0.0, way / _NEAR)
@@ -215,6 +217,12 @@ class BarrierContacts:
     def _place(self) -> None:
         """Positions of the trial state (collective)."""
         self._carriers.place(self._points)
+
+    def _touching(self) -> BoolArray:
+        """Known points (n,) that are not those of obstacles."""
+        touching: BoolArray = self._known.copy()
+        touching[self._axes] = False
+        return touching
 
     def _search(self) -> None:
         """Find all pairs near the present motion, unless those found include them (collective)."""
@@ -231,7 +239,7 @@ class BarrierContacts:
         sets = [self._last, self._points, *([self._before] if self._over_step else [])]
         longest = np.zeros(1)
         if self._over_step:
-            longest[0] = _farthest(self._before, self._points, known)
+            longest[0] = _farthest(self._before, self._points, self._touching())
         if self._comm.size > 1:
             self._comm.Allreduce(MPI.IN_PLACE, longest, op=MPI.MAX)
         skin = max(_SKIN * self._reach, min(_STEPS * longest[0], self._stride))
@@ -247,15 +255,15 @@ class BarrierContacts:
         """Ask for the points near those of this rank in all ``sets`` of positions (collective)."""
         carriers, comm = self._carriers, self._comm
         mine = [_own_cells(one, carriers.home == comm.rank) for one in self.contacts]
-        corners = [one.surface.complex.points[cells] for one, cells in
+        corners = [one.own.surface.complex.points[cells] for one, cells in
                    zip(self.contacts, mine, strict=True)]  # fmt: skip
-        own = np.unique(np.concatenate([c.ravel() for c in corners]))
+        own = np.unique(np.concatenate([self._axes, *(c.ravel() for c in corners)]))
         carriers.ask(own)
         self._bring_all(sets)
         boxes, box = [], np.array([[np.inf] * 3, [-np.inf] * 3])
         low, high = np.minimum.reduce(sets), np.maximum.reduce(sets)
         for one, cells in zip(self.contacts, mine, strict=True):
-            found = Boxes.of(one.surface, one.own.touching, Motion(low, high, skin))
+            found = Boxes.of(one.own.surface, one.own.touching, Motion(low, high, skin))
             boxes.append((found.low[cells], found.high[cells]))
             if len(cells):
                 box[0] = np.minimum(box[0], found.low[cells].min(0))
@@ -307,7 +315,7 @@ class BarrierContacts:
 
     def _gather(self, scale: float) -> None:
         self._forces[:] = self._couples[:] = 0.0
-        for one in self.contacts:
+        for one in self._every:
             one.add_forces(-scale, self._forces, self._couples)
         self._spins.gather(self._couples, self._forces)
         self._carriers.gather(self._forces)
@@ -332,7 +340,7 @@ class BarrierContacts:
         self._carriers.move(self._steps)
         spins = self._spins.of_steps(self._steps)
         self._forces[:] = self._couples[:] = 0.0
-        for one in self.contacts:
+        for one in self._every:
             one.add_actions(
                 scale * self.factor, self._steps, spins, self._forces, self._couples
             )  # fmt: skip
@@ -351,7 +359,7 @@ class BarrierContacts:
         """
         if self._entries is None or self._entries[0] != scale:
             found = ContactEntries(self._carriers)
-            for one in self.contacts:
+            for one in self._every:
                 found.add(*one.blocks(scale * self.factor))
             found.add_turning(scale)
             self._entries = scale, found.entries()
@@ -369,10 +377,8 @@ class BarrierContacts:
         """
         self.refresh()
         total = np.zeros((len(self._points), 3))
-        for one in self.contacts:
-            rows = one.pairs.points[one.response.pairs[: one.count]]
-            slopes = np.abs(one.response.numbers[: one.count, SLOPE])
-            np.add.at(total[:, 0], rows.ravel(), np.repeat(slopes, 4))
+        for one in self._every:
+            one.add_slopes(total[:, 0])
         self._carriers.gather(total)
         return self._carriers.at_nodes(kind, total[:, 0])
 
@@ -437,39 +443,35 @@ class BarrierContacts:
     def energy(self) -> float:
         """Energy stored by the contacts of this rank, J (collective)."""
         self.refresh()
-        return sum(one.energy for one in self.contacts)
+        return sum(one.energy for one in self._every)
 
     @property
     def lost(self) -> float:
         """Energy dissipated on this rank, J."""
-        return sum(one.lost for one in self.contacts)
+        return sum(one.lost for one in self._every)
 
     def least_gap(self, name: str) -> float:
         """Least gap of a contact on all ranks, m; its reach if no pair is nearer (collective)."""
         one = next(one for one in self.contacts if one.contact.name == name)
-        gaps = one.gaps()
-        least = min(float(gaps.min(initial=np.inf)), one.own.reach)
-        return float(self._comm.allreduce(least, op=MPI.MIN))
+        return float(self._comm.allreduce(one.least_gap(), op=MPI.MIN))
 
     def measure(self, name: str) -> FloatArray:
         """This rank's share in gap, penetration, forces and number, (7,) (collective)."""
         self.refresh()
         least = self.least_gap(name)
         one = next(one for one in self.contacts if one.contact.name == name)
-        forces = one.response.rows()[2]
-        bodies = one.own.surface.label[one.pairs.points[one.response.pairs[: one.count]]]
-        total = np.zeros(3)
-        if len(forces):
-            mine = one.own.first[bodies]
-            total = (forces * mine[:, :, np.newaxis]).sum((0, 1))
-        normal = one.groups.numbers[: one.closed, PUSH].sum()
+        total, normal = np.zeros(3), 0.0
+        for pairs in one.every:
+            mine = one.own.first[one.own.surface.label[pairs.points]]
+            total += (pairs.response.rows()[2] * mine[:, :, np.newaxis]).sum((0, 1))
+            normal += pairs.pushes.sum()
         share = least * float(self._comm.rank == 0)
         return np.array([share, 0.0, *total, normal, one.closed])
 
 
 def _own_cells(one: ContactPairs, own: BoolArray) -> IntArray:
     """Cells of a contact with points of this rank."""
-    return np.flatnonzero(own[one.surface.complex.points].any(axis=1))
+    return np.flatnonzero(own[one.own.surface.complex.points].any(axis=1))
 
 
 def _longest_edge(surfaces: CollisionSurfaces, one: ContactPairs) -> float:

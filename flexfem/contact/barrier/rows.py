@@ -6,7 +6,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.contact.barrier.pairs import ContactPairs
+from flexfem.contact.barrier.grouped import GroupedPairs
 from flexfem.contact.barrier.spins import Spins
 from flexfem.contact.carriers import Carriers
 
@@ -23,16 +23,16 @@ class GroupRows:
         rub: True if there is friction.
     """
 
-    def __init__(self, carriers: Carriers, spins: Spins, contacts: Sequence[ContactPairs]) -> None:
-        """Store the points and the contacts; no rows."""
-        self._carriers, self._spins, self._contacts = carriers, spins, contacts
+    def __init__(self, carriers: Carriers, spins: Spins, every: Sequence[GroupedPairs]) -> None:
+        """Store the points and all pairs; no rows."""
+        self._carriers, self._spins, self._every = carriers, spins, every
         self._steps, self._forces, self._couples = np.zeros((3, len(carriers.serial.start), 3))
         self.slopes, self._cuts = np.zeros(0), [0]
-        self.rub = any(one.rubs for one in contacts)
+        self.rub = any(one.rubs for one in every)
 
     def take(self, factor: float) -> None:
-        """Make the rows of all contacts, with ``factor`` times their slopes."""
-        slopes = [one.slopes.ravel() for one in self._contacts]
+        """Make the rows of all groups, with ``factor`` times their slopes."""
+        slopes = [one.slopes.ravel() for one in self._every]
         self.slopes = factor * np.concatenate(slopes)
         self._cuts = np.cumsum([0, *map(len, slopes)]).tolist()
 
@@ -40,14 +40,14 @@ class GroupRows:
         """See ``SpringRows``."""
         self._carriers.move(self._steps)
         spins = self._spins.of_steps(self._steps)
-        found = [one.motions(self._steps, spins).ravel() for one in self._contacts]
+        found = [one.motions(self._steps, spins).ravel() for one in self._every]
         return np.concatenate(found)
 
     def push(self, forces: FloatArray) -> None:
         """See ``SpringRows``."""
         self._forces[:] = self._couples[:] = 0.0
         for one, first, last in zip(
-            self._contacts, self._cuts[:-1], self._cuts[1:], strict=True
+            self._every, self._cuts[:-1], self._cuts[1:], strict=True
         ):  # fmt: skip
             rows = np.ascontiguousarray(forces[first:last]).reshape(one.slopes.shape)
             one.push(rows, self._forces, self._couples)

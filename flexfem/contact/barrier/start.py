@@ -1,17 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contacts at the start: no two surfaces touch or overlap, and none repel."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 
 import numpy as np
 
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.barrier.surface import ContactSurface, contact_surface
+from flexfem.contact.fields.search import find_pairs as find_field_pairs
 from flexfem.contact.primitives.candidates import Motion
 from flexfem.contact.primitives.closest import closest_pairs
-from flexfem.contact.primitives.data import Pairs
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.primitives.search import find_pairs
+from flexfem.contact.surfaces.rigid import DistanceField
 from flexfem.contact.surfaces.surfaces import CollisionSurfaces
+from flexfem.model.rigid_surface import RigidCylinder
 
 __all__ = ["start_apart"]
 
@@ -26,17 +29,36 @@ def start_apart(surfaces: CollisionSurfaces) -> list[tuple[ContactSurface, Neigh
     that no energy is stored at the start.
 
     Raises:
-        ValueError: two bodies touch or overlap, with the place and the depth; or a surface that
-            barriers cannot touch yet.
+        ValueError: two bodies touch or overlap, with the place and the depth; or a rigid body with
+            long edges touches a cylinder with ends.
     """
+    made = []
     for sides in surfaces.contacts:
+        own = contact_surface(surfaces, sides)
         for field in sides.fields:
-            raise ValueError(
-                f'Contact "{sides.contact.name}": surfaces: a {type(field.surface).__name__} that '
-                "is hollow, has ends or is a signed distance cannot be touched by barriers yet: "
-                "give a RigidMesh"
-            )
-    return [_apart(surfaces, contact_surface(surfaces, sides)) for sides in surfaces.contacts]
+            _check_edges(surfaces, own, field)
+        made.append(_apart(surfaces, own))
+    return made
+
+
+def _check_edges(surfaces: CollisionSurfaces, own: ContactSurface, field: DistanceField) -> None:
+    """Raise for a rigid body that a cylinder with ends would meet between its corners."""
+    cylinder = field.surface
+    if not isinstance(cylinder, RigidCylinder) or cylinder.inside:
+        return
+    cells, x = surfaces.primitives, surfaces.start
+    rigid = np.array([body.rigid for body in surfaces.bodies], dtype=np.bool_)
+    touching = rigid & own.touching[field.body, : len(rigid)]
+    edges = cells.edges[touching[cells.edge_body]]
+    lengths = np.linalg.norm(x[edges[:, 1]] - x[edges[:, 0]], axis=1)
+    if lengths.max(initial=0.0) > cylinder.radius:
+        worst = int(np.argmax(lengths))
+        one, other = (surfaces.bodies[k].label for k in (cells.body[edges[worst, 0]], field.body))
+        raise ValueError(
+            f'Contact "{own.contact.name}": {one} has triangles or edges of {lengths[worst]:.4g} m '
+            f"and touches {other}, whose radius is {cylinder.radius:g} m, with its corners only: "
+            "give a RigidMesh, or a cylinder without ends"
+        )
 
 
 def _apart(
@@ -45,30 +67,63 @@ def _apart(
     """Surface of a contact."""
     x = surfaces.start
     near = Neighbourhoods.of(own.surface, x, own.touching, surfaces.links)
-    here = np.ones(len(x), dtype=np.bool_)
-    pairs = find_pairs(own.surface, near, Motion(x, x), own.touching, here)
-    if not pairs.count:
-        return own, near
-    weights, distances = np.empty((pairs.count, 4)), np.empty(pairs.count)
-    closest_pairs(x, pairs.kind, pairs.points, np.zeros(pairs.count), weights, distances)
-    gaps = distances - pairs.touch
-    worst = int(np.argmin(gaps - _TOUCH * pairs.dhat))
-    if gaps[worst] <= _TOUCH * pairs.dhat[worst]:
-        raise ValueError(_overlap(surfaces, own, pairs, worst, -float(gaps[worst])))
     dhat = own.surface.dhat.copy()
-    np.minimum.at(dhat, pairs.points.ravel(), np.repeat(gaps, 4))
+    here = np.ones(len(x), dtype=np.bool_)
+    for found in (_cells(own, near, x, here), _obstacles(own, x, here)):
+        _check(surfaces, own, found)
+        # a function of the user's that has failed says so when the run begins
+        np.fmin.at(dhat, found.points.ravel(), np.repeat(found.gaps, found.points.shape[1]))
     return replace(own, surface=replace(own.surface, dhat=dhat)), near
 
 
-def _overlap(
-    surfaces: CollisionSurfaces, own: ContactSurface, pairs: Pairs, worst: int, depth: float
-) -> str:
-    """Text for two bodies that overlap."""
-    first, second = pairs.points[worst, [0, 3]].tolist()
-    a, b = (surfaces.bodies[int(own.surface.label[p])].label for p in (first, second))
-    x, y, z = surfaces.start[first].tolist()
-    what = f"overlaps {b} by {depth:g} m" if depth > 0.0 else f"touches {b}"
-    return (
+@dataclass(frozen=True)
+class _Gaps:
+    """Gaps of pairs at the start.
+
+    Attributes:
+        gaps: (m,), m.
+        dhat: (m,) gap below which they repel, m.
+        points: (m, k) points that reduce it.
+        bodies: (m, 2) bodies of both sides.
+    """
+
+    gaps: FloatArray
+    dhat: FloatArray
+    points: IntArray
+    bodies: IntArray
+
+
+def _cells(own: ContactSurface, near: Neighbourhoods, x: FloatArray, here: BoolArray) -> _Gaps:
+    """Gaps of pairs of cells."""
+    pairs = find_pairs(own.surface, near, Motion(x, x), own.touching, here)
+    weights, distances = np.empty((pairs.count, 4)), np.empty(pairs.count)
+    closest_pairs(x, pairs.kind, pairs.points, np.zeros(pairs.count), weights, distances)
+    bodies = own.surface.label[pairs.points[:, [0, 3]]]
+    return _Gaps(distances - pairs.touch, pairs.dhat, pairs.points, bodies)
+
+
+def _obstacles(own: ContactSurface, x: FloatArray, here: BoolArray) -> _Gaps:
+    """Gaps of points and obstacles."""
+    every, at = own.obstacles, own.obstacles.placed(x)
+    found = find_field_pairs(every, own.stations(here), at, np.zeros(len(x)))
+    pairs, numbers = found.pairs, np.array([one.body for one in every.every], dtype=np.int64)
+    distances = every.state(found, at).distance
+    bodies = np.column_stack([own.surface.label[pairs.points[:, 0]], numbers[found.fields]])
+    return _Gaps(distances - pairs.touch, pairs.dhat, pairs.points[:, :1], bodies)
+
+
+def _check(surfaces: CollisionSurfaces, own: ContactSurface, found: _Gaps) -> None:
+    """Raise if two bodies touch."""
+    spare = found.gaps - _TOUCH * found.dhat
+    if not (spare <= 0.0).any():
+        return
+    worst = int(np.argmin(spare))
+    depth = -float(found.gaps[worst])
+    a, b = (surfaces.bodies[int(body)].label for body in found.bodies[worst])
+    x, y, z = surfaces.start[found.points[worst, 0]].tolist()
+    deep = depth > _TOUCH * found.dhat[worst]
+    what = f"overlaps {b} by {depth:g} m" if deep else f"touches {b}"
+    raise ValueError(
         f'Contact "{own.contact.name}": at the start {a} {what} at ({x:.6g}, {y:.6g}, {z:.6g}) m; '
         "move them apart, or make the contact thinner"
     )

@@ -1,12 +1,14 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Cells of the bodies of one contact, and who touches whom."""
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray
-from flexfem.contact.primitives.complexes import Complex, Surface
+from flexfem.contact.fields.obstacles import Obstacle, Obstacles
+from flexfem.contact.fields.search import Stations
+from flexfem.contact.primitives.complexes import Surface
 from flexfem.contact.surfaces.surfaces import CollisionSurfaces, Sides
 from flexfem.model.contact import Contact
 
@@ -27,6 +29,7 @@ class ContactSurface:
     Attributes:
         contact: of the model.
         surface: the cells, without stiffness until it is known.
+        obstacles: that their points touch.
         first: bodies of the first side, (b,).
         touching: bodies that touch each other, (b, b).
         through: stiffness through the thickness of the body of each point, N/m^3, or infinite.
@@ -36,6 +39,7 @@ class ContactSurface:
 
     contact: Contact
     surface: Surface
+    obstacles: Obstacles
     first: BoolArray
     touching: BoolArray
     through: FloatArray
@@ -67,13 +71,19 @@ class ContactSurface:
         """
         if self.contact.stiffness is not None:
             return np.full(len(self.through), self.contact.stiffness)
-        dhat = np.maximum(self.surface.dhat, 1e-300)  # of points that touch nothing
+        dhat = np.maximum(self.surface.dhat, 1e-100)  # of points that touch nothing
         found = np.minimum(self.through, self.density * (speed / dhat) ** 2)
         return np.where(np.isfinite(found), found, 0.0)
 
-    def stiff(self, kappa: FloatArray) -> Surface:
-        """The cells with a stiffness of the barrier at each point (n,), N/m^3."""
-        return replace(self.surface, kappa=kappa)
+    def stations(self, here: BoolArray) -> Stations:
+        """Points that touch obstacles, of those marked in (n,), without stiffness."""
+        own, bodies = self.surface, [one.body for one in self.obstacles.every]
+        rows = own.complex.vertices
+        touching = self.touching[own.label[rows]][:, bodies]
+        chosen = here[rows] & (own.area[rows] > 0.0) & touching.any(axis=1)
+        rows, touching = rows[chosen], touching[chosen]
+        area, none = own.area[rows], np.zeros(len(rows))
+        return Stations(rows, own.radius[rows], own.dhat[rows], none, area, touching)
 
 
 def contact_surface(surfaces: CollisionSurfaces, sides: Sides) -> ContactSurface:
@@ -81,14 +91,8 @@ def contact_surface(surfaces: CollisionSurfaces, sides: Sides) -> ContactSurface
     own, bodies = surfaces.primitives, len(surfaces.bodies)
     first, second = sides.first.members, sides.second.members
     members = first | second
-    there = (own.body >= 0) & members[own.body]
-    of_lines = np.flatnonzero(members[own.edge_body[: own.lines]])
     carried = np.array([body.carried for body in surfaces.bodies], dtype=np.bool_)
-    cells = Complex.of(
-        own.triangles[members[own.triangle_body]], own.edges[of_lines],
-        np.flatnonzero(there & own.vertex), np.flatnonzero(there & ~own.vertex & (own.areas > 0.0)),
-        carried[own.edge_body[of_lines]],
-    )  # fmt: skip
+    cells = own.complex(members, rods=carried)
     rigid = np.array([body.rigid for body in surfaces.bodies], dtype=np.bool_)
     cells = cells.flattened(own.start, rigid[own.triangle_body[members[own.triangle_body]]])
     area = np.zeros(len(own.body))
@@ -107,8 +111,9 @@ def contact_surface(surfaces: CollisionSurfaces, sides: Sides) -> ContactSurface
     moving = np.flatnonzero(np.isfinite([body.density for body in surfaces.bodies]) & members)
     size = max((float(sizes[b] + 2.0 * own.radius[own.body == b].max()) for b in moving),
                default=1.0)  # fmt: skip
+    obstacles = Obstacles([Obstacle.of(field) for field in sides.fields])
     return ContactSurface(
-        sides.contact, surface, np.append(first, False), wide, surfaces.through,
+        sides.contact, surface, obstacles, np.append(first, False), wide, surfaces.through,
         surfaces.density, size,
     )  # fmt: skip
 

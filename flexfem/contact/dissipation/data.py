@@ -161,7 +161,7 @@ class Groups(Record):
     @classmethod
     def of(cls, pairs: Pairs) -> "Groups":
         """Memory for the groups of pairs, in one step."""
-        groups, entries = max(len(pairs.starts) - 1, 0), 4 * pairs.count
+        groups, entries = max(len(pairs.starts) - 1, 0), pairs.points.size
         return cls(
             count=np.zeros(1, np.int64), starts=np.zeros(groups + 1, np.int64),
             sides=np.zeros(groups, np.int64), points=np.zeros(entries, np.int64),

@@ -78,7 +78,7 @@ def collect(own: Pairs, out: Response, first: int, end: int, groups: Groups, g: 
     for k in range(first, end):
         p, numbers, forces, alone = out.pairs[k], out.numbers[k], out.forces[k], 0.0
         middle = 2 if own.kind[p] >= EDGE_EDGE else 1
-        for i in range(4):
+        for i in range(own.points.shape[1]):
             along = 0.0
             for a in range(3):
                 along += forces[3 * i + a] * numbers[PAIR_NORMAL + a]

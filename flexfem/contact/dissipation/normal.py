@@ -54,7 +54,7 @@ def _change(own: Pairs, out: Response, first: int, end: int, step: StepMotion) -
     """Change of a group's potential, as it is done by its forces, J."""
     change = 0.0
     for k in range(first, end):
-        for i in range(4):
+        for i in range(own.points.shape[1]):
             point = own.points[out.pairs[k], i]
             for a in range(3):
                 way = step.after[point, a] - step.before[point, a]
@@ -154,7 +154,7 @@ def _scale(out: Response, first: int, end: int, factor: float, steeper: float) -
     """Multiply forces and slopes of a group."""
     for k in range(first, end):
         out.numbers[k, SLOPE] *= steeper
-        for j in range(12):
+        for j in range(out.forces.shape[1]):
             out.forces[k, j] *= factor
 
 

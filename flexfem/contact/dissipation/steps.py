@@ -50,16 +50,15 @@ def dissipate(pairs: Memory, response: Memory, law: Memory, motion: Memory, grou
 
 @kernel
 def remember(groups: Memory, motion: Memory, impacts: FloatArray) -> None:
-    """Write the largest speeds of approach since contact began, after a step.
+    """Add the largest speeds of approach since contact began, after a step.
 
     Args:
         groups: those of the step, of :class:`Groups`.
         motion: the step, of :class:`StepMotion`.
         impacts: result for the next step, shape (n,), not the array of the motion, m/s; that of
-            a group is at its first point, which owns it on ranks, and 0 elsewhere.
+            a group is at its first point, which owns it on ranks, if it is larger.
     """
     own, step = unpack(Groups, groups), unpack(StepMotion, motion)
-    impacts[:] = 0.0
     for g in range(own.count[0]):
         speed = normal_speed(step, own, g)
         p = own.points[own.starts[g]]

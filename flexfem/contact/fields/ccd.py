@@ -4,7 +4,7 @@
 Conservative advancement. A distance d changes by no more than the relative way of point and
 obstacle. Outside of convex obstacles it is above its tangent along a straight line, inside of
 convex walls above its chord: these bounds end a sliding motion in one or two steps. Where the
-carrier turns, the way is within b s^2 / 2 of a straight line after the time s. What is returned is
+obstacle turns, the way is within b s^2 / 2 of a straight line after the time s. What is returned is
 safe after any number of steps.
 """
 
@@ -25,25 +25,25 @@ _CLOSE = 0.02
 
 
 def safe_part(
-    obstacles: Obstacles, pairs: FieldPairs, before: Placed, after: Placed, keep: float
+    obstacles: Obstacles, found: FieldPairs, before: Placed, after: Placed, keep: float
 ) -> float:
     """Largest part of a motion without contact.
 
     Args:
         obstacles: the obstacles.
-        pairs: pairs with all that may touch during the motion.
+        found: pairs with all that may touch during the motion.
         before: positions at the start.
-        after: those at the end of the motion, linear for points, a screw for each carrier.
+        after: those at the end of the motion, linear for points, a screw for each obstacle.
         keep: part, between 0 and 1, of its gap (at most of its dhat) that each pair keeps.
 
     Returns:
         A number in [0, 1], 0 if a pair touches at the start: each gap is larger than what the pair
         keeps on the whole way until then.
     """
-    part = 1.0
-    paths = Paths.of(pairs.points, pairs.fields, before, after)
+    part, pairs = 1.0, found.pairs
+    paths = Paths.of(pairs.points[:, 0], found.fields, before, after)
     for f, obstacle in enumerate(obstacles.every):
-        own = np.flatnonzero(pairs.fields == f)
+        own = np.flatnonzero(found.fields == f)
         if len(own):
             touch, dhat = pairs.touch[own], pairs.dhat[own]
             part = min(part, _advance(obstacle, paths.of_rows(own), touch, dhat, keep))
@@ -57,7 +57,7 @@ def _advance(
     count = len(touch)
     t, part, left = np.zeros(count), 1.0, np.arange(count)
     arms, rates, bound = paths.at(t)
-    distance, feet = obstacle.closest(arms)
+    distance, feet = obstacle.distance.closest(arms)
     gap = np.minimum(distance - touch, dhat)
     if not (gap > 0.0).all():
         return 0.0
@@ -70,7 +70,7 @@ def _advance(
         if not len(left):
             return part
         arms, rates, bound = paths.of_rows(left).at(t[left])
-        distance, feet = obstacle.closest(arms)
+        distance, feet = obstacle.distance.closest(arms)
         close = ~(distance > end[left])
         part = min(part, float(t[left[close]].min(initial=1.0)))
         kept = ~close & (t[left] < part)
@@ -87,7 +87,7 @@ def _slope(
 
     Args:
         obstacle: the obstacle.
-        arms: positions (k, 3) in the axes of its carrier.
+        arms: positions (k, 3) in its axes.
         rates: their rates.
         rest: time left, (k,).
         distance: present distances.
@@ -99,7 +99,7 @@ def _slope(
         along = np.einsum("ka,ka->k", arms - feet, rates) / distance
         least = np.maximum(along, least)
     if obstacle.distance.bend == Bend.CONCAVE:
-        ends, _ = obstacle.closest(arms + rest[:, None] * rates)
+        ends, _ = obstacle.distance.closest(arms + rest[:, None] * rates)
         chord = (ends - distance) / np.maximum(rest, 1e-300)
         least = np.maximum(chord, least)
     return least

@@ -1,58 +1,65 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Records of pairs of points and obstacles, and of their contact forces."""
+"""Records of pairs of points and obstacles.
+
+An obstacle is carried by four points, its origin and one on each of its axes, at the same distance.
+Places fixed to it are means of these, with weights whose sum is 1: they move, and a force on them
+acts on the carrier, as those of the four points. Pairs are those of ``primitives.data`` with five
+points, the one that touches and the four; what they do is a response with more numbers than those
+of cells.
+"""
+
+from dataclasses import dataclass
 
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.kernels.records import Float1D, Float2D, Int1D, Record
+from flexfem.contact.primitives.data import Pairs
+from flexfem.kernels.records import Float1D, Float2D, Record
 
-__all__ = [
-    "ARM", "BEND", "FIELDS", "GAP", "LOAD", "NORMAL", "POTENTIAL", "SLOPE", "FieldPairs",
-    "FieldResponse", "FieldState",
-]  # fmt: skip
+__all__ = ["AXES", "CURVES", "FIELD_NUMBERS", "SHARES", "FieldPairs", "FieldState"]
 
-#: Direction of the force on the point, inertial axes, 3 numbers.
-NORMAL = 0
-#: Place on the obstacle that gets the opposite force, in the axes of its carrier, m, 3 numbers.
-ARM = 3
-#: Distance less the touch distance at the end, m.
-GAP = 6
-#: Potential at the end, J.
-POTENTIAL = 7
-#: Stiffness along the normal, N/m: that of the tangent.
-SLOPE = 8
-#: For equilibria, as all that follows: the force, which turns with the obstacle; 0 for steps.
-LOAD = 9
-#: Derivative of the potential by the distance times the second one of the distance, inertial axes,
-#: N/m, 9 numbers.
-BEND = 12
-#: Numbers of a pair that acts.
-FIELDS = 21
+#: Kind of the pairs, none of cells: the first side is one point.
+_KIND = -1
+#: Signed weights of the five points: 1, and those of the place on the obstacle less its sign.
+SHARES = 11
+#: For equilibria, as all that follows, 0 for steps: derivative of the potential by the distance
+#: times the second one of the distance by positions, N/m, 9 numbers.
+CURVES = 16
+#: How the weights of a point change with its position, for the points on the axes, 1/m, 9 numbers.
+AXES = 25
+#: Numbers of a pair that acts; the first ones are those of ``primitives.data``.
+FIELD_NUMBERS = 34
 
 
-class FieldPairs(Record):
-    """Pairs of a point and an obstacle.
+@dataclass(frozen=True)
+class FieldPairs:
+    """Pairs of a point and an obstacle, each a group.
 
     Attributes:
-        points: Rows of the positions, shape (m,).
+        pairs: With the five points, shape (m, 5), in the order of the points.
         fields: Numbers of the obstacles, shape (m,).
-        touch: Distance at which they touch, the radius of the point, shape (m,), metres.
-        dhat: Gap below which they repel, shape (m,), metres.
-        kappa: Stiffness of the barrier, shape (m,), N/m^3.
-        weight: Area of the point, shape (m,), square metres.
     """
 
-    points: Int1D
-    fields: Int1D
-    touch: Float1D
-    dhat: Float1D
-    kappa: Float1D
-    weight: Float1D
+    pairs: Pairs
+    fields: IntArray
+
+    @classmethod
+    def of(
+        cls, points: IntArray, fields: IntArray, weight: FloatArray, touch: FloatArray,
+        dhat: FloatArray, kappa: FloatArray,
+    ) -> "FieldPairs":  # fmt: skip
+        """Pairs with points (m, 5) and the attributes of ``Pairs``."""
+        count = len(fields)
+        pairs = Pairs(
+            kind=np.full(count, _KIND), points=np.ascontiguousarray(points),
+            weight=weight, touch=touch, dhat=dhat, kappa=kappa, starts=np.arange(count + 1),
+        )  # fmt: skip
+        return cls(pairs, fields)
 
     @property
     def count(self) -> int:
         """Number of pairs."""
-        return len(self.points)
+        return len(self.fields)
 
 
 class FieldState(Record):
@@ -60,42 +67,13 @@ class FieldState(Record):
 
     Attributes:
         points: Positions of all points, shape (n, 3), metres.
-        frames: Frames of the carriers of the obstacles, shape (f, 12).
         distance: Distance of each pair, negative inside of the obstacle, shape (m,), metres.
-        arms: Closest point of the obstacle in the axes of its carrier, shape (m, 3), metres; NaN
-            where it is not known, far away.
+        feet: Weights of the closest point of the obstacle, shape (m, 4); NaN where it is not known,
+            far away.
+        places: Weights of the point itself, shape (m, 4).
     """
 
     points: Float2D
-    frames: Float2D
     distance: Float1D
-    arms: Float2D
-
-
-class FieldResponse(Record):
-    """What pairs do at a trial state.
-
-    Attributes:
-        count: Number of pairs that act, shape (1,); they are the first rows of what follows.
-        pairs: Their numbers, shape (m,).
-        numbers: Normal, arm, gap, potential and tangent, shape (m, FIELDS).
-        forces: Forces on the points, inertial axes, shape (m, 3), newtons.
-    """
-
-    count: Int1D
-    pairs: Int1D
-    numbers: Float2D
-    forces: Float2D
-
-    @classmethod
-    def of(cls, pairs: FieldPairs) -> "FieldResponse":
-        """Memory for the response of all pairs."""
-        return cls(
-            count=np.zeros(1, np.int64), pairs=np.empty(pairs.count, np.int64),
-            numbers=np.empty((pairs.count, FIELDS)), forces=np.empty((pairs.count, 3)),
-        )  # fmt: skip
-
-    def rows(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Numbers of the pairs that act (k,), their data (k, FIELDS) and forces (k, 3)."""
-        k = int(self.count[0])
-        return self.pairs[:k], self.numbers[:k], self.forces[:k]
+    feet: Float2D
+    places: Float2D

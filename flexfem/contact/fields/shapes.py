@@ -12,7 +12,7 @@ from typing import Protocol
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray
+from flexfem._types import FloatArray
 from flexfem.contact.obstacles.shapes import ShapeKind
 from flexfem.kernels.compiled import inlined, kernel
 from flexfem.kernels.users.signed_distance import SignedDistance
@@ -45,11 +45,13 @@ class Distance(Protocol):
     def bend(self) -> Bend:
         """How it changes along lines."""
 
-    def near(self, points: FloatArray, reach: FloatArray) -> BoolArray:
-        """Marks (k,) of points (k, 3) that may be nearer than ``reach`` (k,), m, or inside."""
+    def closest(
+        self, points: FloatArray, reach: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Distances (k,) of points (k, 3), m, and the closest points of the surface (k, 3).
 
-    def closest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distances (k,) of points (k, 3), m, and the closest points of the surface (k, 3)."""
+        Beyond ``reach`` (k,) the distance may be any larger one, and the closest point NaN.
+        """
 
 
 @dataclass(frozen=True)
@@ -74,13 +76,10 @@ class SimpleDistance:
         hollow = self.kind in (ShapeKind.HOLLOW_SPHERE, ShapeKind.TUBE)
         return Bend.CONCAVE if hollow else Bend.CONVEX
 
-    def near(self, points: FloatArray, reach: FloatArray) -> BoolArray:
-        """Marks (k,) of points (k, 3) that are nearer than ``reach`` (k,), m, or inside."""
-        near: BoolArray = ~(self.closest(points)[0] > reach)
-        return near
-
-    def closest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distances (k,) of points (k, 3), m, and the closest points of the surface (k, 3)."""
+    def closest(
+        self, points: FloatArray, reach: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """See :meth:`Distance.closest`."""
         distances, feet = np.empty(len(points)), np.empty((len(points), 3))
         given = np.ascontiguousarray(points)
         _closest_into(int(self.kind), self.radius, self.length, given, distances, feet)
@@ -98,14 +97,11 @@ class WrittenDistance:
     surface: SignedDistance
     bend = Bend.ANY
 
-    def near(self, points: FloatArray, reach: FloatArray) -> BoolArray:
-        """Marks (k,) of points (k, 3) that may be nearer than ``reach`` (k,), m, or inside."""
-        near: BoolArray = ~(self.surface.values(points) > self.surface.steepest * reach)
-        return near
-
-    def closest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
-        """Distances (k,) of points (k, 3), m, and the closest points of the surface (k, 3)."""
-        return self.surface.closest(points)
+    def closest(
+        self, points: FloatArray, reach: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """See :meth:`Distance.closest`."""
+        return self.surface.closest(points, reach)
 
 
 def distance_of(surface: RigidSurface) -> Distance:

@@ -1,29 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Contact forces of points and obstacles over a step: discrete derivatives of the potential.
 
-The closest points c0 and c1 of the obstacle before and after the step are fixed to its carrier.
-The point and these two are a pair with the weights (1, -1, 0) before and (1, 0, -1) after, in which
-the distance is the least one at both ends, as no point of the obstacle is nearer. The force along
-the mean line of these (``contact.primitives.mean_lines``) hence does exactly the work of the
-potential: on the point, and on the place between c0 and c1 that moves with the carrier.
+The closest points c0 and c1 of the obstacle before and after the step are fixed to it. The point
+and these two are a pair with the weights (1, -1, 0) before and (1, 0, -1) after, in which the
+distance is the least one at both ends, as no point of the obstacle is nearer. The force along the
+mean line of these (``contact.primitives.mean_lines``) hence does exactly the work of the potential:
+on the point, and on the place between c0 and c1 that moves with the obstacle.
 """
 
 import numpy as np
 
-from flexfem._types import FloatArray
-from flexfem.contact.fields.data import (
-    ARM,
-    FIELDS,
-    GAP,
-    LOAD,
-    NORMAL,
-    POTENTIAL,
-    SLOPE,
-    FieldPairs,
-    FieldResponse,
-    FieldState,
-)
+from flexfem._types import FloatArray, IntArray
+from flexfem.contact.fields.data import CURVES, FIELD_NUMBERS, SHARES, FieldState
 from flexfem.contact.primitives.barrier import barrier, quotient, secant
+from flexfem.contact.primitives.data import GAP, NORMAL, POTENTIAL, SLOPE, Pairs, Response
 from flexfem.contact.primitives.mean_lines import mean_line
 from flexfem.kernels.compiled import inlined, kernel
 from flexfem.kernels.records import Memory, unpack
@@ -38,16 +28,16 @@ def forces_of_step(pairs: Memory, before: Memory, after: Memory, response: Memor
     No pair may touch before or after it.
 
     Args:
-        pairs: memory of :class:`FieldPairs`.
+        pairs: memory of :class:`Pairs` with five points.
         before: of the :class:`FieldState` at the start.
         after: of that at the end.
-        response: of :class:`FieldResponse`.
+        response: of :class:`Response`.
     """
-    own, out = unpack(FieldPairs, pairs), unpack(FieldResponse, response)
+    own, out = unpack(Pairs, pairs), unpack(Response, response)
     start, end = unpack(FieldState, before), unpack(FieldState, after)
     x, w, line, r, count = np.empty((4, 4, 3)), np.empty((2, 4)), np.empty(4), np.empty(3), 0
-    feet, gaps = np.empty((2, 3)), np.empty(2)
-    for p in range(len(own.points)):
+    feet, gaps = np.empty((2, 4)), np.empty(2)
+    for p in range(len(own.kind)):
         touch, dhat = own.touch[p], own.dhat[p]
         if min(start.distance[p], end.distance[p]) - touch >= dhat:
             continue
@@ -65,44 +55,47 @@ def forces_of_step(pairs: Memory, before: Memory, after: Memory, response: Memor
         sizes = abs(gaps[0] + touch) + abs(gaps[1] + touch)
         way = abs(gaps[1] + touch) - abs(gaps[0] + touch)
         mean_line(x[2], x[3], w[0], w[1], way * sizes, line, r)
-        for a in range(3):
-            out.numbers[count, ARM + a] = -line[1] * feet[0, a] - line[2] * feet[1, a]
-        _write(own, p, gaps, r, sizes, out.numbers[count], out.forces[count])
+        numbers = out.numbers[count]
+        numbers[SHARES] = 1.0
+        for i in range(4):
+            numbers[SHARES + 1 + i] = line[1] * feet[0, i] + line[2] * feet[1, i]
+        _write(own, p, gaps, r, sizes, numbers, out.forces[count])
         out.pairs[count] = p
         count += 1
     out.count[0] = count
 
 
 @inlined
-def _put(frame: FloatArray, arm: FloatArray, x: FloatArray) -> None:
-    """Write the position of a point that is fixed to a frame."""
+def _put(points: FloatArray, rows: IntArray, weights: FloatArray, x: FloatArray) -> None:
+    """Write the position of a place with some weights of the points of its obstacle."""
     for a in range(3):
-        turned = frame[3 + 3 * a] * arm[0] + frame[4 + 3 * a] * arm[1] + frame[5 + 3 * a] * arm[2]
-        x[a] = frame[a] + turned
+        x[a] = 0.0
+        for i in range(4):
+            x[a] += weights[i] * points[rows[1 + i], a]
 
 
 @inlined
 def _place(
-    own: FieldPairs, p: int, start: FieldState, end: FieldState, feet: FloatArray, x: FloatArray
+    own: Pairs, p: int, start: FieldState, end: FieldState, feet: FloatArray, x: FloatArray
 ) -> None:
-    """Write the closest points (2, 3) of both ends and the positions (2, 4, 3) of a pair.
+    """Write the closest points (2, 4) of both ends and the positions (2, 4, 3) of a pair.
 
     A closest point that is not known is far away, where the potential is zero: any other will do.
     """
+    for i in range(4):
+        feet[0, i], feet[1, i] = start.feet[p, i], end.feet[p, i]
+    for i in range(4):
+        if np.isnan(feet[0, i]):
+            feet[0, i] = feet[1, i]
+        if np.isnan(feet[1, i]):
+            feet[1, i] = feet[0, i]
+    rows = own.points[p]
     for a in range(3):
-        feet[0, a], feet[1, a] = start.arms[p, a], end.arms[p, a]
-    for a in range(3):
-        if np.isnan(feet[0, a]):
-            feet[0, a] = feet[1, a]
-        if np.isnan(feet[1, a]):
-            feet[1, a] = feet[0, a]
-    point, field = own.points[p], own.fields[p]
-    for a in range(3):
-        x[0, 0, a] = x[0, 3, a] = start.points[point, a]
-        x[1, 0, a] = x[1, 3, a] = end.points[point, a]
+        x[0, 0, a] = x[0, 3, a] = start.points[rows[0], a]
+        x[1, 0, a] = x[1, 3, a] = end.points[rows[0], a]
     for c in range(2):
-        _put(start.frames[field], feet[c], x[0, 1 + c])
-        _put(end.frames[field], feet[c], x[1, 1 + c])
+        _put(start.points, rows, feet[c], x[0, 1 + c])
+        _put(end.points, rows, feet[c], x[1, 1 + c])
 
 
 @inlined
@@ -130,16 +123,17 @@ def _length(x: FloatArray, w: FloatArray) -> float:
 
 @inlined
 def _write(
-    own: FieldPairs, p: int, gaps: FloatArray, r: FloatArray, sizes: float, numbers: FloatArray,
-    force: FloatArray,
+    own: Pairs, p: int, gaps: FloatArray, r: FloatArray, sizes: float, numbers: FloatArray,
+    forces: FloatArray,
 ) -> None:  # fmt: skip
-    """Write the force along the vector r of the mean line, gap, potential and slope."""
+    """Write the forces along the vector r of the mean line, gap, potential and slope."""
     dhat, kappa, weight = own.dhat[p], own.kappa[p], own.weight[p]
     final, size = barrier(gaps[1], dhat, kappa), 0.0
     change = final - barrier(gaps[0], dhat, kappa)
     factor = -weight * quotient(gaps[0], gaps[1], change, dhat, kappa) / (0.5 * sizes)
     for a in range(3):
-        force[a] = factor * r[a]
+        for i in range(5):
+            forces[3 * i + a] = factor * numbers[SHARES + i] * r[a]
         size += r[a] * r[a]
     size = np.sqrt(size)
     for a in range(3):
@@ -147,5 +141,5 @@ def _write(
     ratio = 2.0 * size / sizes
     numbers[GAP], numbers[POTENTIAL] = gaps[1], weight * final
     numbers[SLOPE] = weight * secant(gaps[0], gaps[1], change, dhat, kappa) * ratio * ratio
-    for k in range(LOAD, FIELDS):
+    for k in range(CURVES, FIELD_NUMBERS):
         numbers[k] = 0.0

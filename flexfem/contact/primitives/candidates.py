@@ -81,7 +81,7 @@ class Boxes:
         return first[meet], second[meet]
 
     def _by_size(self, cells: IntArray) -> list[IntArray]:
-        """Cells of usual size, and those that are much larger, such as the halves of a plane."""
+        """Cells of usual size, and those that are much larger, such as the sides of a box."""
         sizes = (self.high[cells] - self.low[cells]).max(axis=1, initial=0.0)
         large = sizes > _LARGE * np.median(sizes) if len(cells) else np.zeros(0, np.bool_)
         return [cells[~large], cells[large]] if large.any() else [cells]

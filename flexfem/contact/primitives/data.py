@@ -33,7 +33,7 @@ __all__ = [
 
 
 class Kind(IntEnum):
-    """Kinds of pairs, with their points."""
+    """Kinds of pairs of cells, with their points."""
 
     #: p; x, and x twice more
     VERTEX_VERTEX = 0
@@ -91,8 +91,8 @@ class Pairs(Record):
     triangles, edges and vertices are its pairs (see ``complexes`` and ``steps``).
 
     Attributes:
-        kind: See :class:`Kind`, shape (m,).
-        points: Rows of the positions, shape (m, 4).
+        kind: See :class:`Kind`, negative with obstacles, shape (m,).
+        points: Rows of the positions, shape (m, q): 4 of cells, 5 with obstacles.
         weight: Area with the sign and multiplicity of the pair, shape (m,), square metres.
         touch: Distance at which they touch, shape (m,), metres.
         dhat: Gap below which they repel, shape (m,), metres.
@@ -121,7 +121,7 @@ class Response(Record):
         count: Number of pairs that act, shape (1,); they are the first rows of what follows.
         pairs: Their numbers, shape (m,).
         numbers: Weights, normal, gap, potential and tangent, shape (m, FIELDS).
-        forces: Forces on the four points, shape (m, 12), newtons.
+        forces: Forces on the points, shape (m, 3 q), newtons.
     """
 
     count: Int1D
@@ -130,17 +130,22 @@ class Response(Record):
     forces: Float2D
 
     @classmethod
-    def of(cls, pairs: Pairs) -> "Response":
-        """Memory for the response of all pairs."""
+    def of(cls, pairs: Pairs, numbers: int = FIELDS) -> "Response":
+        """Memory for the response of all pairs, with some ``numbers`` of each."""
         return cls(
             count=np.zeros(1, np.int64), pairs=np.empty(pairs.count, np.int64),
-            numbers=np.empty((pairs.count, FIELDS)), forces=np.empty((pairs.count, 12)),
+            numbers=np.empty((pairs.count, numbers)), forces=np.empty((pairs.count,
+            3 * pairs.points.shape[1])),
         )  # fmt: skip
 
     def rows(self) -> tuple[IntArray, FloatArray, FloatArray]:
-        """Numbers of the pairs that act (k,), their data (k, FIELDS) and forces (k, 4, 3)."""
+        """Numbers of the pairs that act (k,), their data (k, FIELDS) and forces (k, q, 3)."""
         k = int(self.count[0])
-        return self.pairs[:k], self.numbers[:k], self.forces[:k].reshape(k, 4, 3)
+        return (
+            self.pairs[:k],
+            self.numbers[:k],
+            self.forces[:k].reshape(k, self.forces.shape[1] // 3, 3),
+        )
 
 
 @inlined

@@ -45,7 +45,7 @@ def add_forces(pairs: Memory, response: Memory, scale: float, sums: FloatArray) 
     points, own = unpack(Pairs, pairs).points, unpack(Response, response)
     for k in range(own.count[0]):
         p = own.pairs[k]
-        for i in range(4):
+        for i in range(points.shape[1]):
             for a in range(3):
                 sums[points[p, i], a] += scale * own.forces[k, 3 * i + a]
 

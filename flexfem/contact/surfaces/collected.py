@@ -6,7 +6,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.contact.surfaces.complexes import Primitives, edges_of
+from flexfem.contact.surfaces.primitives import Primitives, edges_of
 
 __all__ = ["GROUND", "Collected", "CollisionBody"]
 

@@ -9,7 +9,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.detection.neighbours import Rows
 from flexfem.contact.surfaces.bodies import Connection
 from flexfem.contact.surfaces.collected import CollisionBody
-from flexfem.contact.surfaces.complexes import Primitives
+from flexfem.contact.surfaces.primitives import Primitives
 
 __all__ = ["joint_links", "near_points"]
 

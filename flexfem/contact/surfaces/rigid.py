@@ -19,14 +19,14 @@ from flexfem.model.bodies.shapes import Capsule, Sphere
 from flexfem.model.rigid_surface import (
     RigidCylinder,
     RigidMesh,
-    RigidPlane,
+    RigidObstacle,
     RigidSphere,
     RigidSurface,
 )
 
 __all__ = ["DistanceField", "add_rigid_body", "add_surface"]
 
-#: Where planes and cylinders end, in parts of the distance of the model.
+#: Where long cylinders end, in parts of the distance of the model.
 _FAR = 1000.0
 
 
@@ -34,18 +34,21 @@ _FAR = 1000.0
 class DistanceField:
     """A rigid surface that stations touch by its signed distance.
 
+    It is carried by four points: its origin, and one on each axis at the distance ``size``.
+
     Attributes:
         surface: of the model: a cylinder with ends, a hollow surface, or a signed distance.
         body: its number.
-        carrier: node that carries it, None for the ground.
-        frame: relative to that node, absolute on the ground, (12,); start: at the start, (12,).
+        points: (4,) rows of its points.
+        size: of the surface, m.
+        fixed: True on the ground.
     """
 
     surface: RigidSurface
     body: int
-    carrier: NodeKey | None
-    frame: FloatArray
-    start: FloatArray
+    points: IntArray
+    size: float
+    fixed: bool
 
 
 @dataclass(frozen=True)
@@ -131,14 +134,22 @@ def add_surface(
         _add_mesh(made, carrier, number, surface.mesh, 0 if surface.two_sided else 1)
     elif ball is not None:
         _add_sphere(made, carrier, number, ball.radius)
-    elif isinstance(surface, RigidPlane):
-        _add_plane(made, carrier, number, _FAR * _extent(serial, carrier))
     elif isinstance(surface, RigidCylinder) and surface.length == np.inf and not surface.inside:
         _add_rod(made, carrier, number, surface.radius, _FAR * _extent(serial, carrier))
     else:
-        field = DistanceField(surface, number, carrier.key, carrier.frame, carrier.start)
-        return number, field
+        size = _size(serial, surface, carrier)
+        rows = carrier.add(made, size * np.eye(4)[:, 1:])
+        return number, DistanceField(surface, number, rows, size, carrier.key is None)
     return number, None
+
+
+def _size(serial: NumberedModel, surface: RigidSurface, carrier: _Carrier) -> float:
+    """How far from its origin a surface acts, m."""
+    if isinstance(surface, (RigidSphere, RigidCylinder)):
+        return surface.radius
+    if isinstance(surface, RigidObstacle):
+        return float(np.abs(surface.box).max())
+    return _extent(serial, carrier)
 
 
 def _extent(serial: NumberedModel, carrier: _Carrier) -> float:
@@ -147,14 +158,6 @@ def _extent(serial: NumberedModel, carrier: _Carrier) -> float:
     points = np.concatenate([np.zeros((0, 3)), *frames])
     away = np.linalg.norm(points - se3.position(carrier.start), axis=1)
     return float(away.max(initial=0.0)) or 1.0
-
-
-def _add_plane(made: Collected, carrier: _Carrier, number: int, half: float) -> None:
-    """Add a plane as two triangles whose ends are far away."""
-    corners = half * np.array([[-1, -1, 0], [1, -1, 0], [1, 1, 0], [-1, 1, 0]], dtype=np.float64)
-    rows = carrier.add(made, corners)
-    made.touching(rows, 0.0, number)
-    made.triangles(rows[np.array([[0, 1, 2], [0, 2, 3]])], number, side=1)
 
 
 def _add_rod(made: Collected, carrier: _Carrier, number: int, radius: float, half: float) -> None:

@@ -11,9 +11,9 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.detection.neighbours import Rows
 from flexfem.contact.surfaces.bodies import ContactBodies, connections, contact_bodies
 from flexfem.contact.surfaces.collected import Collected, CollisionBody
-from flexfem.contact.surfaces.complexes import Complex, Primitives, edges_of, make_complex
 from flexfem.contact.surfaces.flexible import add_beam, add_surfaces
 from flexfem.contact.surfaces.near import joint_links, near_points
+from flexfem.contact.surfaces.primitives import Primitives, Side, edges_of
 from flexfem.contact.surfaces.rigid import DistanceField, add_rigid_body, add_surface
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.bodies.basic import Beam
@@ -35,19 +35,19 @@ _SAG = 0.1
 class Sides:
     """Both sides of one contact.
 
-    A station of one side touches the complex of the other; where both are the same, bodies touch
+    A station of one side touches the cells of the other; where both are the same, bodies touch
     themselves as well.
 
     Attributes:
         contact: of the model.
-        first, second: complexes of ``bodies`` and of ``against`` and the rigid surfaces.
+        first, second: ``bodies``, and ``against`` and the rigid surfaces.
         fields: surfaces that the stations of the first side touch by their signed distance.
         excluded: (p, 2) pairs of bodies that do not touch, the lower number first, ascending.
     """
 
     contact: Contact
-    first: Complex
-    second: Complex
+    first: Side
+    second: Side
     fields: list[DistanceField]
     excluded: IntArray
 
@@ -233,8 +233,8 @@ class _Builder:
         self._check_left(contact, numbers, excluded)
         every = np.arange(len(self.made.bodies))
         one, other = (np.isin(every, chosen) for chosen in numbers)
-        first = make_complex(primitives, one)
-        second = first if np.array_equal(one, other) else make_complex(primitives, other)
+        first = Side.of(primitives, one)
+        second = first if np.array_equal(one, other) else Side.of(primitives, other)
         fields = [self._fields[id(s)] for s in contact.surfaces if id(s) in self._fields]
         return Sides(contact, first, second, fields, excluded)
 

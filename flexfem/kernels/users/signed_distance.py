@@ -57,10 +57,7 @@ class SignedDistance:
         owner: for messages.
         function: of points (k, 3), m, which returns distances (k,), m; or of a UFL vector, which
             returns a UFL scalar.
-        steepest: bound of its slope.
     """
-
-    steepest = _HIGHEST
 
     def __init__(self, owner: str, function: Callable[[Any], Any], box: FloatArray) -> None:
         """Check a function on a grid in a box.
@@ -109,12 +106,24 @@ class SignedDistance:
         found[bad] = self._differences(points[bad], weights)
         return found
 
-    def closest(self, points: FloatArray) -> tuple[FloatArray, FloatArray]:
+    def closest(
+        self, points: FloatArray, reach: FloatArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
         """Distances (k,) of the surface, positive outside, and its closest points (k, 3).
 
-        Where no way leads to the surface, the distance is the value and the point NaN.
+        Where no way leads to the surface, the distance is the value and the point NaN; so they are
+        where the value says that the surface is farther away than ``reach`` (k,), m.
         """
         values = self.values(points)
+        if reach is None:
+            return self._closest(points, values)
+        near = ~(values > _HIGHEST * reach)
+        distances, feet = values.copy(), np.full(points.shape, np.nan)
+        distances[near], feet[near] = self._closest(points[near], values[near])
+        return distances, feet
+
+    def _closest(self, points: FloatArray, values: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """The same at points with known values (k,)."""
         normals, slopes = _units(self.gradients(points))
         feet = points - values[:, None] * normals
         left = self.values(feet)

@@ -1,0 +1,208 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Groups of pairs of one kind on this rank, and what they do."""
+
+from typing import Protocol
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.contact.dissipation.data import PUSH, Groups, Law, StepMotion
+from flexfem.contact.dissipation.rows import (
+    add_friction,
+    add_friction_actions,
+    motions_into,
+    spread,
+)
+from flexfem.contact.dissipation.steps import dissipate, remember
+from flexfem.contact.primitives.candidates import Motion
+from flexfem.contact.primitives.data import GAP, POTENTIAL, SLOPE, Pairs, Response
+from flexfem.contact.primitives.tangents import add_forces, potential
+from flexfem.kernels.compiled import kernel
+from flexfem.kernels.records import Memory, unpack
+
+__all__ = ["GroupedPairs", "PairKind"]
+
+
+class PairKind(Protocol):
+    """Kernels of pairs of one kind: cells with each other, or points with obstacles."""
+
+    def stiffen(self, kappa: FloatArray) -> None:
+        """Set the stiffness of the barrier at each point (n,), N/m^3."""
+
+    def search(self, motion: Motion, at: FloatArray) -> tuple[Pairs, Response]:
+        """Find the pairs that may act during a motion, and memory for what they do.
+
+        ``at`` (n, 3) are positions in it.
+        """
+
+    def begin(self) -> None:
+        """Begin a step at the positions of the last one's end."""
+
+    def respond(self, motion: StepMotion, *, over_step: bool) -> None:
+        """Write the response of the pairs to a step, or at its end alone."""
+
+    def add_actions(self, scale: float, steps: FloatArray, sums: FloatArray) -> None:
+        """Add ``scale`` times the tangent's action on steps (n, 3) to (n, 3)."""
+
+    def blocks(self, scale: float) -> FloatArray:
+        """``scale`` times the tangents (c, 3 q, 3 q) of the pairs that act."""
+
+    def safe_part(self, before: FloatArray, after: FloatArray, keep: float) -> float:
+        """Part of a motion during which all pairs keep a part of their gap."""
+
+
+class GroupedPairs:
+    """Pairs of one kind whose groups belong to this rank.
+
+    Attributes:
+        kind: their kernels.
+        pairs: those that may touch near the present motion.
+        response: at the last evaluation; groups: the same by groups of pairs.
+        rubs: True if there is friction.
+        lost: energy dissipated in all steps, J.
+    """
+
+    def __init__(self, kind: PairKind, law: Law, motion: StepMotion) -> None:
+        """Begin without pairs.
+
+        Args:
+            kind: kernels.
+            law: laws of dissipation.
+            motion: of all points.
+        """
+        self.kind, self._law, self._motion = kind, law, motion
+        self.rubs, self.lost = law.static_friction > 0.0, 0.0
+        nothing = np.zeros(0, np.int64)
+        pairs = Pairs(
+            kind=nothing, points=np.zeros((0, 4), np.int64), weight=np.zeros(0), touch=np.zeros(0),
+            dhat=np.zeros(0), kappa=np.zeros(0), starts=np.zeros(1, np.int64),
+        )  # fmt: skip
+        self._use(pairs, Response.of(pairs))
+
+    def _use(self, pairs: Pairs, response: Response) -> None:
+        self.pairs, self.response, self.groups = pairs, response, Groups.of(pairs)
+        self.response.count[0] = 0
+
+    def search(self, motion: Motion) -> None:
+        """Find the pairs that may touch during a motion."""
+        self._use(*self.kind.search(motion, self._motion.after))
+
+    def begin(self) -> None:
+        """Begin a step."""
+        self.groups.forget()
+        self.kind.begin()
+
+    def end(self, impacts: FloatArray) -> None:
+        """End a step that has been evaluated at its end; add speeds of impact (n,), m/s."""
+        self.lost += float(self.groups.losses.sum())
+        if self._law.restitution < 1.0:
+            remember(self.groups.memory, self._motion.memory, impacts)
+
+    def evaluate(self, *, over_step: bool) -> None:
+        """Evaluate the step to the trial state, or the trial state alone."""
+        self.kind.respond(self._motion, over_step=over_step)
+        dissipate(
+            self.pairs.memory, self.response.memory, (self._law if over_step else _ELASTIC).memory,
+            self._motion.memory, self.groups.memory,
+        )  # fmt: skip
+
+    def add_forces(self, scale: float, sums: FloatArray, couples: FloatArray) -> None:
+        """Add ``scale`` times the forces and couples on all points to (n, 3) each."""
+        add_forces(self.pairs.memory, self.response.memory, scale, sums)
+        if self.rubs:
+            add_friction(self.groups.memory, scale, sums, couples)
+
+    def add_actions(
+        self, scale: float, steps: FloatArray, spins: FloatArray, sums: FloatArray,
+        couples: FloatArray,
+    ) -> None:  # fmt: skip
+        """Add ``scale`` times the tangent's action on steps and spins (n, 3) to (n, 3) each."""
+        self.kind.add_actions(scale, steps, sums)
+        if self.rubs:
+            add_friction_actions(self.groups.memory, scale, steps, spins, sums, couples)
+
+    def blocks(self, scale: float) -> tuple[IntArray, FloatArray]:
+        """Points (c, q) of the pairs that act, and ``scale`` times their tangents (c, 3 q, 3 q).
+
+        Friction is left out.
+        """
+        return self.points, self.kind.blocks(scale)
+
+    def safe_part(self, before: FloatArray, after: FloatArray, keep: float) -> float:
+        """Part of a motion during which all pairs keep a part of their gap."""
+        return self.kind.safe_part(before, after, keep) if self.pairs.count else 1.0
+
+    @property
+    def count(self) -> int:
+        """Number of pairs that act."""
+        return int(self.response.count[0])
+
+    @property
+    def points(self) -> IntArray:
+        """Points (c, q) of the pairs that act."""
+        return self.pairs.points[self.response.pairs[: self.count]]
+
+    @property
+    def closed(self) -> int:
+        """Number of groups that act."""
+        return int(self.groups.count[0])
+
+    @property
+    def pushes(self) -> FloatArray:
+        """Normal forces (g,) of the groups that act, N."""
+        return self.groups.numbers[: self.closed, PUSH]
+
+    @property
+    def energy(self) -> float:
+        """Potential of the pairs, J."""
+        return float(potential(self.response.memory))
+
+    @property
+    def slopes(self) -> FloatArray:
+        """Stiffness (g, 1 or 3) of the groups that act along their rows, N/m."""
+        return self.groups.slopes[: self.closed, : 3 if self.rubs else 1]
+
+    def add_slopes(self, sums: FloatArray) -> None:
+        """Add the stiffness of the pairs that act to that of their points (n,), N/m."""
+        slopes = np.abs(self.response.numbers[: self.count, SLOPE])
+        np.add.at(sums, self.points.ravel(), np.repeat(slopes, self.pairs.points.shape[1]))
+
+    def motions(self, steps: FloatArray, spins: FloatArray) -> FloatArray:
+        """Motions (g, 1 or 3) of the rows of the groups for steps and spins (n, 3)."""
+        found = np.zeros(self.slopes.shape)
+        motions_into(self.groups.memory, steps, spins, found)
+        return found
+
+    def push(self, forces: FloatArray, sums: FloatArray, couples: FloatArray) -> None:
+        """Add forces (g, 1 or 3) along the rows to those on all points (n, 3)."""
+        spread(self.groups.memory, forces, sums, couples)
+
+    def gaps(self) -> FloatArray:
+        """Gaps of the pairs that act, m."""
+        acting = self.response.numbers[: self.count]
+        found: FloatArray = acting[acting[:, POTENTIAL] != 0.0, GAP]
+        return found
+
+    def way(self, before: FloatArray, after: FloatArray) -> float:
+        """Largest way of points of all pairs in a motion, in parts of the gap of repulsion."""
+        return float(_way(self.pairs.memory, before, after))
+
+
+#: Law without dissipation.
+_ELASTIC = Law(
+    restitution=1.0, damping=0.0, friction=0.0, static_friction=0.0, stribeck_speed=1.0,
+    slip_speed=1.0, rest_speed=1.0,
+)  # fmt: skip
+
+
+@kernel
+def _way(pairs: Memory, before: FloatArray, after: FloatArray) -> float:
+    """See :meth:`GroupedPairs.way`."""
+    own, largest = unpack(Pairs, pairs), 0.0
+    for p in range(len(own.kind)):
+        for i in range(own.points.shape[1]):
+            square = 0.0
+            for a in range(3):
+                square += (after[own.points[p, i], a] - before[own.points[p, i], a]) ** 2
+            largest = max(largest, np.sqrt(square) / own.dhat[p])
+    return largest

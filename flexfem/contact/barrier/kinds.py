@@ -1,0 +1,130 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Kinds of pairs: cells with each other, and points with obstacles by their signed distance."""
+
+from dataclasses import replace
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray
+from flexfem.contact.barrier.surface import ContactSurface
+from flexfem.contact.dissipation.data import StepMotion
+from flexfem.contact.fields import ccd as field_ccd
+from flexfem.contact.fields import statics as field_statics
+from flexfem.contact.fields import steps as field_steps
+from flexfem.contact.fields import tangents as field_tangents
+from flexfem.contact.fields.data import FIELD_NUMBERS, FieldState
+from flexfem.contact.fields.search import find_pairs as find_field_pairs
+from flexfem.contact.primitives.candidates import Motion
+from flexfem.contact.primitives.ccd import safe_part
+from flexfem.contact.primitives.data import Pairs, Response
+from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
+from flexfem.contact.primitives.search import find_pairs
+from flexfem.contact.primitives.statics import forces_at_rest
+from flexfem.contact.primitives.steps import forces_of_step
+from flexfem.contact.primitives.tangents import add_actions, blocks_into
+
+__all__ = ["OfCells", "OfFields"]
+
+
+class OfCells:
+    """Pairs of cells of a contact's surface; a ``PairKind``."""
+
+    def __init__(self, own: ContactSurface, near: Neighbourhoods, here: BoolArray) -> None:
+        """Store the surface, its pairs that are left out, and the points of this rank (n,)."""
+        self._own, self._surface, self._near, self._here = own, own.surface, near, here
+
+    def stiffen(self, kappa: FloatArray) -> None:
+        """See ``PairKind``."""
+        self._surface = replace(self._own.surface, kappa=kappa)
+
+    def search(self, motion: Motion, at: FloatArray) -> tuple[Pairs, Response]:
+        """See ``PairKind``."""
+        own = self._own
+        self._pairs = find_pairs(self._surface, self._near, motion, own.touching, self._here)
+        self._response = Response.of(self._pairs)
+        return self._pairs, self._response
+
+    def begin(self) -> None:
+        """See ``PairKind``."""
+
+    def respond(self, motion: StepMotion, *, over_step: bool) -> None:
+        """See ``PairKind``."""
+        pairs, response = self._pairs.memory, self._response.memory
+        if over_step:
+            forces_of_step(pairs, motion.before, motion.after, response)
+        else:
+            forces_at_rest(pairs, motion.after, response)
+
+    def add_actions(self, scale: float, steps: FloatArray, sums: FloatArray) -> None:
+        """See ``PairKind``."""
+        add_actions(self._pairs.memory, self._response.memory, scale, steps, sums)
+
+    def blocks(self, scale: float) -> FloatArray:
+        """See ``PairKind``."""
+        blocks = np.empty((self._response.count[0], 12, 12))
+        blocks_into(self._response.memory, scale, blocks)
+        return blocks
+
+    def safe_part(self, before: FloatArray, after: FloatArray, keep: float) -> float:
+        """See ``PairKind``."""
+        return float(safe_part(self._pairs.memory, before, after, keep))
+
+
+class OfFields:
+    """Pairs of a contact's stations and its obstacles; a ``PairKind``."""
+
+    def __init__(self, own: ContactSurface, here: BoolArray) -> None:
+        """Store the surface and the points of this rank (n,)."""
+        self._stations, self._obstacles = own.stations(here), own.obstacles
+        self._start: FieldState | None = None
+
+    def stiffen(self, kappa: FloatArray) -> None:
+        """See ``PairKind``."""
+        self._stations = replace(self._stations, kappa=kappa[self._stations.rows])
+
+    def search(self, motion: Motion, at: FloatArray) -> tuple[Pairs, Response]:
+        """See ``PairKind``."""
+        ways = np.maximum(motion.after - at, at - motion.before) + 0.5 * motion.skin
+        self._found = find_field_pairs(
+            self._obstacles, self._stations, self._obstacles.placed(at),
+            np.linalg.norm(ways, axis=1),
+        )  # fmt: skip
+        self._response, self._start = Response.of(self._found.pairs, FIELD_NUMBERS), None
+        return self._found.pairs, self._response
+
+    def begin(self) -> None:
+        """See ``PairKind``."""
+        self._start = None
+
+    def respond(self, motion: StepMotion, *, over_step: bool) -> None:
+        """See ``PairKind``."""
+        found, at = self._found, self._obstacles.placed(motion.after)
+        state = self._obstacles.state(found, at)
+        if over_step:
+            if self._start is None:
+                before = self._obstacles.placed(motion.before)
+                self._start = self._obstacles.state(found, before)
+            field_steps.forces_of_step(
+                found.pairs.memory, self._start.memory, state.memory, self._response.memory
+            )
+        else:
+            bends = self._obstacles.bends(found, at, state)
+            field_statics.forces_at_rest(
+                found.pairs.memory, state.memory, bends, self._response.memory
+            )
+
+    def add_actions(self, scale: float, steps: FloatArray, sums: FloatArray) -> None:
+        """See ``PairKind``."""
+        pairs, response = self._found.pairs.memory, self._response.memory
+        field_tangents.add_actions(pairs, response, scale, steps, sums)
+
+    def blocks(self, scale: float) -> FloatArray:
+        """See ``PairKind``."""
+        blocks = np.empty((self._response.count[0], 15, 15))
+        field_tangents.blocks_into(self._response.memory, scale, blocks)
+        return blocks
+
+    def safe_part(self, before: FloatArray, after: FloatArray, keep: float) -> float:
+        """See ``PairKind``."""
+        start, end = (self._obstacles.placed(points) for points in (before, after))
+        return field_ccd.safe_part(self._obstacles, self._found, start, end, keep)
