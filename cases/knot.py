@@ -148,8 +148,8 @@ CASE = ff.Case(
     dt=2e-3,
     t_end=4.0,
     integrator="energy_momentum",
-    smoke={"elements": 32, "tail": 0.02, "braid": 0.3, "radius": 0.05, "apart": 3.0, "settle": 0.0,
-           "pull": 0.01, "duration": 0.01, "t_end": 0.01},
+    smoke={"elements": 32, "tail": 0.02, "braid": 0.2, "radius": 0.1, "apart": 1.5, "settle": 0.0,
+           "pull": 0.01, "duration": 0.01, "dt": 5e-4, "t_end": 5e-3},
     results=results,
 )  # fmt: skip
 
