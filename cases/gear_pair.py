@@ -21,8 +21,10 @@ drive_fz, drive_mx, drive_my, drive_mz`` (N, N m), the wrench of the drive on th
 Expected: the speeds have the ratio of the numbers of teeth, with the other sign, and so have the
 torques without friction; the flanks push along the line of action, with the torque of the brake
 over the radius of the wheel's base circle. The results compare means over the last half of the
-motion: ``ratio`` of the speeds with ``ratio_of_teeth`` (1.50002 with 1.5), ``normal_force`` with
-``normal_force_of_brake`` (93.0 N with 94.6 N: rows are instants, between which teeth rattle).
+motion: ``ratio`` of the speeds with ``ratio_of_teeth`` (1.50001 with 1.5), ``drive_torque`` with
+``drive_torque_of_brake`` (4.47 N m with 4.44 N m), ``normal_force`` with ``normal_force_of_brake``
+(95.1 N with 94.6 N: rows are instants, between which flanks of chords rattle, the more the fewer
+``--points`` they have).
 Run: ``python cases/gear_pair.py``, then ``flexfem render results/gear_pair``.
 """
 
