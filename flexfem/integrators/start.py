@@ -150,8 +150,7 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
         END_POINT.multiply_mass(system, 1.0)
         if not tangent.again(values):
             return False
-        for last, step in zip(found, _steps(system), strict=True):
-            last += step
+        found = [last + step for last, step in zip(found, _steps(system), strict=True)]
     for part, last in zip(system.parts, found, strict=True):
         part.block.owned_step[:] = last
     return True
