@@ -53,6 +53,8 @@ DRAWINGS = {
     "manipulator_deployment": Drawing("--columns u2,theta1", script="plot_history"),
     "steady_turn": Drawing("--from 19 --interval 0.6"),
     "flying_spaghetti": Drawing("--to 8"),
+    "gear_pair": Drawing("--from 0.395 --interval 1"),
+    "knot": Drawing("--from 0.4 --to 2 --interval 1.6 --view=0.1,-0.5,1"),
     "rope_heap": Drawing("--from 1.49 --interval 1"),
 }
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Consistent start: positions are checked, velocities and accelerations are solved for."""
 
+from dataclasses import replace
+
 from mpi4py import MPI
 
 import numpy as np
@@ -12,7 +14,8 @@ from flexfem.core.row import START_GAP
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
 from flexfem.solvers.linear.tangent import TangentSolver
-from flexfem.system.system import MASS, System
+from flexfem.system.mechanics import END_POINT, EndPoint
+from flexfem.system.system import MASS, BlockPart, Shifts, System
 
 __all__ = [
     "check_gaps",
@@ -37,6 +40,17 @@ _COMPLIANCE = 1e-5
 _SPAN = 0.125
 #: Largest number of iterations for friction at the start.
 _SWEEPS = 25
+
+
+class _Viscous(EndPoint):
+    """Equations of masses and of the damping of elements, without gyroscopic terms of masses."""
+
+    def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """See :class:`Mechanics`."""
+        return super().masses(system, part, replace(shifts, velocity=0.0))
+
+
+_VISCOUS = _Viscous()
 
 
 def check_start(system: System) -> None:
@@ -96,14 +110,54 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
             return Status.SINGULAR
         if not _update_laws(system, tangent):
             break
+    rows.forces[:], rows.impulses[:], rows.settled[:] = tangent.multiplier_step, 0.0, 0.0
+    if not _decay(system, tangent, dt):
+        return Status.SINGULAR
     for part in system.parts:
         part.block.spread_step()
         part.block.acceleration[:] = part.block.step
         part.block.start()
-    rows.forces[:], rows.impulses[:], rows.settled[:] = tangent.multiplier_step, 0.0, 0.0
     rows.consistent = True
     rows.elements.start(rows)
     return Status.OK
+
+
+def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
+    """Replace accelerations that damping ends within much less than ``dt`` (s) (collective).
+
+    The accelerations are the blocks' steps a, which satisfy the constraints. A motion with masses M
+    and damping C that is let go has lost those with ``dt C >> M`` before a step is over, whereas
+    the scheme would go on with them: ``dt a``, were it the velocity of stiff membranes after the
+    step, had them strained by the damping times it, and even the rounding of their forces does so
+    for directors of thin shells. With ``F = (M + dt C)^-1 M`` on the constraints, ``(2 F - F^2) a``
+    hardly has them and is off by the order of ``dt^2`` only where a step resolves the damping.
+    """
+    viscous = any(part.elements is not None and part.elements.viscous for part in system.parts)
+    if not system.comm.allreduce(viscous, op=MPI.LOR):
+        return True
+    given, found = _steps(system), [np.zeros_like(step) for step in _steps(system)]
+    tangent.assemble(replace(MASS, velocity=dt), mechanics=_VISCOUS)
+    system.counters.mass_factorizations += 1
+    if not tangent.factor():
+        return False
+    for part in system.parts:
+        part.block.spread_step()
+    system.interface.update_steps()
+    gaps = _rigid(system, system.constraints.changes(system.interface.steps))
+    for values in (gaps, np.zeros_like(gaps)):
+        for part, first, last in zip(system.parts, given, found, strict=True):
+            part.block.owned_step[:] = first - last
+        END_POINT.multiply_mass(system, 1.0)
+        if not tangent.again(values):
+            return False
+        found = [last + step for last, step in zip(found, _steps(system), strict=True)]
+    for part, last in zip(system.parts, found, strict=True):
+        part.block.owned_step[:] = last
+    return True
+
+
+def _steps(system: System) -> list[FloatArray]:
+    return [part.block.owned_step.copy() for part in system.parts]
 
 
 def project_velocities(

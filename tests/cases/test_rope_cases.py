@@ -1,8 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Geometry of the cases of contact, and what they refuse."""
 
+import math
+from itertools import pairwise
+
+import numpy as np
 import pytest
 
+from flexfem._types import FloatArray
 from flexfem.case import load_case
 from flexfem.model.model import Model
 
@@ -13,6 +18,87 @@ def built(name: str, **given: object) -> Model:
     case = load_case(name)
     values = case.values(given)
     return case.build(**{option.name: values[option.name] for option in case.options})
+
+
+def inside(points: FloatArray, outline: FloatArray) -> FloatArray:
+    """Signed distances (k,) of points (k, 2) to a polygon (n, 2), negative inside."""
+    start, end = outline, np.roll(outline, -1, axis=0)
+    way, to = end - start, points[:, np.newaxis] - start
+    part = np.clip((to * way).sum(-1) / (way**2).sum(-1), 0.0, 1.0)
+    distance = np.linalg.norm(to - part[..., np.newaxis] * way, axis=-1).min(axis=1)
+    y = points[:, 1, np.newaxis]
+    crossed = (start[:, 1] > y) != (end[:, 1] > y)
+    with np.errstate(divide="ignore", invalid="ignore"):
+        at = start[:, 0] + (y - start[:, 1]) / way[:, 1] * way[:, 0]
+    odd = (crossed & (points[:, :1] < at)).sum(axis=1) % 2 == 1
+    signed: FloatArray = np.where(odd, -distance, distance)
+    return signed
+
+
+@pytest.mark.parametrize(("teeth", "degrees"), [((20, 30), 20.0), ((8, 9), 30.0), ((18, 55), 20.0)])
+def test_teeth_are_conjugate(teeth: tuple[int, int], degrees: float) -> None:
+    gear = load_case("gear_pair").build.__globals__["Gear"]
+    angle, backlash = math.radians(degrees), 0.1
+    one, other = (gear(z, 1.0, angle, backlash, 1.0, 1.0) for z in teeth)
+    away, parts = one.pitch + other.pitch, 8
+    first = one._section(parts, 0.0)[0] @ [1.0, 1j]
+    second = other._section(parts, math.pi + math.pi / teeth[1])[0] @ [1.0, 1j]
+    gaps = []
+    for turn in np.linspace(0.0, 2.0 * math.pi / teeth[0], 13):
+        a = first * np.exp(1j * turn)
+        b = second * np.exp(-1j * turn * teeth[0] / teeth[1]) + away
+        near = a[np.abs(a - away) < 1.1 * other.tip], b[np.abs(b) < 1.1 * one.tip]
+        a, b, near_a, near_b = (np.column_stack([c.real, c.imag]) for c in (a, b, *near))
+        gaps += [inside(near_a, b).min(), inside(near_b, a).min()]
+    # involutes in the middle of their backlash are half of it apart along the line of action, at
+    # any angle; chords lie inside by their sag, 2e-3 modules here. Teeth turned by half a degree,
+    # or of another pressure angle, differ by 0.05
+    least = 0.5 * backlash * math.cos(angle)
+    assert least - 1e-9 <= min(gaps) < least + 2e-3
+    model = built("gear_pair", pinion_teeth=teeth[0], wheel_teeth=teeth[1],
+                  pressure_angle=degrees, bore=0.005)  # fmt: skip
+    mass = model["wheel"].mass
+    area = np.sum((np.conj(second) * np.roll(second, -1)).imag) * 0.5 * 0.005**2
+    bore = model["wheel"].shape.points[-2 * teeth[1] :, :2] @ [1.0, 1j]
+    area -= np.sum((np.conj(bore) * np.roll(bore, -1)).imag) * 0.5
+    np.testing.assert_allclose(mass, 7850.0 * 0.01 * area, rtol=0.01)
+
+
+def test_teeth_that_interfere_are_refused() -> None:
+    with pytest.raises(
+        ValueError, match=r"teeth: the tips of 60 teeth interfere .* 10 at .* 20 deg"
+    ):
+        built("gear_pair", pinion_teeth=10, wheel_teeth=60, bore=0.005)
+    with pytest.raises(ValueError, match=r"bore: .* 20 teeth, 0.04375 m, got 0.05"):
+        built("gear_pair", bore=0.05)
+    with pytest.raises(ValueError, match=r"backlash must be above .* 0.04 modules, got 0.03"):
+        built("gear_pair", backlash=0.03)
+
+
+def crossings(points: FloatArray) -> list[tuple[float, float, bool]]:
+    """Crossings of a polyline seen along Z: places along it, and True if the first is above."""
+    found = []
+    for i, (a, b) in enumerate(pairwise(points)):
+        for j, (c, d) in enumerate(pairwise(points[: max(i - 1, 0)])):
+            matrix = np.column_stack([(b - a)[:2], (c - d)[:2]])
+            if abs(np.linalg.det(matrix)) < 1e-15:
+                continue
+            s, t = np.linalg.solve(matrix, (c - a)[:2])
+            if 0.0 <= s < 1.0 and 0.0 <= t < 1.0:
+                found.append((i + s, j + t, (a + s * (b - a))[2] > (c + t * (d - c))[2]))
+    return found
+
+
+def test_rope_is_knotted() -> None:
+    points = built("knot", elements=60, apart=3.0).mesh.points
+    met = crossings(points)
+    # three crossings, above and below in turn along the rope: that is a trefoil, while a loop that
+    # falls open has two of one kind one after the other
+    assert len(met) == 3
+    along = sorted([(s, up) for s, _, up in met] + [(t, not up) for _, t, up in met])
+    assert all(up != after for (_, up), (_, after) in pairwise(along))
+    with pytest.raises(ValueError, match=r"apart must be above 1.05 diameters, got 1.02"):
+        built("knot", apart=1.02)
 
 
 def test_ropes_that_may_overlap_are_refused() -> None:

@@ -180,16 +180,20 @@ class BarrierContacts:
     def safe_part(self, keep: float) -> float:
         """Part of the motion from the marked to the trial state without contact (collective).
 
-        Every pair keeps a part of its gap, and no point moves farther than the cells are long.
+        Every pair keeps a part of its gap, and no point moves farther than the cells are long. Of a
+        longer motion no pairs are searched: a wild correction would bring all near each other.
         """
         self._place()
+        part = self._least(_short_part(self._last, self._points, self._touching(), self._stride))
+        if part < 1.0:
+            return part
         self._search()
-        part = _short_part(self._last, self._points, self._touching(), self._stride)
-        for one in self._every:
-            part = min(part, one.safe_part(self._last, self._points, keep))
-        if self._comm.size > 1:
-            part = self._comm.allreduce(part, op=MPI.MIN)
-        return part
+        parts = [one.safe_part(self._last, self._points, keep) for one in self._every]
+        return self._least(min([1.0, *parts]))
+
+    def _least(self, part: float) -> float:
+        """Smallest of all ranks' numbers (collective)."""
+        return float(self._comm.allreduce(part, op=MPI.MIN)) if self._comm.size > 1 else part
 
     def safe_part_of_step(self, keep: float) -> float:
         """Part of the motion from the step's start to the trial state without contact."""

@@ -28,6 +28,8 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         return
     if any(body.velocity.any() or body.angular_velocity.any() for body in model.bodies):
         return
+    if any(beam.strained for beam in model.beams) or any(s.strained for s in model.shells):
+        return
     yield Finding(
         "loads", repr(model), "no gravity, load, drive, prestress or initial velocity acts on it",
         "add gravity, a load, a drive or an initial velocity",

@@ -183,6 +183,11 @@ class Shell:
                 )
 
     @property
+    def strained(self) -> bool:
+        """True if it has initial strains: a rest curvature or a prestrain."""
+        return self.rest_curvature is not None or self.prestrain is not None
+
+    @property
     def timed(self) -> bool:
         """True if its initial strain may change with time."""
         given = self.prestrain

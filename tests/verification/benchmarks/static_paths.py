@@ -2,8 +2,10 @@
 """Paths with limit points and bifurcations."""
 
 from collections.abc import Mapping
-from math import pi
+from math import pi, sqrt
 from typing import Any
+
+import numpy as np
 
 import flexfem as ff
 from flexfem.cli import load_case
@@ -11,6 +13,13 @@ from tests.verification.benchmarks.static_beams import BVP, vector
 from tests.verification.result import Result
 
 LEE, ARCH = 20000.0, 1000.0
+#: Sources other than boundary value problems.
+SOURCES = {
+    "hinged angle under end moments": "pi sqrt(EI GJ)/L",
+    "twisted ring of a straight rod": "sqrt(3) EI/GJ (Michell 1889; Goriely 2006)",
+}
+#: Torsional over bending stiffness of the ring.
+TORSION = 0.7
 
 
 def follow(model: ff.Model, **options: Any) -> tuple[Mapping[str, Any], Mapping[str, Any]]:
@@ -84,6 +93,32 @@ def end_moments(elements: int) -> float:
     return float(summary["critical_points"][0]["t"])
 
 
+def twisted_ring(elements: int) -> float:
+    """Turns by which the ends of a straight rod are twisted that buckle the ring made of it.
+
+    The twist is imposed as a prestrain. The clamp of a point leaves one motion without stiffness:
+    all sections turn in the ring as in a smoke ring, which its opposite point ends.
+    """
+    angle = np.linspace(0.0, 2.0 * pi, elements + 1)
+    points = np.column_stack([np.sin(angle), 1.0 - np.cos(angle), 0.0 * angle])
+    nodes = np.arange(elements)
+    mesh = ff.LineMesh(points, np.column_stack([nodes, nodes + 1]), {"ring": nodes})
+    section = ff.Section.general((1e5, 1e5, 1e5, TORSION, 1.0, 1.0), (1.0,) * 6)
+    start, end = ff.Marker("ring", "start"), ff.Marker("ring", "end")
+    model = ff.Model("ring", mesh=mesh)
+    model.add(
+        ff.Beam("ring", section, orientation=(0.0, 0.0, 1.0), rest_curvature=(0.0, 0.0, 0.0),
+                prestrain=lambda s, t: (0.0, 0.0, 0.0, t, 0.0, 0.0)),
+        ff.Rigid("clamp", ff.Ground(), start),
+        ff.Rigid("closed", start, end),
+        ff.PointOnPlane("flat", ff.Ground(), ff.Marker("ring", 0.5), axis=(0.0, 0.0, 1.0)),
+    )  # fmt: skip
+    summary, _ = follow(model, load_steps=1, t_end=3.0, critical_points=True)
+    (point,) = summary["critical_points"]
+    assert point["unstable"] == [0, 2]  # wherever the ring folds
+    return float(point["t"])
+
+
 def euler(elements: int) -> tuple[float, float]:
     """Buckling load of a slender cantilever column by the exact path and linearised."""
     mesh = ff.build_mesh("chain", links=1, elements=elements, length=1.0)
@@ -117,8 +152,10 @@ def results(full: bool = True) -> list[Result]:
         ("lateral buckling of a right-angled frame", "P/N inwards",
          lambda n: right_angle(n, -1.0), 0.6804274, 4, (4e-3, 1e-4)),
         ("hinged angle under end moments", "M/(N mm)", end_moments, 622.2081, 4, (2e-2, 1e-3)),
+        ("twisted ring of a straight rod", "turns", twisted_ring, sqrt(3.0) / TORSION, 16,
+         (1.5e-2, 1e-3)),
     ):  # fmt: skip
-        source = BVP if reference != 622.2081 else "pi sqrt(EI GJ)/L"
+        source = SOURCES.get(case, BVP)
         coarse = 2 * least if full else least
         values = function(coarse), function(2 * coarse)
         limit = (4.0 * values[1] - values[0]) / 3.0
