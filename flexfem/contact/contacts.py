@@ -41,7 +41,10 @@ class Contacts:
         stiffness: force per penetration and area of each, N/m^3; zero, where it is not given, until
             the first step.
         kinds: kinds of the blocks on which contacts act, ascending.
+        rubs: False: matrices have what there is of friction.
     """
+
+    rubs = False
 
     def __init__(
         self, comm: MPI.Intracomm, described: Sequence[ContactSurfaces], points: ContactPoints,

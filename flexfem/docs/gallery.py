@@ -43,6 +43,7 @@ class Drawing:
 DRAWINGS = {
     "bar_impact": Drawing("--columns force", script="plot_history"),
     "billiards": Drawing("--view z"),
+    "capstan": Drawing("--view z"),
     "sheet_landing": Drawing("--view=0.3,-1,0.25 --interval 0.02"),
     "blade": Drawing(folder="mode_02"),
     "campbell": Drawing(script="plot_campbell"),

@@ -5,6 +5,9 @@
 stiffness. ``frozen`` keeps the factors of the bodies for each step size. ``auto`` does the same,
 but renews them if the iteration contracts slowly. All fall back to the exact fresh matrix for
 a step on which they fail; a further failure is left to the driver, which halves the step.
+
+Assembled matrices have nothing of the friction of contacts, which acts beside factors. With it,
+``updated`` is ``frozen``, and there is no fallback.
 """
 
 from flexfem.solvers.frozen.policy import AutoPolicy, FrozenPolicy
@@ -31,4 +34,6 @@ def create_policy(
         "frozen": FrozenPolicy,
         "auto": AutoPolicy,
     }
-    return kinds[name](system, options, tangent, mechanics)
+    rub = any(contacts.rubs for contacts in system.contacts)
+    kind = FrozenPolicy if rub and name == "updated" else kinds[name]
+    return kind(system, options, tangent, mechanics)

@@ -51,6 +51,7 @@ class BarrierContacts:
     Attributes:
         contacts: in the order of the model, with the pairs of this rank.
         kinds: kinds of the blocks on which they act, ascending.
+        rubs: True if there is friction.
         time: time of the trial state, s.
         factor: factor of the forces in the equations: 1 in equilibria, that of impulses in motions,
             0 at the accepted states of these.
@@ -79,9 +80,9 @@ class BarrierContacts:
         # to the trial state
         self._motion = PointMotion.of(surfaces.start)
         self.contacts = [ContactPairs(own, near, here, self._motion, gravity) for own, near in made]
-        self._rubs, self._levels = any(one.rubs for one in self.contacts), 0
+        self.rubs, self._levels = any(one.rubs for one in self.contacts), 0
         self._spins = Spins(
-            self._carriers, self._motion, surfaces.primitives.triangles, used=self._rubs
+            self._carriers, self._motion, surfaces.primitives.triangles, used=self.rubs
         )  # fmt: skip
         self._every = [pairs for one in self.contacts for pairs in one.every]
         self._rows = GroupRows(self._carriers, self._spins, self._every)
@@ -174,7 +175,7 @@ class BarrierContacts:
         """
         if self._levels > 0:
             self._levels -= 1
-        elif self._rubs and iteration == _EARLY and contraction > _HARDLY:
+        elif self.rubs and iteration == _EARLY and contraction > _HARDLY:
             self._levels = _LEVELS
 
     def safe_part(self, keep: float) -> float:

@@ -33,7 +33,7 @@ from flexfem.simulation.run.setup import set_up
 from flexfem.simulation.run.time_grid import TimeGrid
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.newton.iteration import NewtonOptions
-from flexfem.solvers.newton.policy import Policy, UpdatedPolicy
+from flexfem.solvers.newton.policy import Policy
 from flexfem.solvers.policies import create_policy
 
 __all__ = ["HALVINGS", "Simulation"]
@@ -108,8 +108,8 @@ class Simulation:
             options.iteration_matrix, self.system, newton, self._tangent, self._integrator.mechanics
         )
         # steps to and from events have other sizes: their factors would not be used again
-        self._fresh: Policy = UpdatedPolicy(
-            self.system, newton, self._tangent, self._integrator.mechanics
+        self._fresh = create_policy(
+            "updated", self.system, newton, self._tangent, self._integrator.mechanics
         )
         self.events = Events(self.system, self.serial, self._tangent, options.dt)
         self.steps = self.rejected = 0
