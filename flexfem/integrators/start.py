@@ -101,7 +101,7 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
         part.block.acceleration[:] = part.block.step
         part.block.start()
     rows.forces[:], rows.impulses[:], rows.settled[:] = tangent.multiplier_step, 0.0, 0.0
-    rows.consistent = True
+    rows.consistent, rows.slack = True, False
     rows.elements.start(rows)
     return Status.OK
 
