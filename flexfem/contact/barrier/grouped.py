@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.contact.dissipation.coupling import vectors_of_rows
 from flexfem.contact.dissipation.data import PUSH, Groups, Law, StepMotion
 from flexfem.contact.dissipation.rows import (
     add_friction,
@@ -176,6 +177,18 @@ class GroupedPairs:
     def push(self, forces: FloatArray, sums: FloatArray, couples: FloatArray) -> None:
         """Add forces (g, 1 or 3) along the rows to those on all points (n, 3)."""
         spread(self.groups.memory, forces, sums, couples)
+
+    def vectors_of_rows(self, first: int) -> tuple[IntArray, IntArray, FloatArray]:
+        """Points (k,) on which rows of motion act, these, counted from ``first``, and (k, 3) along.
+
+        Spins are left out.
+        """
+        width = 3 if self.rubs else 1
+        count = width * int(self.groups.starts[self.closed]) if self.closed else 0
+        points, rows = np.empty((2, count), np.int64)
+        vectors = np.empty((count, 3))
+        vectors_of_rows(self.groups.memory, width, points, rows, vectors)
+        return points, rows + first, vectors
 
     def gaps(self) -> FloatArray:
         """Gaps of the pairs that act, m."""
