@@ -42,6 +42,9 @@ class PairKind(Protocol):
     def respond(self, motion: StepMotion, *, over_step: bool) -> None:
         """Write the response of the pairs to a step, or at its end alone."""
 
+    def turn(self, motion: StepMotion) -> None:
+        """Add to the tangents of a step how forces turn, where it is known."""
+
     def add_actions(self, scale: float, steps: FloatArray, sums: FloatArray) -> None:
         """Add ``scale`` times the tangent's action on steps (n, 3) to (n, 3)."""
 
@@ -99,13 +102,18 @@ class GroupedPairs:
         if self._law.restitution < 1.0:
             remember(self.groups.memory, self._motion.memory, impacts)
 
-    def evaluate(self, *, over_step: bool) -> None:
-        """Evaluate the step to the trial state, or the trial state alone."""
+    def evaluate(self, *, over_step: bool, near: bool = False) -> None:
+        """Evaluate the step to the trial state, or the trial state alone.
+
+        The tangent is the whole one of a step when the trial state is ``near`` the last one.
+        """
         self.kind.respond(self._motion, over_step=over_step)
         dissipate(
             self.pairs.memory, self.response.memory, (self._law if over_step else _ELASTIC).memory,
             self._motion.memory, self.groups.memory,
         )  # fmt: skip
+        if over_step and near:
+            self.kind.turn(self._motion)
 
     def add_forces(self, scale: float, sums: FloatArray, couples: FloatArray) -> None:
         """Add ``scale`` times the forces and couples on all points to (n, 3) each."""

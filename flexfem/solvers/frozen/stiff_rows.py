@@ -51,7 +51,7 @@ _MOST, _SOFT = 100, 20.0
 _MANY = 16
 #: Relative error of the springs' forces: whether a stiff contact opens depends on small parts of
 #: its force, and what is left keeps Newton's method from an end.
-_ACCURACY = 1e-3
+_ACCURACY = 1e-2
 #: Slope of springs that have none, whose forces stay zero; part of a direction's motions below
 #: which it depends on the others, and part that an orthogonalisation must leave, else a second one
 #: follows, both squared.
