@@ -104,6 +104,8 @@ class _Attempt:
         exact = self._refined is not None and self._refined.exact
         if self._slow is None or exact or self._renewed >= 1.0 or size <= tolerance:
             return
+        if frozen.exact:
+            return  # rigid bodies alone have no factors
         if self._touched and (self._refined is None or contraction >= 1.0):
             return  # factors of a state far from the solution are worse than old ones
         worst = frozen.worst(self._refined)
