@@ -48,7 +48,7 @@ Direct = Callable[[FloatArray], FloatArray]
 #: soft: GMRES with the exact tangent needs no help with them.
 _MOST, _SOFT = 100, 20.0
 #: Number of springs on all ranks from which they are coupled by the compliances of nodes.
-_MANY = 16
+_MANY = 40
 #: Relative error of the springs' forces: whether a stiff contact opens depends on small parts of
 #: its force, and what is left keeps Newton's method from an end.
 _ACCURACY = 1e-2
@@ -186,8 +186,20 @@ class _Forces:
         self._scaling, self.soft = np.zeros(0), True
         self._direct: Direct | None = None
         # the scaled motions of directions are a triangle, here inverted, times an orthonormal basis
-        self._directions, self._basis = np.zeros((2, 0, len(slopes)))
-        self._inverse = np.zeros((0, 0))
+        self._all_directions, self._all = np.empty((2, _MOST, len(slopes)))
+        self._inverses, self._count = np.zeros((_MOST, _MOST)), 0
+
+    @property
+    def _basis(self) -> FloatArray:
+        return self._all[: self._count]
+
+    @property
+    def _directions(self) -> FloatArray:
+        return self._all_directions[: self._count]
+
+    @property
+    def _inverse(self) -> FloatArray:
+        return self._inverses[: self._count, : self._count]
 
     def couple(self, compliance: "csc_array") -> None:
         """Use an approximate sparse ``J B^-1 J^T`` of this rank's springs from now on."""
@@ -216,7 +228,7 @@ class _Forces:
             leave_soft: True for none if the springs are soft.
         """
         motions = self.rows.motions()
-        if self._direct is None and not len(self._basis) and not self._begin(respond, motions):
+        if self._direct is None and not self._count and not self._begin(respond, motions):
             return np.zeros(0)
         if leave_soft and self.soft:
             return np.zeros(0)
@@ -244,20 +256,19 @@ class _Forces:
 
     def _extend(self, respond: Respond, left: FloatArray) -> bool:
         """Add a direction for motions (c,) that are left; False if it depends on the others."""
-        forces = self._scaling**2 * left if self._direct is None else self._direct(left)
-        (size,) = self._norms(forces)
-        if not 0.0 < size < np.inf or len(self._basis) >= _MOST:
+        if self._count >= _MOST:
             return False
-        forces /= size
-        return self._append(forces, respond(forces, len(self._basis)))
+        forces = self._scaling**2 * left if self._direct is None else self._direct(left)
+        return self._append(forces, respond(forces, self._count))
 
     def _append(self, forces: FloatArray, moved: FloatArray) -> bool:
         """Add a direction (c,) with its motions (c,); False if it depends on the others."""
-        rest, count = self._scaling * (moved + self._compliance * forces), len(self._basis)
-        basis, column, whole = np.vstack([self._basis, rest]), np.zeros(count), 0.0
+        count = self._count
+        basis, column, whole = self._all[: count + 1], np.zeros(count), 0.0
+        basis[-1] = self._scaling * (moved + self._compliance * forces)
         for _ in range(2):
             along = self._sum(basis @ basis[-1])
-            basis[-1] -= along[:-1] @ self._basis
+            basis[-1] -= along[:-1] @ basis[:-1]
             column += along[:-1]
             left = along[-1] - along[:-1] @ along[:-1]
             whole = whole or along[-1]
@@ -267,11 +278,10 @@ class _Forces:
             return False
         size = np.sqrt(left)
         basis[-1] /= size
-        inverse = np.zeros((count + 1, count + 1))
-        inverse[:count, :count] = self._inverse
-        inverse[:count, count], inverse[count, count] = -self._inverse @ column / size, 1.0 / size
-        self._inverse, self._basis = inverse, basis
-        self._directions = np.vstack([self._directions, forces])
+        self._inverses[:count, count] = -self._inverse @ column / size
+        self._inverses[count, count] = 1.0 / size
+        self._all_directions[count] = forces
+        self._count += 1
         return True
 
     def _norms(self, *vectors: FloatArray) -> list[float]:
