@@ -34,7 +34,7 @@ __all__ = ["BarrierContacts"]
 
 #: Motion for which pairs are found: that of so many steps like the last one, and to all sides a
 #: part of the largest gap below which they repel, and of the way of the last step.
-_STEPS, _SKIN, _ASIDE = 8.0, 0.25, 1.0
+_STEPS, _SKIN, _ASIDE = 8.0, 0.25, 2.0
 #: Part of the largest edge of the cells by which points move at most in one correction.
 _STRIDE = 1.0
 #: Relative change of forces, and way of points in parts of the gap at which they repel, at which an
