@@ -65,6 +65,8 @@ class Constraints(NumberedRows):
         unilateral: (r,) rows that are slack between limits, but for normal forces and tensions of
             friction. Released rows count as well.
         split: True if unilateral rows may act by impulses.
+        slack: True if none of them on any rank has a force at the accepted state, as is known after
+            a step without.
         poses: (m, 12) frames of the markers at the last evaluation, see ``marker_start``.
         mean_forces: True if ``forces`` are means over the last step, not those at its end.
         consistent: True if ``forces`` belong to accelerations that satisfy the constraints, as at a
@@ -105,7 +107,7 @@ class Constraints(NumberedRows):
         self.coupling, self.slopes = np.zeros(len(self.coupled)), np.zeros((total, 2))
         self.force_jacobian, self.step_jacobian = np.zeros((terms, 2, 6)), np.zeros((terms, 2, 6))
         self.impulses, self.entering, self.settled = np.zeros((3, total))
-        self.mean_forces = self.consistent = self.split = False
+        self.mean_forces = self.consistent = self.split = self.slack = False
         self.unilateral = self._slack()
         self.has_unilateral: bool = comm.allreduce(bool(self.unilateral.any()), op=MPI.LOR)
         self.instant = 0.0
@@ -170,7 +172,7 @@ class Constraints(NumberedRows):
         self.relaxation = float(state.values["relaxation"][0])
         if self.has_elements:
             self.elements.restore(state)
-        self.consistent, self.reported = False, None
+        self.consistent, self.slack, self.reported = False, False, None
 
     def active_components(self) -> IntArray:
         """(n_nodes,) 3 where joint forces act at the node's origin only, else all its unknowns."""

@@ -23,6 +23,7 @@ from flexfem.contact.obstacles.carried import (
     add_over_step,
     add_turned,
     carried_into,
+    compliances_into,
     moved_into,
     rates_into,
     spins_into,
@@ -205,6 +206,18 @@ class Carriers:
             moved_into(one.block.nodes.memory, one.own.memory, steps)
         self.bring(steps)
         weigh_means(*self._between, steps)
+
+    def compliances(self, of_nodes: Mapping[int, FloatArray], out: FloatArray) -> None:
+        """Write compliances (n + d, 9) of the fixed points here and nearby (collective).
+
+        Args:
+            of_nodes: by the kind of block, compliances (n_owned, w, w) of its nodes.
+            out: 3 x 3 numbers of each point, m/N.
+        """
+        for kind, one in self.by_kind.items():
+            compliances = of_nodes[kind].reshape(len(of_nodes[kind]), -1)
+            compliances_into(one.block.nodes.memory, one.own.memory, compliances, out)
+        self.bring(out)
 
     def spin(self, spins: FloatArray) -> None:
         """Write the rotation vectors of the step of points here (n + d, 3); zero where unknown."""

@@ -6,6 +6,9 @@ the blocks' steps, the slopes D the force for it. Geometric parts, friction and 
 here.
 """
 
+from collections.abc import Mapping
+from typing import TYPE_CHECKING
+
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
@@ -14,7 +17,11 @@ from flexfem.contact.frames import SurfaceFrames
 from flexfem.contact.law.data import AREAS, NORMAL, PLACE, SLOPE
 from flexfem.contact.obstacles.rigid_surface import RigidContact
 from flexfem.contact.obstacles.triangles import TriangleContact
+from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.kernels.compiled import kernel
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
 
 __all__ = ["NormalRows"]
 
@@ -75,6 +82,15 @@ class NormalRows:
         self._surfaces = np.concatenate([self._surfaces, np.full(count, surface)])
         twists = np.zeros((count, 6)) if twists is None else twists
         self._twists = np.concatenate([self._twists, twists])
+
+    @property
+    def blocks(self) -> dict[int, FrameBlock]:
+        """See ``SpringRows``: their coupling is not found."""
+        return {}
+
+    def coupled(self, compliances: Mapping[int, FloatArray]) -> "csc_array":
+        """See ``SpringRows``."""
+        raise NotImplementedError
 
     def motions(self) -> FloatArray:
         """Motions (c,) of the rows for the blocks' steps, m, positive as gaps open (collective)."""

@@ -109,7 +109,7 @@ class GeneralizedAlpha(Integrator):
     @property
     def weight(self) -> float:
         """Factor of the mean forces of a step in its equations, see ``integrators.split.step``."""
-        return (1.0 - self.alpha_m) / (1.0 - self.alpha_f) / (2.0 * self.beta)
+        return _weight(self.rho_inf)
 
     def prepare(self, system: System) -> None:
         """See :meth:`Integrator.prepare`."""
@@ -227,6 +227,13 @@ def predict_step(
     else:
         split.predict(laws.shifts)
     rows.elements.begin(laws.states)
+
+
+@lru_cache(maxsize=_SIZES)
+def _weight(rho_inf: float) -> float:
+    """See ``GeneralizedAlpha.weight``."""
+    scheme = GeneralizedAlpha(rho_inf)
+    return (1.0 - scheme.alpha_m) / (1.0 - scheme.alpha_f) / (2.0 * scheme.beta)
 
 
 @lru_cache(maxsize=_SIZES)

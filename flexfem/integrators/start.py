@@ -117,7 +117,7 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
         part.block.spread_step()
         part.block.acceleration[:] = part.block.step
         part.block.start()
-    rows.consistent = True
+    rows.consistent, rows.slack = True, False
     rows.elements.start(rows)
     return Status.OK
 

@@ -9,6 +9,7 @@ import pytest
 import flexfem as ff
 from flexfem.contact.law.data import GAP
 from flexfem.lie import se3
+from flexfem.simulation.motion.stepping import Simulation
 from flexfem.solvers.frozen import stiff_rows
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.system.mechanics import END_POINT
@@ -138,3 +139,47 @@ def test_stiff_contacts_ask_for_no_factors(tilt):
     assert history["touch_closed"].max() == (21 if tilt == 0.0 else pytest.approx(6, abs=3))
     # Newton's tolerance over 30 steps with blows; another set of contacts changes 1e-4
     np.testing.assert_allclose(history["tip_z"], fresh["tip_z"], atol=1e-6)
+
+
+def grid(count: int = 8, elements: int = 9) -> ff.Model:
+    """Two layers of crossing ropes, of which the upper one flies down onto the other."""
+    random, lines, speeds = np.random.default_rng(1), {}, {}
+    for k, at in enumerate(0.05 + 0.03 * np.cumsum(random.uniform(0.6, 2.0, count))):
+        lines[f"x{k}"] = np.array([(0.0, at, 0.0), (0.6, at, 0.0)])
+        lines[f"y{k}"] = np.array([(at, 0.0, 0.0106), (at, 0.6, 0.0106)])
+        speeds[f"x{k}"], speeds[f"y{k}"] = 0.0, -random.uniform(0.5, 1.5)
+    model = ff.Model("grid", mesh=ff.LineMesh.straight(lines, elements))
+    section = ff.Section.circle(0.01, ff.Material(1e7, 0.45, 1000.0))
+    model.add(*(ff.Beam(name, section, velocity=(0, 0, v)) for name, v in speeds.items()))
+    model.add(ff.Contact("all"), ff.ContactProbe("touch", "all"))
+    return model
+
+
+@pytest.mark.serial
+def test_many_contacts_are_coupled_by_the_compliances_of_nodes(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """The same motion with fewer directions, and without a factorisation for contacts."""
+    found, added = [], stiff_rows._Forces._append
+    monkeypatch.setattr(stiff_rows, "_SOFT", 0.0)
+    for many in (1, 10**9):
+        count: list[int] = []
+        monkeypatch.setattr(stiff_rows, "_MANY", many)
+        monkeypatch.setattr(
+            stiff_rows._Forces, "_append", lambda *given, of=count: (of.append(1), added(*given))[1]
+        )
+        motion = Simulation(grid(), ff.RunOptions(dt=1e-3, t_end=1.0, quiet=True), MPI.COMM_SELF)
+        closed = 0
+        for _ in range(4):
+            motion.advance(1e-3)
+            closed = max(closed, motion.system.contacts[0].closed)
+        counters, frames = motion.system.counters, motion.system.parts[0].block.frames.copy()
+        found.append((len(count) / counters.newton_iterations, counters, frames, closed))
+    (coupled, counters, frames, closed), (plain, _, other, _) = found
+    assert closed >= 40
+    # a matrix without the coupling takes as many directions as none
+    assert coupled < 0.75 * plain
+    assert counters.factorizations == 1
+    assert counters.fallbacks == 0
+    # what the iteration leaves; another solution is off by 1e-4
+    np.testing.assert_allclose(frames, other, rtol=0.0, atol=1e-8)

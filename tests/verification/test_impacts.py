@@ -16,6 +16,7 @@ from scipy.integrate import solve_ivp
 import flexfem as ff
 from flexfem.analyses.dynamics import INTEGRATORS
 from flexfem.core.status import Status
+from flexfem.integrators.split.unilateral import UnilateralRows
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.simulation.motion.stepping import Simulation
 
@@ -339,3 +340,28 @@ def test_ranks(drop: float) -> None:
         found.append(comm.allreduce(np.array(sums)))
     assert found[0][0] > 0.0
     np.testing.assert_allclose(found[1], found[0], rtol=1e-9)
+
+
+@pytest.mark.serial
+def test_open_stops_are_looked_at_alone(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Steps within the limits evaluate no forces over them, and all steps are those that do."""
+    evaluated = []
+    usual = UnilateralRows.evaluate
+    monkeypatch.setattr(
+        UnilateralRows, "evaluate", lambda *given: (evaluated.append(1), usual(*given))
+    )
+    quick, slow = (started(between_walls(), 1e-3) for _ in range(2))
+    counts = [0, 0]
+    for _ in range(100):
+        slow.system.constraints.slack = False
+        for i, one in enumerate((quick, slow)):
+            evaluated.clear()
+            one.advance(1e-3)
+            counts[i] += bool(evaluated)
+    # five bounces of 3 steps and the ones after them; the other steps are plain
+    assert counts[0] <= 35
+    assert counts[1] == 100
+    # a step that misses a wall is off by 1
+    for one, other in zip(quick.system.parts, slow.system.parts, strict=True):
+        np.testing.assert_allclose(one.block.velocity, other.block.velocity, rtol=0, atol=1e-12)
+        np.testing.assert_allclose(one.block.frames, other.block.frames, rtol=0, atol=1e-13)

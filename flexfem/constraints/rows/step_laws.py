@@ -27,6 +27,7 @@ from flexfem.lie._coefficients import Triple
 
 __all__ = [
     "RowsOverStep",
+    "any_beyond",
     "begin_step",
     "divide_rows",
     "evaluate_over_step",
@@ -324,6 +325,19 @@ def open_rows(memory: Memory, which: IntArray, forces: FloatArray, out: BoolArra
         out[k] = beyond == 0.0 or beyond * forces[r] < 0.0
         some = some or out[k]
     return some
+
+
+@kernel
+def any_beyond(memory: Memory, which: IntArray) -> bool:
+    """True if any active one of the rows (k,) is beyond its limits at the last evaluation."""
+    own, g, scratch = unpack(RowArrays, memory), np.empty(12), np.empty((5, 3))
+    for k in range(which.size):
+        r = which[k]
+        if own.active[r]:
+            value = _sum(own, r, g, scratch) - own.targets[r]
+            if _beyond(own.elastic[r], value) != 0.0:
+                return True
+    return False
 
 
 @kernel

@@ -32,9 +32,9 @@ from flexfem.core.state import Numbering, State
 
 __all__ = ["BarrierContacts"]
 
-#: Least way by which cells may approach before pairs are searched again, in parts of the largest
-#: gap below which they repel, and the number of steps as long as the last one for which they do.
-_SKIN, _STEPS = 0.5, 16.0
+#: Motion for which pairs are found: that of so many steps like the last one, and to all sides a
+#: part of the largest gap below which they repel, and of the way of the last step.
+_STEPS, _SKIN, _ASIDE = 8.0, 0.25, 2.0
 #: Part of the largest edge of the cells by which points move at most in one correction.
 _STRIDE = 1.0
 #: Relative change of forces, and way of points in parts of the gap at which they repel, at which an
@@ -43,6 +43,8 @@ _SETTLED, _NEAR = 1e-8, 1e-3
 #: Correction that decides by its contraction whether friction is to be smoothed, the widths of
 #: smoother friction, and their ratio.
 _EARLY, _HARDLY, _LEVELS, _BLUR = 5, 0.5, 8, 3.0
+#: Way of points, in the same parts, below which the last correction was close to the solution.
+_CLOSE = 0.5
 
 
 class BarrierContacts:
@@ -241,23 +243,32 @@ class BarrierContacts:
             out = self._comm.allreduce(out, op=MPI.LOR)
         if not out:
             return
-        sets = [self._last, self._points, *([self._before] if self._over_step else [])]
-        longest = np.zeros(1)
-        if self._over_step:
-            longest[0] = _farthest(self._before, self._points, self._touching())
         if self._comm.size > 1:
-            self._comm.Allreduce(MPI.IN_PLACE, longest, op=MPI.MAX)
-        skin = max(_SKIN * self._reach, min(_STEPS * longest[0], self._stride))
-        if self._comm.size > 1:
-            self._bring(sets, skin)
-        low, high = np.minimum.reduce(sets), np.maximum.reduce(sets)
-        motion = Motion(low, high, skin, self._known)
+            self._bring()
+        self._low, self._high = self._boxes()
+        motion = Motion(self._low, self._high, known=self._known)
         for one in self.contacts:
             one.search(motion)
-        self._low, self._high = low - 0.5 * skin, high + 0.5 * skin
 
-    def _bring(self, sets: list[FloatArray], skin: float) -> None:
-        """Ask for the points near those of this rank in all ``sets`` of positions (collective)."""
+    @property
+    def _sets(self) -> list[FloatArray]:
+        """Positions (n, 3) between which pairs are to be known."""
+        return [self._last, self._points, *([self._before] if self._over_step else [])]
+
+    def _boxes(self) -> tuple[FloatArray, FloatArray]:
+        """Lower and upper corners (n, 3) of boxes in which points stay for some steps."""
+        sets, aside = self._sets, np.full((len(self._points), 1), _SKIN * self._reach)
+        if self._over_step:
+            way = self._points - self._before
+            size = np.linalg.norm(way, axis=1, keepdims=True)
+            steps = np.minimum(_STEPS, self._stride / np.maximum(size, 1e-300))
+            sets = [*sets, self._before + steps * way]
+            aside += np.minimum(_ASIDE * size, self._stride)
+        return np.minimum.reduce(sets) - aside, np.maximum.reduce(sets) + aside
+
+    def _bring(self) -> None:
+        """Ask for the points near those of this rank (collective)."""
+        sets = self._sets
         carriers, comm = self._carriers, self._comm
         mine = [_own_cells(one, carriers.home == comm.rank) for one in self.contacts]
         corners = [one.own.surface.complex.points[cells] for one, cells in
@@ -266,9 +277,9 @@ class BarrierContacts:
         carriers.ask(own)
         self._bring_all(sets)
         boxes, box = [], np.array([[np.inf] * 3, [-np.inf] * 3])
-        low, high = np.minimum.reduce(sets), np.maximum.reduce(sets)
+        low, high = self._boxes()
         for one, cells in zip(self.contacts, mine, strict=True):
-            found = Boxes.of(one.own.surface, one.own.touching, Motion(low, high, skin))
+            found = Boxes.of(one.own.surface, one.own.touching, Motion(low, high))
             boxes.append((found.low[cells], found.high[cells]))
             if len(cells):
                 box[0] = np.minimum(box[0], found.low[cells].min(0))
@@ -305,7 +316,8 @@ class BarrierContacts:
         if self._over_step:
             self._spins.update()
         for one in self.contacts:
-            one.evaluate(over_step=self._over_step, blur=_BLUR**self._levels)
+            near = self._over_step and one.way(self._last, self._points) < _CLOSE
+            one.evaluate(over_step=self._over_step, blur=_BLUR**self._levels, near=near)
         self.evaluated, self._entries = True, None
 
     def refresh(self) -> None:

@@ -6,6 +6,7 @@ from typing import Protocol
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.contact.dissipation.coupling import vectors_of_rows
 from flexfem.contact.dissipation.data import PUSH, Groups, Law, StepMotion
 from flexfem.contact.dissipation.rows import (
     add_friction,
@@ -40,6 +41,9 @@ class PairKind(Protocol):
 
     def respond(self, motion: StepMotion, *, over_step: bool) -> None:
         """Write the response of the pairs to a step, or at its end alone."""
+
+    def turn(self, motion: StepMotion) -> None:
+        """Add to the tangents of a step how forces turn, where it is known."""
 
     def add_actions(self, scale: float, steps: FloatArray, sums: FloatArray) -> None:
         """Add ``scale`` times the tangent's action on steps (n, 3) to (n, 3)."""
@@ -98,13 +102,18 @@ class GroupedPairs:
         if self._law.restitution < 1.0:
             remember(self.groups.memory, self._motion.memory, impacts)
 
-    def evaluate(self, *, over_step: bool) -> None:
-        """Evaluate the step to the trial state, or the trial state alone."""
+    def evaluate(self, *, over_step: bool, near: bool = False) -> None:
+        """Evaluate the step to the trial state, or the trial state alone.
+
+        The tangent is the whole one of a step when the trial state is ``near`` the last one.
+        """
         self.kind.respond(self._motion, over_step=over_step)
         dissipate(
             self.pairs.memory, self.response.memory, (self._law if over_step else _ELASTIC).memory,
             self._motion.memory, self.groups.memory,
         )  # fmt: skip
+        if over_step and near:
+            self.kind.turn(self._motion)
 
     def add_forces(self, scale: float, sums: FloatArray, couples: FloatArray) -> None:
         """Add ``scale`` times the forces and couples on all points to (n, 3) each."""
@@ -176,6 +185,18 @@ class GroupedPairs:
     def push(self, forces: FloatArray, sums: FloatArray, couples: FloatArray) -> None:
         """Add forces (g, 1 or 3) along the rows to those on all points (n, 3)."""
         spread(self.groups.memory, forces, sums, couples)
+
+    def vectors_of_rows(self, first: int) -> tuple[IntArray, IntArray, FloatArray]:
+        """Points (k,) on which rows of motion act, these, counted from ``first``, and (k, 3) along.
+
+        Spins are left out.
+        """
+        width = 3 if self.rubs else 1
+        count = width * int(self.groups.starts[self.closed]) if self.closed else 0
+        points, rows = np.empty((2, count), np.int64)
+        vectors = np.empty((count, 3))
+        vectors_of_rows(self.groups.memory, width, points, rows, vectors)
+        return points, rows + first, vectors
 
     def gaps(self) -> FloatArray:
         """Gaps of the pairs that act, m."""

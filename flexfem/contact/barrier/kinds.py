@@ -20,7 +20,7 @@ from flexfem.contact.primitives.data import Pairs, Response
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.primitives.search import find_pairs
 from flexfem.contact.primitives.statics import forces_at_rest
-from flexfem.contact.primitives.steps import forces_of_step
+from flexfem.contact.primitives.steps import forces_of_step, turn_forces
 from flexfem.contact.primitives.tangents import add_actions, blocks_into
 
 __all__ = ["OfCells", "OfFields"]
@@ -54,6 +54,10 @@ class OfCells:
             forces_of_step(pairs, motion.before, motion.after, response)
         else:
             forces_at_rest(pairs, motion.after, response)
+
+    def turn(self, motion: StepMotion) -> None:
+        """See ``PairKind``."""
+        turn_forces(self._pairs.memory, motion.before, motion.after, self._response.memory)
 
     def add_actions(self, scale: float, steps: FloatArray, sums: FloatArray) -> None:
         """See ``PairKind``."""
@@ -112,6 +116,9 @@ class OfFields:
             field_statics.forces_at_rest(
                 found.pairs.memory, state.memory, bends, self._response.memory
             )
+
+    def turn(self, motion: StepMotion) -> None:
+        """See ``PairKind``: unknown."""
 
     def add_actions(self, scale: float, steps: FloatArray, sums: FloatArray) -> None:
         """See ``PairKind``."""

@@ -100,14 +100,19 @@ class ContactPairs:
         for one in self.every:
             one.end(self.impacts)
 
-    def evaluate(self, *, over_step: bool, blur: float = 1.0) -> None:
+    def evaluate(self, *, over_step: bool, blur: float = 1.0, near: bool = False) -> None:
         """Evaluate the step to the trial state, or the trial state alone.
 
         Friction is that of Coulomb's law from a multiple ``blur`` of the slip speed on.
+        The tangent is the whole one of a step when the trial state is ``near`` the last one.
         """
         self._motion.blur = blur
         for one in self.every:
-            one.evaluate(over_step=over_step)
+            one.evaluate(over_step=over_step, near=near)
+
+    def way(self, before: FloatArray, after: FloatArray) -> float:
+        """Largest way of points of all pairs in a motion, in parts of the gap of repulsion."""
+        return max(one.way(before, after) for one in self.every)
 
     @property
     def count(self) -> int:

@@ -1,14 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Closed contacts as springs beside the factors of the bodies: rows of the groups of pairs."""
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
+from scipy import sparse
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.contact.barrier.grouped import GroupedPairs
 from flexfem.contact.barrier.spins import Spins
-from flexfem.contact.carriers import Carriers
+from flexfem.contact.carriers import Carriers, Points
+from flexfem.contact.dissipation.coupling import couple
+from flexfem.core.nodes.frame_block import FrameBlock
 
 __all__ = ["GroupRows"]
 
@@ -27,6 +30,7 @@ class GroupRows:
         """Store the points and all pairs; no rows."""
         self._carriers, self._spins, self._every = carriers, spins, every
         self._steps, self._forces, self._couples = np.zeros((3, len(carriers.serial.start), 3))
+        self._compliances = np.zeros((len(carriers.serial.start), 9))
         self.slopes, self._cuts = np.zeros(0), [0]
         self.rub = any(one.rubs for one in every)
 
@@ -35,6 +39,27 @@ class GroupRows:
         slopes = [one.slopes.ravel() for one in self._every]
         self.slopes = factor * np.concatenate(slopes)
         self._cuts = np.cumsum([0, *map(len, slopes)]).tolist()
+
+    @property
+    def blocks(self) -> dict[int, FrameBlock]:
+        """See ``SpringRows``."""
+        return {kind: one.block for kind, one in self._carriers.by_kind.items()}
+
+    def coupled(self, compliances: Mapping[int, FloatArray]) -> sparse.csc_array:
+        """See ``SpringRows``."""
+        self._carriers.compliances(compliances, self._compliances)
+        found = [
+            one.vectors_of_rows(first)
+            for one, first in zip(self._every, self._cuts[:-1], strict=True)
+        ]
+        points, rows, vectors = (np.concatenate(parts) for parts in zip(*found, strict=True))
+        points, rows, vectors = _of_nodes(self._carriers.serial, points, rows, vectors)
+        order = np.argsort(points, kind="stable")
+        given = points[order], rows[order], vectors[order], self._compliances
+        size, count = len(self.slopes), couple(*given, _triplets(0))
+        out = _triplets(count)
+        couple(*given, out)
+        return sparse.coo_array((out[2], out[:2]), shape=(size, size)).tocsc()
 
     def motions(self) -> FloatArray:
         """See ``SpringRows``."""
@@ -56,3 +81,26 @@ class GroupRows:
         for kind in self._carriers.by_kind:
             self._carriers.add_forces(kind, self._forces)
             self._spins.add_couples(kind, self._couples)
+
+
+def _triplets(count: int) -> tuple[IntArray, IntArray, FloatArray]:
+    """Memory for so many rows, columns and values."""
+    return np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
+
+
+def _of_nodes(
+    serial: Points, points: IntArray, rows: IntArray, vectors: FloatArray
+) -> tuple[IntArray, IntArray, FloatArray]:
+    """The same of points fixed to nodes: those that the others are means of take their parts."""
+    between = points >= serial.carried
+    if not between.any():
+        return points, rows, vectors
+    of, kept = points[between] - serial.carried, ~between
+    parents, weights = serial.parents[of], serial.weights[of]
+    width = parents.shape[1]
+    parts = (weights[:, :, np.newaxis] * vectors[between][:, np.newaxis]).reshape(-1, 3)
+    return (
+        np.concatenate([points[kept], parents.ravel()]),
+        np.concatenate([rows[kept], np.repeat(rows[between], width)]),
+        np.concatenate([vectors[kept], parts]),
+    )

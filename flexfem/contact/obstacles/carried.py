@@ -23,6 +23,7 @@ __all__ = [
     "add_over_step",
     "add_turned",
     "carried_into",
+    "compliances_into",
     "moved_into",
     "rates_into",
     "spins_into",
@@ -81,6 +82,38 @@ def moved_into(nodes: Memory, carried: Memory, out: FloatArray) -> None:
             way[a] = step[a] + (_cross(step[3:], arms[k], a) if turns else 0.0)
         for a in range(3):
             out[rows[k], a] = H[3 + 3 * a] * way[0] + H[4 + 3 * a] * way[1] + H[5 + 3 * a] * way[2]
+
+
+@kernel
+def compliances_into(
+    nodes: Memory, carried: Memory, compliances: FloatArray, out: FloatArray
+) -> None:
+    """Write the compliances of points (k,) in inertial axes into their rows of (n, 9).
+
+    Those of the nodes, (m, 36) or (m, 9), are in the axes of their steps.
+    """
+    frames, own = unpack(Nodes, nodes).frames, unpack(Carried, carried)
+    local, arms, rows, width = own.local, own.arms, own.rows, 6 if own.turns else 3
+    P, Q = np.empty((3, 6)), np.empty((3, 6))
+    for k in range(local.size):
+        H, C, arm = frames[local[k]], compliances[local[k]], arms[k]
+        for a in range(3):
+            x, y, z = H[3 + 3 * a], H[4 + 3 * a], H[5 + 3 * a]
+            P[a, 0], P[a, 1], P[a, 2] = x, y, z
+            P[a, 3] = arm[1] * z - arm[2] * y
+            P[a, 4] = arm[2] * x - arm[0] * z
+            P[a, 5] = arm[0] * y - arm[1] * x
+        for a in range(3):
+            for j in range(width):
+                Q[a, j] = 0.0
+                for i in range(width):
+                    Q[a, j] += P[a, i] * C[width * i + j]
+        for a in range(3):
+            for b in range(3):
+                total = 0.0
+                for j in range(width):
+                    total += Q[a, j] * P[b, j]
+                out[rows[k], 3 * a + b] = total
 
 
 @kernel

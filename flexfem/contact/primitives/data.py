@@ -74,9 +74,10 @@ POTENTIAL = 8
 #: Stiffness along the normal, N/m: that of the tangent.
 SLOPE = 9
 #: For equilibria: force over distance, N/m, negative where it repels, the factor of the geometric
-#: tangent; 0 for steps.
+#: tangent; for steps, half of it where ``steps.turn_forces`` has been called, else 0.
 BEND = 10
-#: For equilibria: how the closest points move, twice 4 weights and 3 components, see ``turning``.
+#: Where that is not 0: how the closest points move, twice 4 weights and 3 components, see
+#: ``turning``.
 TURN = 11
 #: For steps: 4 weights and 3 components of the mean line.
 LINE = 11

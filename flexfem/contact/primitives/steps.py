@@ -26,16 +26,18 @@ from flexfem.contact.primitives.data import (
     NORMAL,
     POTENTIAL,
     SLOPE,
+    TURN,
     WEIGHTS,
     Pairs,
     Response,
     regularisation,
 )
 from flexfem.contact.primitives.mean_lines import mean_line
-from flexfem.kernels.compiled import inlined, kernel
+from flexfem.contact.primitives.turning import write_turn
+from flexfem.kernels.compiled import inlined, kernel, subroutine
 from flexfem.kernels.records import Memory, unpack
 
-__all__ = ["forces_of_step"]
+__all__ = ["forces_of_step", "turn_forces"]
 
 #: Change, in parts of the forces of single pairs, by which at most the work of a group's forces is
 #: made exact. The step of an impact has 1.
@@ -99,6 +101,46 @@ def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, respons
         if not alone and count > first:
             _finish_group(own, work, out, first, count)
     out.count[0] = count
+
+
+@kernel
+def turn_forces(pairs: Memory, before: FloatArray, after: FloatArray, response: Memory) -> None:
+    """Add to the tangents how forces along mean lines turn with these; of groups of one pair.
+
+    The middle positions move by half of what the end does. For light bodies this is as large as
+    what masses do, and Newton's method needs it near a solution; far from it forces are too large.
+    """
+    own, out = unpack(Pairs, pairs), unpack(Response, response)
+    x, k = np.empty((4, 3)), 0
+    for g in range(len(own.starts) - 1):
+        alone = own.starts[g + 1] - own.starts[g] == 1
+        while k < out.count[0] and out.pairs[k] < own.starts[g + 1]:
+            if alone:
+                _turn(own, out.pairs[k], before, after, x, out.numbers[k], out.forces[k])
+            k += 1
+
+
+@subroutine
+def _turn(
+    own: Pairs, p: int, before: FloatArray, after: FloatArray, x: FloatArray, numbers: FloatArray,
+    forces: FloatArray,
+) -> None:  # fmt: skip
+    """Write the geometric tangent of the force of a pair; x (4, 3) is work space."""
+    weights, way, square, along = numbers[LINE : LINE + 4], numbers[LINE + 4 : LINE + 7], 0.0, 0.0
+    at = 0
+    for i in range(1, 4):
+        at = i if abs(weights[i]) > abs(weights[at]) else at
+    for a in range(3):
+        square += way[a] * way[a]
+        along += way[a] * forces[3 * at + a]
+    if square == 0.0:
+        return
+    numbers[BEND] = -0.5 * along / (weights[at] * square)
+    numbers[SLOPE] -= numbers[BEND]
+    place(before, after, own.points[p], 0.5, x)
+    rho = regularisation(own.kind[p], own.touch[p], own.dhat[p])
+    weights = numbers[WEIGHTS : WEIGHTS + 4]
+    write_turn(own.kind[p], x, rho, weights, np.sqrt(square), numbers[TURN:])
 
 
 @inlined

@@ -7,8 +7,8 @@ The tangent of a pair is
 
 k the slope, n the normal, c the force over the distance, and v_m the changes of the closest points
 (``turning``). It is the Hessian of the potential for equilibria. For steps k is the slope of the
-difference quotient, and c = 0: the rest saves no iterations of Newton's method where masses
-outweigh it.
+difference quotient, and c = 0 far from the solution, where masses outweigh the rest or forces are
+too large; near it see ``steps.turn_forces``.
 """
 
 import numpy as np

@@ -13,6 +13,9 @@ the usual ones with ``b J^T F``, ``b = (1 - alpha_m)/(1 - alpha_f)/(2 beta)``, a
 + b L``. W is found once the iteration has converged. For ``rho_inf = 1`` the work of F is the
 change of the kinetic energy, exactly.
 
+While all rows are within their limits, steps are those of the scheme without them; one at whose end
+a row is beyond is solved again.
+
 What stays closed is no impact. Forces of rows that have been closed for many steps, or since the
 start, are those of the smooth scheme: their accelerations are added to the accepted ones, and
 subtracted again before a step in which they end.
@@ -67,12 +70,14 @@ class Split(EndPoint):
         """Store the forces of the system, which act by impulses from now on."""
         self._system, self._forces, self._impulse = system, forces, Impulse(system)
         self._h, self._weight, self._start = 1.0, 1.0, system.time
+        self._plain = self._holding = False  # a step without forces; some in the accepted state
         self.acting = False
         self._means = np.zeros(system.constraints.size)
         self._jumps = [np.zeros_like(part.block.step) for part in system.parts]
         self._last_jumps = [jumps.copy() for jumps in self._jumps]
         self._steady = False
         self._touching = any(isinstance(one, UnilateralContacts) for one in forces)
+        self._limited = [one for one in forces if isinstance(one, UnilateralRows)]
         rows, comm = system.constraints, system.comm
         self._rubbing: bool = comm.allreduce(bool(len(rows.coupled)), op=MPI.LOR)
         rows.split, self._apart = True, rows.unilateral
@@ -83,6 +88,11 @@ class Split(EndPoint):
         Collective. In the equations the forces are multiplied by ``weight``.
         """
         self._h, self._weight, self._start = h, weight, self._system.time
+        self._plain = self._system.constraints.slack and not self._touching
+        return self._plain or self._begin()
+
+    def _begin(self) -> bool:
+        """Start a step with forces (collective)."""
         self._system.constraints.own.excess[:] = 0.0
         self._system.interface.update()
         return self._divide()
@@ -137,6 +147,14 @@ class Split(EndPoint):
             predict: makes a predicted trial state.
             kick: changes the velocities of a block by its steps.
         """
+        if self._plain:
+            status = attempt()
+            if status is Status.OK and not self._any([one.met for one in self._limited]):
+                return status
+            self._plain = False
+            if not self._return(self._begin):
+                return Status.SINGULAR
+            predict()
         releases = 0
         for _ in range(_SOLUTIONS):
             status = attempt()
@@ -157,21 +175,31 @@ class Split(EndPoint):
         """True if forces of the scheme have ended; find whether others act (collective)."""
         self._system.interface.update()
         opened = [forces.opened for forces in self._forces]  # each finds its own
-        found = 2 * any(opened) + any(forces.acting for forces in self._forces)
+        found = _OPENED * any(opened) + _ACTING * any(forces.acting for forces in self._forces)
+        found += _HOLDING * any(rows.holding for rows in self._limited)
         comm = self._system.comm
-        found = comm.allreduce(found, op=MPI.MAX) if comm.size > 1 else found
-        self.acting = found == 1
-        return found >= 2
+        found = comm.allreduce(found, op=MPI.BOR) if comm.size > 1 else found
+        ended, self._holding = bool(found & _OPENED), bool(found & _HOLDING)
+        self.acting = bool(found & _ACTING) and not ended
+        return ended
 
     def _release(self, *, every: bool) -> bool:
         """Return to the accepted state, without forces that have ended in its accelerations."""
+
+        def divide() -> bool:
+            for forces in self._forces:
+                forces.release(every=every)
+            return self._divide()
+
+        return self._return(divide)
+
+    def _return(self, begin: Callable[[], bool]) -> bool:
+        """Return to the accepted state and begin the step there; the result of ``begin``."""
         system, end = self._system, self._system.time
         system.set_time(self._start)
         system.reset()
         system.interface.update()
-        for forces in self._forces:
-            forces.release(every=every)
-        done = self._divide()
+        done = begin()
         system.set_time(end)
         return done
 
@@ -194,12 +222,17 @@ class Split(EndPoint):
     def evaluate_rows(self, system: System, shifts: Shifts) -> None:
         """See :class:`EndPoint`."""
         super().evaluate_rows(system, shifts)
+        if self._plain:
+            return
         for forces in self._forces:
             forces.evaluate(shifts)
 
     def predict(self, shifts: Shifts) -> None:
         """Multipliers of a predicted trial state: those of the last step."""
         rows = self._system.constraints
+        if self._plain:
+            np.multiply(rows.forces, shifts.scale, out=rows.multipliers)
+            return
         rows.multipliers[:] = shifts.scale * (rows.forces + self._weight * rows.impulses)
 
     def continue_impulses(self, share: float) -> None:
@@ -253,10 +286,13 @@ class Split(EndPoint):
         np.divide(rows.multipliers, shifts.scale, out=rows.forces)
         if self.acting:
             rows.forces -= self._weight * self._means
-        rows.forces[self._apart] = 0.0
+        np.copyto(rows.forces, 0.0, where=self._apart)
+        if self._plain:
+            return
         rows.impulses[:] = self._means
         for forces in self._forces:
             forces.accept()
+        rows.slack = not (self.acting or self._holding)
 
     def accepted(self) -> None:
         """Complete the accepted state of a step with impulses.
@@ -266,6 +302,8 @@ class Split(EndPoint):
         nodes by whole turns, unless they last.
         """
         system = self._system
+        if self._plain:
+            return
         if not self.acting:
             self._steady = False
             for last in self._last_jumps:
@@ -289,6 +327,8 @@ class Split(EndPoint):
         return comm.allreduce(any(flags), op=MPI.LOR) if comm.size > 1 else any(flags)
 
 
+#: What is found of the forces of a step, see ``Split._look``.
+_ACTING, _OPENED, _HOLDING = 1, 2, 4
 #: Relative change of impulses from step to step below which they last.
 _LASTING = 0.1
 #: Number of solutions of a step, and relative change of normal forces that ends them.

@@ -10,6 +10,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.rows.step_laws import (
     RowsOverStep,
+    any_beyond,
     begin_step,
     divide_rows,
     evaluate_over_step,
@@ -241,6 +242,16 @@ class UnilateralRows(Unilateral):
         rows = self._rows
         rows.place_markers()
         return open_rows(rows.own.memory, self._within, rows.forces, self._open)
+
+    @property
+    def holding(self) -> bool:
+        """True if rows have forces in the accepted accelerations, on this rank."""
+        return len(self._within) > 0
+
+    @property
+    def met(self) -> bool:
+        """True if a row was beyond its limits at the last evaluation of rows, on this rank."""
+        return any_beyond(self._rows.own.memory, self._numbers)
 
     def _beyond(self, which: IntArray, values: FloatArray) -> FloatArray:
         """(k,) distances by which values of rows are beyond their limits."""

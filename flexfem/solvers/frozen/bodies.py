@@ -30,6 +30,9 @@ __all__ = ["Bodies", "FlexibleBodies", "KeptFactor", "RigidBodies"]
 #: Number of unknowns from which a body has its own factors: a solve then takes much longer than its
 #: call.
 _ALONE = 600
+#: Nodes from one to the next that are loaded together for compliances of nodes: what one does at
+#: another is small in a step of a motion.
+_APART = 8
 
 
 @dataclass(frozen=True)
@@ -77,7 +80,8 @@ class KeptFactor:
     """Factors of the flexible bodies of a part for one step size, one for each piece.
 
     ``solvers`` solve with them for the steps; ``nodes`` are the arrays of ``Mechanics.origin`` from
-    which they were computed; ``direct`` is True if there are no responses, see :class:`Bodies`.
+    which they were computed; ``direct`` is True if there are no responses, see :class:`Bodies`;
+    ``near`` has the compliances of nodes once they are found.
     """
 
     factors: list[Factor]
@@ -86,6 +90,7 @@ class KeptFactor:
     responses: FloatArray
     compliances: FloatArray
     nodes: dict[str, FloatArray]
+    near: list[FloatArray]
 
 
 class RigidBodies:
@@ -121,6 +126,10 @@ class RigidBodies:
         rigid_responses(group.own.memory, self._inverses)
         self._of_masses = regular and shifts is MASS  # which are constant in the bodies' axes
         return regular
+
+    def of_nodes(self) -> FloatArray:
+        """Compliances (n_owned, 6, 6) of the bodies."""
+        return self._inverses
 
     def respond(self, y: FloatArray) -> None:
         """See :meth:`Bodies.respond`."""
@@ -223,7 +232,7 @@ class FlexibleBodies:
         nodes = {name: values.copy() for name, values in origin.items()}
         solvers = [self._solver(k, factor) for k, factor in enumerate(factors)]
         compliances = np.zeros(len(group.own.compliances))
-        return KeptFactor(factors, solvers, direct, responses, compliances, nodes)
+        return KeptFactor(factors, solvers, direct, responses, compliances, nodes, [])
 
     def _solver(self, k: int, factor: Factor) -> Callable[[], None]:
         """Solve with the factors of piece ``k``, see :meth:`solve`."""
@@ -286,6 +295,24 @@ class FlexibleBodies:
         y[columns[:, 0], columns[:, 1]] = 0.0
         held = columns[self._held]
         y[held[:, 0], held[:, 1]] = self.group.part.block.owned_step[self._ends]
+
+    def of_nodes(self) -> FloatArray | None:
+        """Compliances (n_owned, w, w) of nodes, about; None if they are not along lines.
+
+        Joints are left out (collective).
+        """
+        if self._chained and not self._kept.near:
+            block, width, right = self.group.part.block, self.group.part.block.width, self._right
+            most = self._system.comm.allreduce(min(block.owned, _APART), op=MPI.MAX)
+            found = np.zeros((block.owned, width, width))
+            for first in range(most):
+                for i in range(width):
+                    right[:] = 0.0
+                    right[first::_APART, i] = 1.0
+                    self.solve()
+                    found[first::_APART, :, i] = block.owned_step[first::_APART]
+            self._kept.near.append(found)
+        return self._kept.near[0] if self._chained else None
 
     def solve(self) -> None:
         """Steps of the owned nodes for their right-hand sides (collective)."""

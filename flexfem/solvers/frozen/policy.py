@@ -60,22 +60,27 @@ class _Attempt:
         self._frozen, self._slow, self._limit, self._tolerance = frozen, slow, limit, tolerance
         self.refine, self.defect = refine, defect
         self._keep_interface, self._renewed = False, 0.0
-        self._touched = False
+        self._touched = self._cut = False
         self._refined: Refined | None = None
 
     def step(self, shifts: Shifts, strains: PartStrains) -> tuple[bool, FloatArray]:
         """See ``LinearStep``."""
         success, change, self._refined = self._frozen.step(
-            shifts, strains, keep_interface=self._keep_interface, refine=self.refine
-        )
+            shifts, strains, keep_interface=self._keep_interface,
+            refine=self.refine and not self._cut,
+        )  # fmt: skip
         if self._refined is not None:
             self.defect = self._refined.defect
         return success, change
 
     def observe(
-        self, iteration: int, size: float, motion: float, contraction: float, strains: PartStrains
-    ) -> None:
+        self, iteration: int, size: float, motion: float, contraction: float, part: float,
+        strains: PartStrains,
+    ) -> None:  # fmt: skip
         """See ``Observer``; the decision is the same on all ranks.
+
+        After a correction that contacts have cut short, the next one is not refined: it is far from
+        the solution, and may be cut again.
 
         While contacts are closed in a step, contraction is no measure of the factors: they open and
         close. Steps are refined first, and factors renewed only where that is not accurate while
@@ -85,6 +90,7 @@ class _Attempt:
         motion (m, rad), however large the multipliers' step is, and is corrected by refinement.
         """
         frozen, tolerance = self._frozen, self._tolerance
+        self._cut = part < 1.0
         self._touched = self._touched or frozen.sprung
         if self.refine:
             near = size <= _NEAR or motion <= _STILL
@@ -98,6 +104,8 @@ class _Attempt:
         exact = self._refined is not None and self._refined.exact
         if self._slow is None or exact or self._renewed >= 1.0 or size <= tolerance:
             return
+        if frozen.exact:
+            return  # rigid bodies alone have no factors
         if self._touched and (self._refined is None or contraction >= 1.0):
             return  # factors of a state far from the solution are worse than old ones
         worst = frozen.worst(self._refined)

@@ -25,6 +25,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.state import State
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.solvers.frozen.bodies import FlexibleBodies, KeptFactor, RigidBodies
@@ -271,13 +272,18 @@ class FrozenSolver:
         if not (keep_interface or self._factor_interface(shifts)):
             return False, np.zeros(rows.size), None
         for contacts in self.system.contacts:
-            self._stiff.take(contacts.rows(), shifts)
+            self._stiff.take(contacts.rows(), shifts, self._compliances)
         correction, refined = self._with_springs(self._solve(rows.values), refine=refine), None
         if refine:
             correction, refined = self._refinement.correct(
                 shifts, strains, correction, self._solve_beyond
             )
         return True, -correction, refined
+
+    def _compliances(self, block: FrameBlock) -> FloatArray | None:
+        """Compliances (n_owned, w, w) of the nodes of a block, about; None if unknown."""
+        bodies = next(one for one in self._bodies if one.group.part.block is block)
+        return bodies.of_nodes()
 
     def constrain(
         self, shifts: Shifts, values: FloatArray, keep: bool, flexible: bool

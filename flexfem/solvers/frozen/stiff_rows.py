@@ -12,17 +12,26 @@ left are the least; while they are too large, they are the next direction (gener
 residuals; Eisenstat, Elman, Schultz 1983). All solves of an iteration share the directions: there
 are no more of them than springs, and the last solves need none. Directions and motions are scaled
 by ``1 / sqrt(c + 1/D)``, c a typical compliance of the rows, since slopes differ by decades.
+
+Many springs, such as those of a heap of ropes, would need as many directions. With the compliances
+C of single nodes, ``J C J^T + D^-1`` is sparse: it is factorised, on each rank for its own springs,
+and its inverse times the motions that are left is the next direction. It has the springs that push
+the same node, and is off where they push neighbours.
 """
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Protocol
+from typing import TYPE_CHECKING, Protocol
 
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.solvers.frozen.vectors import StepVectors
 from flexfem.system.system import Shifts, System
+
+if TYPE_CHECKING:
+    from scipy.sparse import csc_array
 
 __all__ = ["SpringRows", "StiffRows"]
 
@@ -30,13 +39,19 @@ __all__ = ["SpringRows", "StiffRows"]
 Solve = Callable[[FloatArray], FloatArray]
 #: Motions (c,) for forces (c,) of springs alone, a direction with a number.
 Respond = Callable[[FloatArray, int], FloatArray]
+#: Compliances (n_owned, w, w) of the nodes of a block, about; None if unknown, on all ranks.
+NodeCompliances = Callable[[FrameBlock], FloatArray | None]
+#: Next direction (c,) for motions (c,) that are left.
+Direct = Callable[[FloatArray], FloatArray]
 
 #: Largest number of directions; stiffness over that of the frozen operator below which springs are
 #: soft: GMRES with the exact tangent needs no help with them.
 _MOST, _SOFT = 100, 20.0
+#: Number of springs on all ranks from which they are coupled by the compliances of nodes.
+_MANY = 40
 #: Relative error of the springs' forces: whether a stiff contact opens depends on small parts of
 #: its force, and what is left keeps Newton's method from an end.
-_ACCURACY = 1e-3
+_ACCURACY = 1e-2
 #: Slope of springs that have none, whose forces stay zero; part of a direction's motions below
 #: which it depends on the others, and part that an orthogonalisation must leave, else a second one
 #: follows, both squared.
@@ -59,6 +74,18 @@ class SpringRows(Protocol):
     @property
     def rub(self) -> bool:
         """See above."""
+        ...
+
+    @property
+    def blocks(self) -> dict[int, FrameBlock]:
+        """Blocks on which they act, by kind; empty if their coupling is unknown, on all ranks."""
+        ...
+
+    def coupled(self, compliances: Mapping[int, FloatArray]) -> "csc_array":
+        """Sparse ``J C J^T`` of this rank's springs (collective).
+
+        C are compliances (n_owned, w, w) of nodes, by the kind of their block.
+        """
         ...
 
     def motions(self) -> FloatArray:
@@ -87,16 +114,27 @@ class StiffRows:
         # of the directions, in pages that are used as they come
         self._responses = np.empty((_MOST if system.contacts else 0, len(vectors)))
 
-    def take(self, rows: SpringRows, shifts: Shifts) -> None:
+    def take(self, rows: SpringRows, shifts: Shifts, near: NodeCompliances) -> None:
         """Use springs for the next solves, none for a matrix without stiffness (collective)."""
         self.active = False
         scale = shifts.scale * shifts.stiffness
         if scale == 0.0:
             return
         slopes = scale * rows.slopes
-        if self._vectors.sum(np.array([float(np.count_nonzero(slopes))]))[0]:
+        count = self._vectors.sum(np.array([float(np.count_nonzero(slopes))]))[0]
+        if count:
             self.active, self.rub = True, rows.rub
             self._forces = _Forces(rows, slopes, self._vectors)
+            if count >= _MANY:
+                self._couple(near)
+
+    def _couple(self, near: NodeCompliances) -> None:
+        """Couple the springs by the compliances of nodes, if these are known (collective)."""
+        rows = self._forces.rows
+        found = {kind: near(block) for kind, block in rows.blocks.items()}
+        known = {kind: one for kind, one in found.items() if one is not None}
+        if known and len(known) == len(found):
+            self._forces.couple(rows.coupled(known))
 
     def correct(self, correction: FloatArray, solve: Solve, *, refine: bool = False) -> FloatArray:
         """Add the springs to the frozen solve whose steps are in the blocks (collective).
@@ -146,9 +184,41 @@ class _Forces:
         self._sum = vectors.sum
         self._compliance = 1.0 / np.maximum(slopes, _NO_SLOPE)
         self._scaling, self.soft = np.zeros(0), True
+        self._direct: Direct | None = None
         # the scaled motions of directions are a triangle, here inverted, times an orthonormal basis
-        self._directions, self._basis = np.zeros((2, 0, len(slopes)))
-        self._inverse = np.zeros((0, 0))
+        self._all_directions, self._all = np.empty((2, _MOST, len(slopes)))
+        self._inverses, self._count = np.zeros((_MOST, _MOST)), 0
+
+    @property
+    def _basis(self) -> FloatArray:
+        return self._all[: self._count]
+
+    @property
+    def _directions(self) -> FloatArray:
+        return self._all_directions[: self._count]
+
+    @property
+    def _inverse(self) -> FloatArray:
+        return self._inverses[: self._count, : self._count]
+
+    def couple(self, compliance: "csc_array") -> None:
+        """Use an approximate sparse ``J B^-1 J^T`` of this rank's springs from now on."""
+        from scipy.sparse import dia_array
+        from scipy.sparse.linalg import splu
+
+        size = len(self._slopes)
+        whole = compliance + dia_array((self._compliance[np.newaxis], [0]), shape=(size, size))
+        self._scaling = scaling = 1.0 / np.sqrt(whole.diagonal())
+        scaled = dia_array((scaling[np.newaxis], [0]), shape=(size, size))
+        self.soft = False
+        if not size:
+            self._direct = np.copy
+            return
+        factors = splu(
+            (scaled @ whole @ scaled).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
+            options={"SymmetricMode": True},
+        )  # fmt: skip
+        self._direct = lambda left: scaling * factors.solve(scaling * left)
 
     def solve(self, respond: Respond, *, leave_soft: bool) -> FloatArray:
         """Parts of the responses in that to the springs' forces, for the blocks' steps.
@@ -158,7 +228,7 @@ class _Forces:
             leave_soft: True for none if the springs are soft.
         """
         motions = self.rows.motions()
-        if not len(self._basis) and not self._begin(respond, motions):
+        if self._direct is None and not self._count and not self._begin(respond, motions):
             return np.zeros(0)
         if leave_soft and self.soft:
             return np.zeros(0)
@@ -186,20 +256,19 @@ class _Forces:
 
     def _extend(self, respond: Respond, left: FloatArray) -> bool:
         """Add a direction for motions (c,) that are left; False if it depends on the others."""
-        forces = self._scaling**2 * left
-        (size,) = self._norms(forces)
-        if not 0.0 < size < np.inf or len(self._basis) >= _MOST:
+        if self._count >= _MOST:
             return False
-        forces /= size
-        return self._append(forces, respond(forces, len(self._basis)))
+        forces = self._scaling**2 * left if self._direct is None else self._direct(left)
+        return self._append(forces, respond(forces, self._count))
 
     def _append(self, forces: FloatArray, moved: FloatArray) -> bool:
         """Add a direction (c,) with its motions (c,); False if it depends on the others."""
-        rest, count = self._scaling * (moved + self._compliance * forces), len(self._basis)
-        basis, column, whole = np.vstack([self._basis, rest]), np.zeros(count), 0.0
+        count = self._count
+        basis, column, whole = self._all[: count + 1], np.zeros(count), 0.0
+        basis[-1] = self._scaling * (moved + self._compliance * forces)
         for _ in range(2):
             along = self._sum(basis @ basis[-1])
-            basis[-1] -= along[:-1] @ self._basis
+            basis[-1] -= along[:-1] @ basis[:-1]
             column += along[:-1]
             left = along[-1] - along[:-1] @ along[:-1]
             whole = whole or along[-1]
@@ -209,11 +278,10 @@ class _Forces:
             return False
         size = np.sqrt(left)
         basis[-1] /= size
-        inverse = np.zeros((count + 1, count + 1))
-        inverse[:count, :count] = self._inverse
-        inverse[:count, count], inverse[count, count] = -self._inverse @ column / size, 1.0 / size
-        self._inverse, self._basis = inverse, basis
-        self._directions = np.vstack([self._directions, forces])
+        self._inverses[:count, count] = -self._inverse @ column / size
+        self._inverses[count, count] = 1.0 / size
+        self._all_directions[count] = forces
+        self._count += 1
         return True
 
     def _norms(self, *vectors: FloatArray) -> list[float]:

@@ -30,8 +30,8 @@ __all__ = [
 #: the strains of each part whose stresses the matrix takes.
 LinearStep = Callable[[Shifts, PartStrains], tuple[bool, FloatArray]]
 #: Called after an iteration with its number, its size and that of its motion alone, m or rad, its
-#: contraction, and the strains of the next.
-Observer = Callable[[int, float, float, float, PartStrains], None]
+#: contraction, the part of it that has been taken, and the strains of the next.
+Observer = Callable[[int, float, float, float, float, PartStrains], None]
 #: Solves with the matrix of the last step, given the blocks' residuals (stored there) and rows.
 SolveAgain = Callable[[FloatArray], bool]
 
@@ -121,7 +121,7 @@ def iterate(
         for contacts in system.contacts:
             contacts.watch(iteration, contraction)
         if observe is not None:
-            observe(iteration, size, sizes[0], contraction, strains)
+            observe(iteration, size, sizes[0], contraction, moved.part, strains)
         if converged:
             return Status.OK
         grows = size > max(_DIVERGENCE * max(previous, before), _NOISE * options.tolerance)
