@@ -29,12 +29,15 @@ from flexfem.contact.tangent_entries import ContactEntries, Triplets
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.halo import send_numbers
 from flexfem.core.state import Numbering, State
+from flexfem.kernels.compiled import kernel
 
 __all__ = ["BarrierContacts"]
 
 #: Least way by which cells may approach before pairs are searched again, in parts of the largest
 #: gap below which they repel, and the number of steps as long as the last one for which they do.
 _SKIN, _STEPS = 0.5, 16.0
+#: Largest such way outside of motions, in parts of the largest edge of the cells.
+_NARROW = 0.5
 #: Part of the largest edge of the cells by which points move at most in one correction.
 _STRIDE = 1.0
 #: Relative change of forces, and way of points in parts of the gap at which they repel, at which an
@@ -102,6 +105,9 @@ class BarrierContacts:
         self._known = here
         self._still = np.zeros((count, 3))
         self._over_step, self.factor, self._cayley = False, 1.0, False
+        self._ahead = 0.0
+        self._moves = np.ones(count)
+        self._moves[: surfaces.carried] = surfaces.kind >= 0
         self.evaluated, self.time = False, 0.0
         self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
 
@@ -133,6 +139,34 @@ class BarrierContacts:
         for one, speed in zip(self.contacts, speeds.tolist(), strict=True):
             one.stiffen(one.own.stiffness(speed))
         self._low[:], self._high[:] = np.inf, -np.inf
+
+    # -- Relaxation -----------------------------------------------------------------------------
+
+    def look_ahead(self, steps: float) -> None:
+        """Search pairs for so many steps as long as the last one, also outside of motions."""
+        self._ahead = steps
+
+    def mark_unsafe(self, keep: float) -> float:
+        """Part of the motion from the marked to the trial state without contact (collective).
+
+        It is that of :meth:`safe_part`; the points of all pairs that are cut are marked.
+        """
+        self._place()
+        self._search()
+        self._forces[:] = 0.0
+        way = _farthest(self._last, self._points, self._known)
+        part = _short_part(self._last, self._points, self._touching(), self._stride)
+        for one in self._every:
+            part = min(part, one.mark_unsafe(self._last, self._points, way, keep, self._forces))
+        if self._comm.size > 1:
+            part = self._comm.allreduce(part, op=MPI.MIN)
+        if part < 1.0:
+            self._carriers.gather(self._forces)
+        return part
+
+    def unsafe(self, kind: int) -> BoolArray:
+        """Nodes (n_owned,) of a block with points that are marked."""
+        return self._carriers.at_nodes(kind, self._forces[:, 0])[:, 0] > 0.0
 
     # -- Motion ---------------------------------------------------------------------------------
 
@@ -241,12 +275,13 @@ class BarrierContacts:
         if not out:
             return
         sets = [self._last, self._points, *([self._before] if self._over_step else [])]
-        longest = np.zeros(1)
-        if self._over_step:
-            longest[0] = _farthest(self._before, self._points, self._touching())
+        longest, ahead = np.zeros(1), _STEPS if self._over_step else self._ahead
+        begin = self._before if self._over_step else self._last
+        longest[0] = _farthest(begin, self._points, self._touching())
         if self._comm.size > 1:
             self._comm.Allreduce(MPI.IN_PLACE, longest, op=MPI.MAX)
-        skin = max(_SKIN * self._reach, min(_STEPS * longest[0], self._stride))
+        most = self._stride if self._over_step else _NARROW * self._stride
+        skin = max(_SKIN * self._reach, min(ahead * longest[0], most))
         if self._comm.size > 1:
             self._bring(sets, skin)
         low, high = np.minimum.reduce(sets), np.maximum.reduce(sets)
@@ -299,6 +334,9 @@ class BarrierContacts:
         """Evaluate all pairs at the trial state (collective)."""
         self._place()
         if not self._over_step:
+            way = _farthest(self._last, self._points, self._known)
+            for one in self._every:
+                one.went(way)
             self._last[:] = self._points
         self._search()
         if self._over_step:
@@ -375,16 +413,16 @@ class BarrierContacts:
         return self._rows
 
     def nearby(self, kind: int) -> FloatArray:
-        """Stiffness (n_owned, 6) at the nodes of a block of contacts that are closed, N/m.
+        """Bounds (n_owned, 6) of the sums of rows that closed contacts add at a block's nodes.
 
-        For rotations it is that of the arms, N m (collective).
+        They are in N/m, and N m for rotations (collective).
         """
         self.refresh()
-        total = np.zeros((len(self._points), 3))
+        self._forces[:] = 0.0
         for one in self._every:
-            one.add_slopes(total[:, 0])
-        self._carriers.gather(total)
-        return self._carriers.at_nodes(kind, total[:, 0])
+            one.add_stiffness(self._moves, self._forces)
+        self._carriers.gather(self._forces)
+        return self._carriers.at_nodes(kind, self.factor * self._forces[:, 0])
 
     # -- Accepted states ------------------------------------------------------------------------
 
@@ -393,8 +431,11 @@ class BarrierContacts:
         return
 
     def update(self) -> None:
-        """Begin again at the accepted state of an equilibrium (collective)."""
-        self.evaluated = False
+        """Begin again at the accepted state of an equilibrium (collective).
+
+        Forces are those of states at rest from now on, also after a motion.
+        """
+        self._over_step, self.factor, self.evaluated = False, 1.0, False
 
     def numberings(self) -> dict[str, Numbering]:
         """Numberings of the rows of :meth:`state`."""
@@ -489,10 +530,17 @@ def _longest_edge(surfaces: CollisionSurfaces, one: ContactPairs) -> float:
     return max(float(lengths.max(initial=0.0)), radius)
 
 
+@kernel
 def _farthest(before: FloatArray, after: FloatArray, known: BoolArray) -> float:
     """Largest way of the known points, m."""
-    ways = np.linalg.norm(after - before, axis=1)[known]
-    return float(ways.max(initial=0.0))
+    most = 0.0
+    for i in range(len(known)):
+        if known[i]:
+            square = 0.0
+            for a in range(3):
+                square += (after[i, a] - before[i, a]) ** 2
+            most = max(most, square)
+    return float(np.sqrt(most))
 
 
 def _short_part(before: FloatArray, after: FloatArray, known: BoolArray, longest: float) -> float:
@@ -501,7 +549,12 @@ def _short_part(before: FloatArray, after: FloatArray, known: BoolArray, longest
     return longest / way if way > longest else 1.0
 
 
+@kernel
 def _leaves(points: FloatArray, low: FloatArray, high: FloatArray, known: BoolArray) -> bool:
     """True if a known point is outside of its box, or nowhere."""
-    inside = ((points >= low) & (points <= high)).all(axis=1)
-    return not bool(inside[known].all())
+    for i in range(len(known)):
+        if known[i]:
+            for a in range(3):
+                if not low[i, a] <= points[i, a] <= high[i, a]:
+                    return True
+    return False
