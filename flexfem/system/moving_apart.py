@@ -97,7 +97,7 @@ def share_apart(system: System, move: Callable[[float], None]) -> tuple[float, f
     move(share)
     safe = contacts.safe_part(_KEEP)
     for time in range(_TIMES):
-        if safe >= 1.0:
+        if safe >= 1.0 or share == 0.0:
             break
         share *= _SHORTER * safe if time + 1 < _TIMES else 0.0
         move(share)

@@ -335,8 +335,8 @@ class BarrierContacts:
         self._place()
         if not self._over_step:
             way = _farthest(self._last, self._points, self._known)
-            for one in self._every:
-                one.went(way)
+            for pairs in self._every:
+                pairs.went(way)
             self._last[:] = self._points
         self._search()
         if self._over_step:

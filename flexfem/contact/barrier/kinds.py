@@ -32,6 +32,7 @@ class OfCells:
     def __init__(self, own: ContactSurface, near: Neighbourhoods, here: BoolArray) -> None:
         """Store the surface, its pairs that are left out, and the points of this rank (n,)."""
         self._own, self._surface, self._near, self._here = own, own.surface, near, here
+        self._way = 0.0
 
     def stiffen(self, kappa: FloatArray) -> None:
         """See ``PairKind``."""
