@@ -8,6 +8,7 @@ the ground are distributed.
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from typing import Protocol
 
 from mpi4py import MPI
@@ -114,6 +115,11 @@ class CarriedPoints:
     def loads(self) -> FloatArray:
         """Forces (k, 3) on these at the last evaluation in the axes of the nodes, N."""
         return self.own.loads
+
+    @cached_property
+    def lengths(self) -> FloatArray:
+        """Lengths (k,) of the arms, m."""
+        return np.linalg.norm(self.arms, axis=1)
 
     @classmethod
     def of(cls, points: Points, kind: int, block: FrameBlock) -> "CarriedPoints":
@@ -278,11 +284,11 @@ class Carriers:
     def at_nodes(self, kind: int, stiffness: FloatArray) -> FloatArray:
         """Bounds (n_owned, 6) of rows of stiffness, N/m and N m, for that of points (n + d,)."""
         one = self.by_kind[kind]
-        found = np.zeros((one.block.owned, 6))
-        k, arms = stiffness[one.rows], np.linalg.norm(one.arms, axis=1)
-        np.add.at(found[:, 0], one.local, k * (1.0 + arms))
-        np.add.at(found[:, 3], one.local, k * arms * (1.0 + arms))
-        found[:, 1:3], found[:, 4:] = found[:, :1], found[:, 3:4]
+        found, count = np.zeros((one.block.owned, 6)), one.block.owned
+        k, arms = stiffness[one.rows], one.lengths
+        k = k * (1.0 + arms)
+        found[:, :3] = np.bincount(one.local, k, count)[:, np.newaxis]
+        found[:, 3:] = np.bincount(one.local, k * arms, count)[:, np.newaxis]
         return found
 
     def add_forces(self, kind: int, forces: FloatArray) -> None:

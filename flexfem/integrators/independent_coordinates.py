@@ -17,11 +17,12 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import ClassVar
 
+from mpi4py import MPI
+
 import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.state import State
 from flexfem.core.status import Status
@@ -32,14 +33,16 @@ from flexfem.integrators.start import drives, second_rates
 from flexfem.solvers.independent_motions import IndependentMotions
 from flexfem.solvers.newton.policy import Policy
 from flexfem.system.mechanics import END_POINT, EndPoint, Mechanics
+from flexfem.system.moving_apart import move_apart
 from flexfem.system.system import Shifts, System
 
 __all__ = ["IndependentCoordinates"]
 
 #: Largest number of unknowns of all bodies, since matrices are dense.
 LARGEST = 2500
-#: Iterations of a step; those of the projection of positions; gap that counts as zero.
-_ITERATIONS, _CLOSING, _GAP = 25, 10, 1e-14
+#: Iterations of a step; those of one with contacts, which open and close; those of the projection
+#: of positions; gap that counts as zero.
+_ITERATIONS, _TOUCHING, _CLOSING, _GAP = 25, 60, 10, 1e-14
 #: Contraction of the iteration above which the matrix is renewed.
 _SLOW = 0.2
 _DIVERGENCE = 1e3
@@ -74,12 +77,6 @@ class IndependentCoordinates(Integrator):
                 f"the integrator independent_coordinates works with dense matrices: "
                 f"{system.unknowns} unknowns are more than {LARGEST}"
             )
-        for contacts in system.contacts:
-            if isinstance(contacts, BarrierContacts):
-                raise InputError(
-                    f'Contact "{contacts.contacts[0].contact.name}": the integrator '
-                    "independent_coordinates does not support barriers"
-                )
         self._motions = IndependentMotions(system)
         self._usual.prepare(system)
 
@@ -208,14 +205,14 @@ class _Step:
     def solve(self) -> Status:
         """Iterate until steps are below the tolerance; the state then satisfies the constraints."""
         system, motions, rows = self._system, self._motions, self._system.constraints
-        size, previous, renew = np.inf, np.inf, True
-        for _ in range(_ITERATIONS):
+        size, previous, renew, settled = np.inf, np.inf, True, False
+        for _ in range(_TOUCHING if system.contacts else _ITERATIONS):
             if not (self._close() and self.rates()):
                 return Status.DIVERGED
             residual = self._evaluate()
             if not np.isfinite(residual).all():
                 return Status.DIVERGED
-            if size <= self._tolerance:
+            if size <= self._tolerance and settled:
                 return Status.OK
             system.counters.newton_iterations += 1
             if renew and not motions.factor(self._shifts):
@@ -225,10 +222,19 @@ class _Step:
             if not np.isfinite(size) or size > _DIVERGENCE:
                 return Status.DIVERGED
             renew = size > _SLOW * previous and size > self._tolerance
-            motions.to_steps(-step)
-            END_POINT.move(system, 1.0)
-            rows.multipliers -= motions.to_rows(laws)
+            part, settled = self._move(-step)
+            rows.multipliers -= part * motions.to_rows(laws)
         return Status.NOT_CONVERGED
+
+    def _move(self, motion: FloatArray) -> tuple[float, bool]:
+        """Move by (n,), or a part, without contact; part, and True if it settles (collective)."""
+        system = self._system
+        self._motions.to_steps(motion)
+        moved = move_apart(system, lambda: END_POINT.move(system, 1.0))
+        settled = moved.part == 1.0
+        if settled and system.contacts:
+            settled = system.comm.allreduce(moved.unsettled, op=MPI.MAX) <= 1.0
+        return moved.part, settled
 
     def _close(self) -> bool:
         """Project positions onto the constraints along the dependent motions (collective)."""
@@ -244,8 +250,7 @@ class _Step:
             if gap <= _GAP or gap >= 0.5 * before:
                 return gap <= self._tolerance
             before = gap
-            motions.to_steps(-motions.follow(gaps))
-            END_POINT.move(system, 1.0)
+            self._move(-motions.follow(gaps))
         return gap <= self._tolerance
 
     def rates(self) -> bool:

@@ -4,9 +4,11 @@
 from collections.abc import Callable
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 from flexfem.system.system import System
 
-__all__ = ["Moved", "move_apart", "predict_apart"]
+__all__ = ["Moved", "move_apart", "predict_apart", "share_apart"]
 
 #: Parts of their gaps that contacts keep in a correction, and that they must have kept in one that
 #: is cut: its motion is not exactly the part of the whole one where nodes rotate.
@@ -75,3 +77,29 @@ def predict_apart(system: System, predict: Callable[[float], None]) -> None:
                 break
             share *= _SHORTER * safe if time + 1 < _TIMES else 0.0
             predict(share)
+
+
+def share_apart(system: System, move: Callable[[float], None]) -> tuple[float, float]:
+    """Move by a share of a motion of the trial state that passes through no contact (collective).
+
+    Args:
+        system: at the trial state.
+        move: moves it by a share of the whole motion, from this state whenever it is called.
+
+    Returns:
+        The share, and how much contact forces have changed, over what ends an iteration.
+    """
+    if not system.contacts:
+        move(1.0)
+        return 1.0, 0.0
+    contacts, share = system.contacts[0], 1.0
+    contacts.mark()
+    move(share)
+    safe = contacts.safe_part(_KEEP)
+    for time in range(_TIMES):
+        if safe >= 1.0 or share == 0.0:
+            break
+        share *= _SHORTER * safe if time + 1 < _TIMES else 0.0
+        move(share)
+        safe = contacts.safe_part(_KEPT)
+    return share, float(system.comm.allreduce(contacts.unsettled(), op=MPI.MAX))

@@ -74,10 +74,10 @@ def main() -> None:
         pairs = chosen(everything, np.isin(everything.kind, kinds))
         response, sums = Response.of(pairs), np.zeros_like(points)
         safe = points + 0.9 * safe_part(pairs.memory, points, after, 0.1) * (after - points)
-        memories = pairs.memory, response.memory
+        memories, awake = (pairs.memory, response.memory), np.zeros(pairs.count)
         calls = (
             lambda: forces_of_step(pairs.memory, points, safe, response.memory),  # noqa: B023
-            lambda: forces_at_rest(pairs.memory, safe, response.memory),  # noqa: B023
+            lambda: forces_at_rest(pairs.memory, safe, awake, 0.0, response.memory),  # noqa: B023
             lambda: add_actions(*memories, 1.0, safe, sums),  # noqa: B023
             lambda: safe_part(pairs.memory, points, after, 0.1),  # noqa: B023
         )

@@ -39,7 +39,7 @@ def surface_of(points, triangles, lines=(), label=None, radius=0.01, dhat=0.05, 
 def at_rest(pairs, points):
     """Forces (n, 3) and the response at positions (n, 3)."""
     response, sums = Response.of(pairs), np.zeros_like(points)
-    forces_at_rest(pairs.memory, points, response.memory)
+    forces_at_rest(pairs.memory, points, np.zeros(pairs.count), 0.0, response.memory)
     add_forces(pairs.memory, response.memory, 1.0, sums)
     return sums, response
 

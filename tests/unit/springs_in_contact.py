@@ -86,7 +86,7 @@ class Springs:
         """Energy and smallest gap."""
         pairs = self.pairs(x, x, 0.0)
         response = Response.of(pairs)
-        forces_at_rest(pairs.memory, x, response.memory)
+        forces_at_rest(pairs.memory, x, np.zeros(pairs.count), 0.0, response.memory)
         u = (x - self.rest).ravel()
         elastic = 0.5 * u @ self.stiffness @ u + potential(response.memory)
         kinetic = 0.5 * self.mass @ v.ravel() ** 2

@@ -54,7 +54,7 @@ def test_frequency_where_a_nonlinear_spring_has_been_stretched(shared_tmp_path):
         assert history["x"][-1] > 0.1
 
 
-def resting(height, fixed=None):
+def resting(height, fixed=None, law=None):
     """A square sheet on a plane, without gravity."""
     sides = np.linspace(0.0, 0.4, 4)
     sheet = ff.ShellSection.isotropic(2e-3, ff.Material(2e9, 0.3, 1500.0))
@@ -62,7 +62,7 @@ def resting(height, fixed=None):
         "resting", surface=ff.SurfaceMesh.grid("sheet", sides, sides, lambda p: lifted(p, height))
     )
     floor = ff.RigidPlane(ff.Ground((0.0, 0.0, -1e-3)))
-    contact = ff.Contact("floor", "sheet", surfaces=floor, stiffness=2e6)
+    contact = ff.Contact("floor", "sheet", surfaces=floor, stiffness=2e6, law=law)
     model.add(ff.Shell("sheet", sheet, fixed=fixed or {}), contact)
     return model
 
@@ -99,6 +99,25 @@ def test_sheet_sinks_into_a_plane_until_it_carries_the_weight():
     if found.history:
         squares = (2.0 * math.pi * found.history["frequency"]) ** 2
         assert squares == pytest.approx(3 * [2e6 / 3.0], rel=1e-7)
+
+
+@pytest.mark.three_ranks
+def test_sheet_on_a_barrier_bounces_on_its_curvature():
+    """With q = gap / reach the pressure is k d (1 - q)^2 (2 + q) / q^3 = rho h g."""
+    model = resting(2e-3, {"sheet_bottom_left": "xy", "sheet_bottom_right": "y"}, "barrier")
+    model.add(ff.Gravity((0.0, 0.0, -10.0)))
+    found = ff.find_modes(model, ff.ModeOptions(modes=3, start="equilibrium", quiet=True))
+    assert found.status == "ok"
+    k, d = 2e6, 1e-4
+    q = max(r.real for r in np.roots([1.0 - 30.0 / (k * d), 0.0, -3.0, 2.0]) if 0 < r.real < 1)
+    part = found.modes.linearization.system.parts[0]
+    heights = part.block.frames[: part.block.owned, 2]
+    # steps that are not cut pass through the plane, and end where nothing holds the sheet
+    assert heights == pytest.approx(np.full(len(heights), q * d), rel=1e-8)
+    if found.history:
+        squares = (2.0 * math.pi * found.history["frequency"]) ** 2
+        # forces of a step instead of those at rest have another slope, by a tenth
+        assert squares == pytest.approx(3 * [6.0 * k * (1.0 - q) / q**4 / 3.0], rel=1e-7)
 
 
 @pytest.mark.three_ranks

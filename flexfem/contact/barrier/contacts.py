@@ -29,12 +29,15 @@ from flexfem.contact.tangent_entries import ContactEntries, Triplets
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.halo import send_numbers
 from flexfem.core.state import Numbering, State
+from flexfem.kernels.compiled import kernel
 
 __all__ = ["BarrierContacts"]
 
 #: Motion for which pairs are found: that of so many steps like the last one, and to all sides a
 #: part of the largest gap below which they repel, and of the way of the last step.
 _STEPS, _SKIN, _ASIDE = 8.0, 0.25, 2.0
+#: Largest way to all sides outside of motions, in parts of the largest edge of the cells.
+_NARROW = 0.25
 #: Part of the largest edge of the cells by which points move at most in one correction.
 _STRIDE = 1.0
 #: Relative change of forces, and way of points in parts of the gap at which they repel, at which an
@@ -105,6 +108,9 @@ class BarrierContacts:
         self._known = here
         self._still = np.zeros((count, 3))
         self._over_step, self.factor, self._cayley = False, 1.0, False
+        self._ahead = 0.0
+        self._moves = np.ones(count)
+        self._moves[: surfaces.carried] = surfaces.kind >= 0
         self.evaluated, self.time = False, 0.0
         self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
 
@@ -136,6 +142,34 @@ class BarrierContacts:
         for one, speed in zip(self.contacts, speeds.tolist(), strict=True):
             one.stiffen(one.own.stiffness(speed))
         self._low[:], self._high[:] = np.inf, -np.inf
+
+    # -- Relaxation -----------------------------------------------------------------------------
+
+    def look_ahead(self, steps: float) -> None:
+        """Search pairs for so many steps as long as the last one, also outside of motions."""
+        self._ahead = steps
+
+    def mark_unsafe(self, keep: float) -> float:
+        """Part of the motion from the marked to the trial state without contact (collective).
+
+        It is that of :meth:`safe_part`; the points of all pairs that are cut are marked.
+        """
+        self._place()
+        self._search()
+        self._forces[:] = 0.0
+        way = _farthest(self._last, self._points, self._known)
+        part = _short_part(self._last, self._points, self._touching(), self._stride)
+        for one in self._every:
+            part = min(part, one.mark_unsafe(self._last, self._points, way, keep, self._forces))
+        if self._comm.size > 1:
+            part = self._comm.allreduce(part, op=MPI.MIN)
+        if part < 1.0:
+            self._carriers.gather(self._forces)
+        return part
+
+    def unsafe(self, kind: int) -> BoolArray:
+        """Nodes (n_owned,) of a block with points that are marked."""
+        return self._carriers.at_nodes(kind, self._forces[:, 0])[:, 0] > 0.0
 
     # -- Motion ---------------------------------------------------------------------------------
 
@@ -256,7 +290,7 @@ class BarrierContacts:
         return [self._last, self._points, *([self._before] if self._over_step else [])]
 
     def _boxes(self) -> tuple[FloatArray, FloatArray]:
-        """Lower and upper corners (n, 3) of boxes in which points stay for some steps."""
+        """Corners (n, 3) of boxes in which points stay for some steps (collective)."""
         sets, aside = self._sets, np.full((len(self._points), 1), _SKIN * self._reach)
         if self._over_step:
             way = self._points - self._before
@@ -264,6 +298,11 @@ class BarrierContacts:
             steps = np.minimum(_STEPS, self._stride / np.maximum(size, 1e-300))
             sets = [*sets, self._before + steps * way]
             aside += np.minimum(_ASIDE * size, self._stride)
+        elif self._ahead:
+            longest = np.array([_farthest(self._last, self._points, self._touching())])
+            if self._comm.size > 1:
+                self._comm.Allreduce(MPI.IN_PLACE, longest, op=MPI.MAX)
+            aside += min(0.5 * self._ahead * longest[0], _NARROW * self._stride)
         return np.minimum.reduce(sets) - aside, np.maximum.reduce(sets) + aside
 
     def _bring(self) -> None:
@@ -311,6 +350,9 @@ class BarrierContacts:
         """Evaluate all pairs at the trial state (collective)."""
         self._place()
         if not self._over_step:
+            way = _farthest(self._last, self._points, self._known)
+            for pairs in self._every:
+                pairs.went(way)
             self._last[:] = self._points
         self._search()
         if self._over_step:
@@ -388,16 +430,16 @@ class BarrierContacts:
         return self._rows
 
     def nearby(self, kind: int) -> FloatArray:
-        """Stiffness (n_owned, 6) at the nodes of a block of contacts that are closed, N/m.
+        """Bounds (n_owned, 6) of the sums of rows that closed contacts add at a block's nodes.
 
-        For rotations it is that of the arms, N m (collective).
+        They are in N/m, and N m for rotations (collective).
         """
         self.refresh()
-        total = np.zeros((len(self._points), 3))
+        self._forces[:] = 0.0
         for one in self._every:
-            one.add_slopes(total[:, 0])
-        self._carriers.gather(total)
-        return self._carriers.at_nodes(kind, total[:, 0])
+            one.add_stiffness(self._moves, self._forces)
+        self._carriers.gather(self._forces)
+        return self._carriers.at_nodes(kind, self.factor * self._forces[:, 0])
 
     # -- Accepted states ------------------------------------------------------------------------
 
@@ -406,8 +448,11 @@ class BarrierContacts:
         return
 
     def update(self) -> None:
-        """Begin again at the accepted state of an equilibrium (collective)."""
-        self.evaluated = False
+        """Begin again at the accepted state of an equilibrium (collective).
+
+        Forces are those of states at rest from now on, also after a motion.
+        """
+        self._over_step, self.factor, self.evaluated = False, 1.0, False
 
     def numberings(self) -> dict[str, Numbering]:
         """Numberings of the rows of :meth:`state`."""
@@ -502,10 +547,17 @@ def _longest_edge(surfaces: CollisionSurfaces, one: ContactPairs) -> float:
     return max(float(lengths.max(initial=0.0)), radius)
 
 
+@kernel
 def _farthest(before: FloatArray, after: FloatArray, known: BoolArray) -> float:
     """Largest way of the known points, m."""
-    ways = np.linalg.norm(after - before, axis=1)[known]
-    return float(ways.max(initial=0.0))
+    most = 0.0
+    for i in range(len(known)):
+        if known[i]:
+            square = 0.0
+            for a in range(3):
+                square += (after[i, a] - before[i, a]) ** 2
+            most = max(most, square)
+    return float(np.sqrt(most))
 
 
 def _short_part(before: FloatArray, after: FloatArray, known: BoolArray, longest: float) -> float:
@@ -514,7 +566,12 @@ def _short_part(before: FloatArray, after: FloatArray, known: BoolArray, longest
     return longest / way if way > longest else 1.0
 
 
+@kernel
 def _leaves(points: FloatArray, low: FloatArray, high: FloatArray, known: BoolArray) -> bool:
     """True if a known point is outside of its box, or nowhere."""
-    inside = ((points >= low) & (points <= high)).all(axis=1)
-    return not bool(inside[known].all())
+    for i in range(len(known)):
+        if known[i]:
+            for a in range(3):
+                if not low[i, a] <= points[i, a] <= high[i, a]:
+                    return True
+    return False

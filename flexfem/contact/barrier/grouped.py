@@ -11,12 +11,13 @@ from flexfem.contact.dissipation.data import PUSH, Groups, Law, StepMotion
 from flexfem.contact.dissipation.rows import (
     add_friction,
     add_friction_actions,
+    add_stiffness,
     motions_into,
     spread,
 )
 from flexfem.contact.dissipation.steps import dissipate, remember
 from flexfem.contact.primitives.candidates import Motion
-from flexfem.contact.primitives.data import GAP, POTENTIAL, SLOPE, Pairs, Response
+from flexfem.contact.primitives.data import GAP, POTENTIAL, Pairs, Response
 from flexfem.contact.primitives.tangents import add_forces, potential
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.records import Memory, unpack
@@ -53,6 +54,17 @@ class PairKind(Protocol):
 
     def safe_part(self, before: FloatArray, after: FloatArray, keep: float) -> float:
         """Part of a motion during which all pairs keep a part of their gap."""
+
+    def mark_unsafe(
+        self, before: FloatArray, after: FloatArray, way: float, keep: float, marks: FloatArray
+    ) -> float:
+        """The same, and add one to the marks (n, 3) of all points of pairs that it cuts.
+
+        No point moves by more than ``way``, m.
+        """
+
+    def went(self, way: float) -> None:
+        """Take note that points have moved by at most ``way``, m."""
 
 
 class GroupedPairs:
@@ -141,6 +153,18 @@ class GroupedPairs:
         """Part of a motion during which all pairs keep a part of their gap."""
         return self.kind.safe_part(before, after, keep) if self.pairs.count else 1.0
 
+    def mark_unsafe(
+        self, before: FloatArray, after: FloatArray, way: float, keep: float, marks: FloatArray
+    ) -> float:
+        """See ``PairKind``."""
+        if not self.pairs.count:
+            return 1.0
+        return self.kind.mark_unsafe(before, after, way, keep, marks)
+
+    def went(self, way: float) -> None:
+        """See ``PairKind``."""
+        self.kind.went(way)
+
     @property
     def count(self) -> int:
         """Number of pairs that act."""
@@ -171,10 +195,12 @@ class GroupedPairs:
         """Stiffness (g, 1 or 3) of the groups that act along their rows, N/m."""
         return self.groups.slopes[: self.closed, : 3 if self.rubs else 1]
 
-    def add_slopes(self, sums: FloatArray) -> None:
-        """Add the stiffness of the pairs that act to that of their points (n,), N/m."""
-        slopes = np.abs(self.response.numbers[: self.count, SLOPE])
-        np.add.at(sums, self.points.ravel(), np.repeat(slopes, self.pairs.points.shape[1]))
+    def add_stiffness(self, moves: FloatArray, sums: FloatArray) -> None:
+        """Add bounds of the sums of rows of the stiffness at all points to (n, 3), N/m.
+
+        ``moves`` is 1 for points that move, 0 for others, (n,).
+        """
+        add_stiffness(self.groups.memory, moves, sums)
 
     def motions(self, steps: FloatArray, spins: FloatArray) -> FloatArray:
         """Motions (g, 1 or 3) of the rows of the groups for steps and spins (n, 3)."""

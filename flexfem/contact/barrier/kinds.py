@@ -15,7 +15,7 @@ from flexfem.contact.fields import tangents as field_tangents
 from flexfem.contact.fields.data import FIELD_NUMBERS, FieldState
 from flexfem.contact.fields.search import find_pairs as find_field_pairs
 from flexfem.contact.primitives.candidates import Motion
-from flexfem.contact.primitives.ccd import safe_part
+from flexfem.contact.primitives.ccd import mark_unsafe, safe_part
 from flexfem.contact.primitives.data import Pairs, Response
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.primitives.search import find_pairs
@@ -32,6 +32,7 @@ class OfCells:
     def __init__(self, own: ContactSurface, near: Neighbourhoods, here: BoolArray) -> None:
         """Store the surface, its pairs that are left out, and the points of this rank (n,)."""
         self._own, self._surface, self._near, self._here = own, own.surface, near, here
+        self._way = 0.0
 
     def stiffen(self, kappa: FloatArray) -> None:
         """See ``PairKind``."""
@@ -42,6 +43,8 @@ class OfCells:
         own = self._own
         self._pairs = find_pairs(self._surface, self._near, motion, own.touching, self._here)
         self._response = Response.of(self._pairs)
+        # pairs that are far apart sleep until points have moved by as much, m
+        self._asleep, self._way = np.zeros(self._pairs.count), 0.0
         return self._pairs, self._response
 
     def begin(self) -> None:
@@ -53,7 +56,7 @@ class OfCells:
         if over_step:
             forces_of_step(pairs, motion.before, motion.after, response)
         else:
-            forces_at_rest(pairs, motion.after, response)
+            forces_at_rest(pairs, motion.after, self._asleep, self._way, response)
 
     def turn(self, motion: StepMotion) -> None:
         """See ``PairKind``."""
@@ -72,6 +75,17 @@ class OfCells:
     def safe_part(self, before: FloatArray, after: FloatArray, keep: float) -> float:
         """See ``PairKind``."""
         return float(safe_part(self._pairs.memory, before, after, keep))
+
+    def mark_unsafe(
+        self, before: FloatArray, after: FloatArray, way: float, keep: float, marks: FloatArray
+    ) -> float:
+        """See ``PairKind``."""
+        pairs, ways = self._pairs.memory, (self._way, 2.0 * way)
+        return float(mark_unsafe(pairs, before, after, keep, self._asleep, ways, marks))
+
+    def went(self, way: float) -> None:
+        """See ``PairKind``."""
+        self._way += 2.0 * way
 
 
 class OfFields:
@@ -135,3 +149,15 @@ class OfFields:
         """See ``PairKind``."""
         start, end = (self._obstacles.placed(points) for points in (before, after))
         return field_ccd.safe_part(self._obstacles, self._found, start, end, keep)
+
+    def mark_unsafe(
+        self, before: FloatArray, after: FloatArray, way: float, keep: float, marks: FloatArray
+    ) -> float:
+        """See ``PairKind``; all points near obstacles are cut."""
+        part = self.safe_part(before, after, keep)
+        if part < 1.0:
+            marks[self._found.pairs.points.ravel(), 0] += 1.0
+        return part
+
+    def went(self, way: float) -> None:
+        """See ``PairKind``."""

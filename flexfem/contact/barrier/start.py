@@ -10,6 +10,7 @@ from flexfem.contact.barrier.surface import ContactSurface, contact_surface
 from flexfem.contact.fields.search import find_pairs as find_field_pairs
 from flexfem.contact.primitives.candidates import Motion
 from flexfem.contact.primitives.closest import closest_pairs
+from flexfem.contact.primitives.data import EDGE_EDGE, Pairs
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.primitives.search import find_pairs
 from flexfem.contact.surfaces.rigid import DistanceField
@@ -72,7 +73,8 @@ def _apart(
     for found in (_cells(own, near, x, here), _obstacles(own, x, here)):
         _check(surfaces, own, found)
         # a function of the user's that has failed says so when the run begins
-        np.fmin.at(dhat, found.points.ravel(), np.repeat(found.gaps, found.points.shape[1]))
+        pair, column = np.nonzero(found.reduced)
+        np.fmin.at(dhat, found.points[pair, column], found.gaps[pair])
     return replace(own, surface=replace(own.surface, dhat=dhat)), near
 
 
@@ -83,13 +85,15 @@ class _Gaps:
     Attributes:
         gaps: (m,), m.
         dhat: (m,) gap below which they repel, m.
-        points: (m, k) points that reduce it.
+        points: (m, k) their points.
+        reduced: (m, k) True for those that it reduces.
         bodies: (m, 2) bodies of both sides.
     """
 
     gaps: FloatArray
     dhat: FloatArray
     points: IntArray
+    reduced: BoolArray
     bodies: IntArray
 
 
@@ -99,7 +103,20 @@ def _cells(own: ContactSurface, near: Neighbourhoods, x: FloatArray, here: BoolA
     weights, distances = np.empty((pairs.count, 4)), np.empty(pairs.count)
     closest_pairs(x, pairs.kind, pairs.points, np.zeros(pairs.count), weights, distances)
     bodies = own.surface.label[pairs.points[:, [0, 3]]]
-    return _Gaps(distances - pairs.touch, pairs.dhat, pairs.points, bodies)
+    reduced = _of_finer_body(own, pairs, bodies)
+    return _Gaps(distances - pairs.touch, pairs.dhat, pairs.points, reduced, bodies)
+
+
+def _of_finer_body(own: ContactSurface, pairs: Pairs, bodies: IntArray) -> BoolArray:
+    """Points (m, 4) of the body with more points in each pair of ``bodies`` (m, 2).
+
+    A small gap at one place does not reduce those of a sphere or a plane everywhere.
+    """
+    size = np.bincount(own.surface.label)[bodies]
+    middle = np.where(pairs.kind >= EDGE_EDGE, 2, 1)[:, np.newaxis]
+    second = (size[:, 1] >= size[:, 0])[:, np.newaxis]
+    finer: BoolArray = (np.arange(4) >= middle) == second
+    return finer
 
 
 def _obstacles(own: ContactSurface, x: FloatArray, here: BoolArray) -> _Gaps:
@@ -109,7 +126,9 @@ def _obstacles(own: ContactSurface, x: FloatArray, here: BoolArray) -> _Gaps:
     pairs, numbers = found.pairs, np.array([one.body for one in every.every], dtype=np.int64)
     distances = every.state(found, at).distance
     bodies = np.column_stack([own.surface.label[pairs.points[:, 0]], numbers[found.fields]])
-    return _Gaps(distances - pairs.touch, pairs.dhat, pairs.points[:, :1], bodies)
+    first = pairs.points[:, :1]
+    every_one = np.ones(first.shape, dtype=np.bool_)
+    return _Gaps(distances - pairs.touch, pairs.dhat, first, every_one, bodies)
 
 
 def _check(surfaces: CollisionSurfaces, own: ContactSurface, found: _Gaps) -> None:

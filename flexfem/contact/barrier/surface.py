@@ -8,7 +8,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray
 from flexfem.contact.fields.obstacles import Obstacle, Obstacles
 from flexfem.contact.fields.search import Stations
-from flexfem.contact.primitives.complexes import Surface
+from flexfem.contact.primitives.complexes import Complex, Surface
 from flexfem.contact.surfaces.surfaces import CollisionSurfaces, Sides
 from flexfem.model.contact import Contact
 
@@ -107,7 +107,8 @@ def contact_surface(surfaces: CollisionSurfaces, sides: Sides) -> ContactSurface
     wide[:bodies, :bodies] = touching
     sizes = _sizes(surfaces)
     dhat = _reach(surfaces, sides.contact, sizes)
-    surface = Surface(cells, label, own.radius, dhat, np.zeros(len(area)), area)
+    edge = _usual_edges(surfaces, cells)
+    surface = Surface(cells, label, own.radius, dhat, np.zeros(len(area)), area, edge)
     moving = np.flatnonzero(np.isfinite([body.density for body in surfaces.bodies]) & members)
     size = max((float(sizes[b] + 2.0 * own.radius[own.body == b].max()) for b in moving),
                default=1.0)  # fmt: skip
@@ -123,6 +124,16 @@ def _sizes(surfaces: CollisionSurfaces) -> FloatArray:
     own = surfaces.primitives
     points = [own.start[own.body == b] for b in range(len(surfaces.bodies))]
     return np.array([float(np.linalg.norm(np.ptp(p, axis=0))) if len(p) else 0.0 for p in points])
+
+
+def _usual_edges(surfaces: CollisionSurfaces, cells: Complex) -> FloatArray:
+    """Median length (b + 1,) of the edges of each body at the start, infinite without any, m."""
+    own, ends = surfaces.primitives, cells.vertices[cells.edges]
+    lengths = np.linalg.norm(own.start[ends[:, 1]] - own.start[ends[:, 0]], axis=1)
+    found, body = np.full(len(surfaces.bodies) + 1, np.inf), own.body[ends[:, 0]]
+    for b in np.unique(body).tolist():
+        found[b] = np.median(lengths[body == b])
+    return found
 
 
 def _reach(surfaces: CollisionSurfaces, contact: Contact, sizes: FloatArray) -> FloatArray:

@@ -22,7 +22,7 @@ from flexfem.contact.dissipation.data import (
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 from flexfem.kernels.records import Memory, unpack
 
-__all__ = ["add_friction", "add_friction_actions", "motions_into", "spread"]
+__all__ = ["add_friction", "add_friction_actions", "add_stiffness", "motions_into", "spread"]
 
 
 @subroutine
@@ -146,3 +146,21 @@ def spread(groups: Memory, rows: FloatArray, sums: FloatArray, couples: FloatArr
                 force[a] = rows[g, 1] * numbers[ALONG + a] + rows[g, 2] * numbers[ACROSS + a]
                 force[a] += rows[g, 0] * numbers[RATIO + a]
             _rub(own, g, force, sums, couples)
+
+
+@kernel
+def add_stiffness(groups: Memory, moves: FloatArray, sums: FloatArray) -> None:
+    """Add bounds of the sums of rows of the stiffness along the normals to (n, 3), first column.
+
+    Args:
+        groups: that act, of :class:`Groups`.
+        moves: 1 for points that move, 0 for others, shape (n,).
+        sums: those of the points, N/m.
+    """
+    own = unpack(Groups, groups)
+    for g in range(own.count[0]):
+        first, end, total = own.starts[g], own.starts[g + 1], 0.0
+        for e in range(first, end):
+            total += abs(own.weights[e]) * moves[own.points[e]]
+        for e in range(first, end):
+            sums[own.points[e], 0] += own.slopes[g, 0] * total * abs(own.weights[e])

@@ -2,6 +2,7 @@
 """Cells whose boxes overlap, and their points as those of pairs."""
 
 from dataclasses import dataclass
+from functools import cached_property
 from itertools import pairwise
 
 import numpy as np
@@ -15,6 +16,8 @@ from flexfem.kernels.compiled import kernel
 __all__ = ["Boxes", "Motion", "crossing_kind", "crossing_points", "vertex_kind", "vertex_points"]
 
 
+#: Largest number of kinds of bodies that are searched apart from each other.
+_KINDS = 4
 #: Size of a cell in parts of the usual one from which it is searched apart from others.
 _LARGE = 16.0
 
@@ -74,15 +77,41 @@ class Boxes:
     def _between(self, cells: IntArray, others: IntArray) -> tuple[IntArray, IntArray]:
         """Pairs of cells that overlap, of bodies that touch."""
         cells, others = cells[self.here[cells]], others[self.here[others]]
-        found = [self._overlaps(i, j) for i in self._by_size(cells) for j in self._by_size(others)]
+        found = [
+            self._overlaps(i, j)
+            for one, other in self._partners(cells, others)
+            for i in self._by_size(one) for j in self._by_size(other)
+        ]  # fmt: skip
         first, second = (np.concatenate(pairs) for pairs in zip(*found, strict=True))
         label = self.surface.cell_label
         meet = self.touching[label[first], label[second]]
         return first[meet], second[meet]
 
+    @cached_property
+    def _sizes(self) -> FloatArray:
+        """Longest side (c,) of each box, m."""
+        ways = self.high - self.low
+        return np.maximum(np.maximum(ways[:, 0], ways[:, 1]), ways[:, 2])
+
+    @cached_property
+    def _kinds(self) -> tuple[BoolArray, IntArray]:
+        """Kinds of bodies: which ones they touch, (k, b), and the kind of each body, (b,)."""
+        rows, kind = np.unique(self.touching, axis=0, return_inverse=True)
+        return rows, kind.ravel()
+
+    def _partners(self, cells: IntArray, others: IntArray) -> list[tuple[IntArray, IntArray]]:
+        """Cells and others that they may touch, by kinds of bodies that touch the same ones."""
+        label, (rows, kind) = self.surface.cell_label, self._kinds
+        if len(rows) > _KINDS:
+            return [(cells, others)]
+        return [
+            (cells[kind[label[cells]] == k], others[row[label[others]]])
+            for k, row in enumerate(rows)
+        ]
+
     def _by_size(self, cells: IntArray) -> list[IntArray]:
         """Cells of usual size, and those that are much larger, such as the sides of a box."""
-        sizes = (self.high[cells] - self.low[cells]).max(axis=1, initial=0.0)
+        sizes = self._sizes[cells]
         large = sizes > _LARGE * np.median(sizes) if len(cells) else np.zeros(0, np.bool_)
         return [cells[~large], cells[large]] if large.any() else [cells]
 
@@ -111,11 +140,7 @@ class Boxes:
 
     def edges(self) -> tuple[IntArray, IntArray]:
         """Pairs (m,) of edges of triangles with edges of triangles and polylines, once each."""
-        cells = self.complex
-        sharp = np.setdiff1d(np.arange(len(cells.edges)), cells.flat)
-        first, second = self._between(
-            len(cells.vertices) + np.intersect1d(sharp, cells.sides), len(cells.vertices) + sharp
-        )
+        first, second = self._between(*self.complex.crossing)
         of_triangles = np.zeros(self.complex.count, np.bool_)
         of_triangles[first] = True
         once = (first < second) | ~of_triangles[second]

@@ -24,7 +24,7 @@ from flexfem.contact.primitives.data import (
 from flexfem.kernels.compiled import inlined, kernel
 from flexfem.kernels.records import Memory, unpack
 
-__all__ = ["safe_part"]
+__all__ = ["mark_unsafe", "safe_part"]
 
 #: Steps of a pair at most.
 _STEPS = 200
@@ -49,34 +49,79 @@ def safe_part(pairs: Memory, before: FloatArray, after: FloatArray, keep: float)
     own, part = unpack(Pairs, pairs), 1.0
     x, p, w, r = np.empty((4, 3)), np.empty((4, 3)), np.empty(4), np.empty(3)
     for k in range(len(own.kind)):
-        kind, nodes, touch, dhat = own.kind[k], own.points[k], own.touch[k], own.dhat[k]
-        if apart(before, after, kind, nodes, touch + keep * dhat):
+        part = min(part, _part(own, k, before, after, keep, part, x, p, w, r))
+    return part
+
+
+@kernel
+def mark_unsafe(
+    pairs: Memory, before: FloatArray, after: FloatArray, keep: float, asleep: FloatArray,
+    ways: tuple[float, float], marks: FloatArray,
+) -> float:  # fmt: skip
+    """The same, for small motions, marking the points of all pairs that it cuts.
+
+    Args:
+        pairs: memory of the pairs.
+        before: positions (n, 3) at the start, m.
+        after: those at the end of the linear motion of all points.
+        keep: part of its gap that each pair keeps.
+        asleep: way (m,) of two points on which a pair certainly does not act; updated, m.
+        ways: that of all points so far, and that of this motion, m.
+        marks: (n, 3), increased by one for points of pairs that are cut, in the first column.
+    """
+    own, least = unpack(Pairs, pairs), 1.0
+    x, p, w, r = np.empty((4, 3)), np.empty((4, 3)), np.empty(4), np.empty(3)
+    for k in range(len(own.kind)):
+        if asleep[k] > ways[0] + ways[1]:
             continue
-        rho, t, least, end = regularisation(kind, touch, dhat), 0.0, 0.0, 0.0
+        kind, nodes, reach = own.kind[k], own.points[k], own.touch[k] + own.dhat[k]
         for i in range(4):
             for a in range(3):
-                p[i, a] = after[nodes[i], a] - before[nodes[i], a]
-        for step in range(_STEPS):
+                x[i, a] = before[nodes[i], a]
+        rho = regularisation(kind, own.touch[k], own.dhat[k])
+        far = np.sqrt(closest(kind, x, rho, w, r)) - reach
+        asleep[k] = ways[0] + far
+        part = 1.0 if far > ways[1] else _part(own, k, before, after, keep, 1.0, x, p, w, r)
+        if part < 1.0:
+            least = min(least, part)
             for i in range(4):
-                for a in range(3):
-                    x[i, a] = before[nodes[i], a] + t * p[i, a]
-            distance = np.sqrt(closest(kind, x, rho, w, r))
-            if step == 0:
-                gap = min(distance - touch, dhat)
-                if not gap > 0.0:
-                    return 0.0
-                least = touch + keep * gap
-                end = least + _CLOSE * (1.0 - keep) * gap
-            if distance <= end:
-                break
-            t += max(
-                _by_plane(kind, x, p, w, r, distance, rho, least),
-                (distance - least) / max(_fastest(kind, p), 1e-300),
-            )
-            if t >= part:
-                break
-        part = min(part, t)
-    return part
+                marks[nodes[i], 0] += 1.0
+    return least
+
+
+@inlined
+def _part(
+    own: Pairs, k: int, before: FloatArray, after: FloatArray, keep: float, most: float,
+    x: FloatArray, p: FloatArray, w: FloatArray, r: FloatArray,
+) -> float:  # fmt: skip
+    """Part of a motion during which a pair keeps a part of its gap, sought up to ``most``."""
+    kind, nodes, touch, dhat = own.kind[k], own.points[k], own.touch[k], own.dhat[k]
+    if apart(before, after, kind, nodes, touch + keep * dhat):
+        return 1.0
+    rho, t, least, end = regularisation(kind, touch, dhat), 0.0, 0.0, 0.0
+    for i in range(4):
+        for a in range(3):
+            p[i, a] = after[nodes[i], a] - before[nodes[i], a]
+    for step in range(_STEPS):
+        for i in range(4):
+            for a in range(3):
+                x[i, a] = before[nodes[i], a] + t * p[i, a]
+        distance = np.sqrt(closest(kind, x, rho, w, r))
+        if step == 0:
+            gap = min(distance - touch, dhat)
+            if not gap > 0.0:
+                return 0.0
+            least = touch + keep * gap
+            end = least + _CLOSE * (1.0 - keep) * gap
+        if distance <= end:
+            break
+        t += max(
+            _by_plane(kind, x, p, w, r, distance, rho, least),
+            (distance - least) / max(_fastest(kind, p), 1e-300),
+        )
+        if t >= most:
+            break
+    return float(t)
 
 
 @inlined

@@ -134,6 +134,13 @@ class Complex:
         return np.concatenate([v[:, None].repeat(3, axis=1), v[e[:, [0, 1, 1]]], v[t]])
 
     @cached_property
+    def crossing(self) -> tuple[IntArray, IntArray]:
+        """Edges of triangles that cross others, and all edges that are crossed, as cells."""
+        sharp = np.setdiff1d(np.arange(len(self.edges)), self.flat)
+        v = len(self.vertices)
+        return v + np.intersect1d(sharp, self.sides), v + sharp
+
+    @cached_property
     def on_lines(self) -> BoolArray:
         """Vertices and edges of polylines (v + e,), also those whose coefficient is 0."""
         result = np.zeros(len(self.vertices) + len(self.edges), np.bool_)
@@ -157,6 +164,8 @@ class Surface:
         kappa: Stiffness of the barrier, shape (n,), N/m^3; a pair has the larger one.
         area: Area for which a point stands where it touches others, 0 if it does not touch itself,
             shape (n,), square metres.
+        edge: Usual length of the edges of each body, shape (b,), metres; None: longer than all
+            radii. Shorter ones may be wound around a sphere.
     """
 
     complex: Complex
@@ -165,6 +174,7 @@ class Surface:
     dhat: FloatArray
     kappa: FloatArray
     area: FloatArray
+    edge: FloatArray | None = None
 
     @cached_property
     def cell_radius(self) -> FloatArray:
@@ -185,6 +195,26 @@ class Surface:
     def edge_area(self) -> FloatArray:
         """Area of each edge (e,): the smaller one of its ends, m^2."""
         return np.asarray(self.area[self.complex.vertices[self.complex.edges]].min(axis=1))
+
+    def winds(self, first: IntArray, second: IntArray) -> BoolArray:
+        """Pairs (m,) of a vertex with a cell whose body may be wound around it."""
+        if self.edge is None:
+            return np.zeros(len(first), np.bool_)
+        large = self.cell_radius[first] > self.edge[self.cell_label[second]]
+        wound: BoolArray = large & (self.cell_label[first] != self.cell_label[second])
+        return wound
+
+    @cached_property
+    def cell_area(self) -> FloatArray:
+        """Area (c,) of triangles and edges of polylines: that of their smallest point, m^2.
+
+        It is 0 for what is part of these.
+        """
+        cells, v = self.complex, len(self.complex.vertices)
+        found = np.zeros(cells.count)
+        whole = np.concatenate([v + cells.lines, np.arange(v + len(cells.edges), cells.count)])
+        found[whole] = self.area[cells.points[whole]].min(axis=1)
+        return found
 
     def touch(self, first: IntArray, second: IntArray) -> FloatArray:
         """Distance (m,) at which pairs of cells touch, m."""

@@ -28,6 +28,9 @@ __all__ = ["find_pairs"]
 
 #: Part of the area of edges of triangles that counts where they cross others.
 _EDGES = 0.1
+#: Part of the area of triangles and lines that counts where they are wound around a sphere: all of
+#: them are equally far, so that they do not exclude each other, and their vertices touch it, too.
+_PARTS = 0.1
 
 
 @dataclass(frozen=True)
@@ -47,7 +50,8 @@ def find_pairs(
 ) -> Pairs:
     """Find the pairs that may act during a motion.
 
-    The pairs of a vertex with one body are a group, every other pair is one.
+    The pairs of a vertex with one body are a group, unless this may be wound around it; every other
+    pair is one.
 
     Args:
         surface: cells of all bodies.
@@ -102,7 +106,11 @@ def _with_vertices(surface: Surface, near: Neighbourhoods, boxes: Boxes, here: B
     first, second = boxes.vertices(np.flatnonzero((area > 0.0) & here[cells.vertices]))
     usual = cells.coefficients[second]
     weight = near.vertices.apply(first, second, usual) * area[first]
-    group = first * (surface.label.max(initial=0) + 1) + surface.cell_label[second]
+    wound = np.flatnonzero(surface.winds(first, second))
+    weight[wound] = _PARTS * surface.cell_area[second[wound]]
+    bodies = surface.label.max(initial=0) + 1
+    group = first * bodies + surface.cell_label[second]
+    group[wound] = cells.count * bodies + np.arange(len(wound))
     return _sorted(surface, (first, second), weight, group, of_vertices=True)
 
 

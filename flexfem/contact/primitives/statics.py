@@ -26,11 +26,18 @@ __all__ = ["forces_at_rest"]
 
 
 @kernel
-def forces_at_rest(pairs: Memory, points: FloatArray, response: Memory) -> None:
-    """Write the response of all pairs at positions (n, 3)."""
+def forces_at_rest(
+    pairs: Memory, points: FloatArray, asleep: FloatArray, way: float, response: Memory
+) -> None:
+    """Write the response of all pairs at positions (n, 3).
+
+    Pairs with more ``asleep`` (m,) than the ``way`` (m) of the points so far do not act.
+    """
     own, out = unpack(Pairs, pairs), unpack(Response, response)
     x, w, r, count = np.empty((4, 3)), np.empty(4), np.empty(3), 0
     for p in range(len(own.kind)):
+        if asleep[p] > way:
+            continue
         kind, touch, dhat, kappa = own.kind[p], own.touch[p], own.dhat[p], own.kappa[p]
         if apart(points, points, kind, own.points[p], touch + dhat):
             continue

@@ -81,6 +81,8 @@ class OperatingPoint:
         self.system.set_time(options.time)
         if saved is not None:
             saved.restore(self.system, self.system)
+            for contacts in self.system.contacts:
+                contacts.update()
 
     def rotation(self, spin: float) -> Rotation:
         """The rotation of the options at a speed (rad/s)."""

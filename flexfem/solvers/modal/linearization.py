@@ -40,9 +40,6 @@ _VELOCITY = Shifts(velocity=1.0, acceleration=0.0, scale=1.0, stiffness=0.0)
 _MASS = Shifts(velocity=0.0, acceleration=1.0, scale=1.0, stiffness=0.0)
 #: Factors with which force laws are not scaled.
 _UNIT = np.array([1.0, 1.0])
-#: Part of their gaps that contacts keep in a motion, part of the possible motion that is taken, and
-#: the number of times that it is cut.
-_KEPT, _SHORTER, _CUTS = 0.3, 0.95, 40
 #: Largest number of evaluations for the force of friction.
 _SWEEPS = 25
 
@@ -413,23 +410,11 @@ class Linearization:
         return np.array(self._here.getArray(readonly=True))
 
     def move(self, steps: list[FloatArray]) -> None:
-        """Move the nodes by local twists (n_owned, width) of each part (collective).
-
-        Where contacts would be passed through, they move by a part of these.
-        """
-        blocks = [part.block for part in self.system.parts]
-        before = [block.frames.copy() for block in blocks]
-        for contacts in self.system.contacts:
-            contacts.mark()
-        part = 1.0
-        for _ in range(_CUTS):
-            for block, frames, step in zip(blocks, before, steps, strict=True):
-                block.owned_step[:] = part * step
-                block.spread_step()
-                block.frames[:] = se3.retract(frames, block.step)
-            safe = min((one.safe_part(_KEPT) for one in self.system.contacts), default=1.0)
-            if safe >= 1.0 or part == 0.0:
-                break
-            part *= _SHORTER * safe
+        """Move the nodes by local twists (n_owned, width) of each part (collective)."""
+        for part, step in zip(self.system.parts, steps, strict=True):
+            block = part.block
+            block.owned_step[:] = step
+            block.spread_step()
+            block.frames[:] = se3.retract(block.frames, block.step)
         for contacts in self.system.contacts:
             contacts.update()

@@ -22,6 +22,7 @@ from flexfem.la.direct import DirectSolver
 from flexfem.lie import se3, so3
 from flexfem.model.model import Model
 from flexfem.solvers.modal.linearization import Linearization, Matrices
+from flexfem.system.moving_apart import Moved, share_apart
 from flexfem.system.system import System
 
 __all__ = [
@@ -41,6 +42,8 @@ _CONVERGED = 1e-8
 #: Steps below this that no longer shrink are round-off.
 _STAGNANT = 1e-5
 _ITERATIONS = 30
+#: The same with contacts, which open and close.
+_TOUCHING = 100
 _HALVINGS = 8
 #: Change of a joint's coordinate (m, rad) under a rotation above which the joint prevents it.
 _TURNED = 1e-6
@@ -206,8 +209,8 @@ def improve_equilibrium(linearization: Linearization, rotation: Rotation) -> boo
     Returns:
         True if it was taken: the matrix is regular and the step finite.
     """
-    largest, multipliers = _step(linearization, rotation, linearization.multipliers)
-    if largest is None or not np.isfinite(largest):
+    done, multipliers = _step(linearization, rotation, linearization.multipliers)
+    if done is None or not np.isfinite(done.largest):
         return False
     _accept(linearization, rotation, multipliers)
     return True
@@ -235,13 +238,15 @@ def _newton(
         if not hold(linearization):
             return Status.SINGULAR, None
         multipliers = linearization.multipliers
-    for _ in range(_ITERATIONS):
-        largest, multipliers = _step(linearization, rotation, multipliers)
-        if largest is None:
+    for _ in range(_TOUCHING if system.contacts else _ITERATIONS):
+        done, multipliers = _step(linearization, rotation, multipliers)
+        if done is None:
             return Status.SINGULAR, multipliers
+        largest = done.largest
         if not np.isfinite(largest):
             return Status.DIVERGED, multipliers
-        if largest <= _CONVERGED or (largest <= _STAGNANT and largest > 0.5 * previous):
+        small = largest <= _CONVERGED or (largest <= _STAGNANT and largest > 0.5 * previous)
+        if small and done.part == 1.0 and done.unsettled <= 1.0:
             return Status.OK, multipliers
         previous = largest
     return Status.NOT_CONVERGED, multipliers
@@ -249,20 +254,32 @@ def _newton(
 
 def _step(
     linearization: Linearization, rotation: Rotation, multipliers: FloatArray
-) -> tuple[float | None, FloatArray]:
-    """One step of Newton's method: its size (m, rad), None if singular, and new multipliers."""
-    rotation.set(linearization.system)
+) -> tuple[Moved | None, FloatArray]:
+    """One step of Newton's method (m, rad), None if singular, and new multipliers.
+
+    It is cut where it would pass through a contact.
+    """
+    system = linearization.system
+    rotation.set(system)
     residual = linearization.evaluate(multipliers)
     solution = rotation.solve(linearization, residual)
     if solution is None:
         return None, multipliers
     steps = [-s for s in linearization.split(solution.getArray())]
     mine = max((float(np.abs(s).max(initial=0.0)) for s in steps), default=0.0)
-    largest = float(linearization.system.comm.allreduce(mine, op=MPI.MAX))
+    largest = float(system.comm.allreduce(mine, op=MPI.MAX))
     if not np.isfinite(largest):
-        return largest, multipliers
-    linearization.move([_limited(s, largest) for s in steps])
-    return largest, multipliers - linearization.rows_of(solution)
+        return Moved(largest), multipliers
+    frames = [part.block.frames.copy() for part in system.parts]
+
+    def move(share: float) -> None:
+        for part, kept in zip(system.parts, frames, strict=True):
+            part.block.frames[:] = kept
+        linearization.move([share * _limited(s, largest) for s in steps])
+
+    share, unsettled = share_apart(system, move)
+    moved = Moved(largest, share, unsettled)
+    return moved, multipliers - share * linearization.rows_of(solution)
 
 
 def _limited(step: FloatArray, largest: float) -> FloatArray:

@@ -22,6 +22,7 @@ from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.contact.contacts import ContactGroup, Contacts
 from flexfem.core.state import State, counts
 from flexfem.solvers.linear.tangent import TangentSolver
+from flexfem.solvers.relaxation.apart import StepsApart
 from flexfem.solvers.relaxation.damping import DAMPINGS, Damping, Motion
 from flexfem.solvers.relaxation.fictitious_masses import REST, fictitious_masses, physical_masses
 from flexfem.solvers.relaxation.kernels import SUMS, drive, largest_into, measure, measure_way, move
@@ -32,6 +33,11 @@ __all__ = ["Progression", "Relaxation", "Scheme"]
 
 #: Rayleigh's quotient, relative to the limit of stable steps, above which masses are too small.
 _FAST = 0.25
+#: The same with barriers, which are nearer to it at all times.
+_FAST_APART = 0.5
+#: Limit of stable steps of contacts, which damp the motion along their normals: of an eigenvalue x
+#: there, x (push + 2 smooth) < 2 (1 + keep (1 - x)); bounds of row sums are sqrt(3) times as large.
+_STABLE_DAMPED = 2.0
 #: Number of successive steps after which too fast motions are stopped; a closing contact takes one.
 _ROW = 3
 
@@ -101,7 +107,8 @@ class Relaxation:
         shapes = [(p.block.owned, p.block.width) for p in parts]
         self._velocity = [np.zeros(shape) for shape in shapes]
         self._previous = [np.zeros(shape) for shape in shapes]
-        self._inverse = [np.zeros(shape) for shape in shapes]
+        # inverse masses, without barriers and with them
+        self._free = [np.zeros(shape) for shape in shapes]
         # residuals where masses were computed, and sum of the steps since
         self._first_residual = [np.zeros(shape) for shape in shapes]
         self._way = [np.zeros(shape) for shape in shapes]
@@ -114,28 +121,37 @@ class Relaxation:
             part.block.velocity[:] = part.block.acceleration[:] = 0.0
             part.block.take()
         self.system.constraints.multipliers[:] = 0.0
-        self._touching = [c for c in self._penalties() if any(_remembers(g) for g in c.groups)]
+        penalties = [c for c in self.system.contacts if isinstance(c, Contacts)]
+        self._touching = [c for c in penalties if any(_remembers(g) for g in c.groups)]
         for contacts in self.system.contacts:
             contacts.prepare(0.0)
+        self._apart = self._barriers()
+        self._inverse = self._free
+        if self._apart is not None:
+            self._inverse = [np.zeros(shape) for shape in shapes]
         self._projection = RowProjection(self.system)
         self._physical = physical_masses(tangent) if scheme.physical else None
         if fresh:
             self.renew()
 
-    def _penalties(self) -> list[Contacts]:
-        """Contacts of the system.
+    def _barriers(self) -> StepsApart | None:
+        """Barriers of the system, None without.
 
         Raises:
-            InputError: they are barriers, which the steps of a relaxation would pass through.
+            InputError: they have friction, which relaxations do not follow.
         """
+        limit = min(self._damping.stable, _STABLE_DAMPED) / self._scheme.margin
         for contacts in self.system.contacts:
             if isinstance(contacts, BarrierContacts):
-                name = contacts.contacts[0].contact.name
-                raise InputError(
-                    f'Contact "{name}": relaxations do not support barriers: solve for the '
-                    'equilibrium, simulate the motion, or give law="penalty"'
-                )
-        return [c for c in self.system.contacts if isinstance(c, Contacts)]
+                for one in contacts.contacts:
+                    if one.rubs:
+                        raise InputError(
+                            f'Contact "{one.contact.name}": friction {one.contact.friction:g} of '
+                            "barriers does not act in relaxations: leave it out, or give "
+                            'law="penalty"'
+                        )
+                return StepsApart(self.system, contacts, limit)
+        return None
 
     def renew(self) -> None:
         """Compute masses for the present stiffness; nodal axes rotate with shells (collective)."""
@@ -152,12 +168,16 @@ class Relaxation:
         system.constraints.accept()
         system.constraints.elements.settle(system.constraints, still=True)
         self._applied = self._forces()
+        if self._apart is not None:
+            self._apart.leave_out()
         END_POINT.evaluate(system, REST)
         masses = fictitious_masses(
             self._tangent, self._damping.stable / self._scheme.margin, self._scheme.least,
             self._physical,
         )  # fmt: skip
-        for part, mass, inverse in zip(system.parts, masses, self._inverse, strict=True):
+        if self._apart is not None:
+            self._apart.leave_out(False)
+        for part, mass, inverse in zip(system.parts, masses, self._free, strict=True):
             np.divide(1.0, mass, out=inverse)
             part.block.hold(inverse)
         for contacts in system.contacts:
@@ -189,6 +209,8 @@ class Relaxation:
         system.interface.update()
         system.constraints.evaluate(REST.dynamics)
         self._projection.add_forces()
+        if self._apart is not None:
+            self._apart.add_masses(self._free, self._inverse)
         sums[:] = 0.0
         for part, previous, velocity, inverse in zip(
             system.parts, self._previous, self._velocity, self._inverse, strict=True
@@ -204,7 +226,8 @@ class Relaxation:
         if not (self._evaluated or self._evaluate()):
             return False
         damping, (work, twice) = self._damping, self._sums[:2].tolist()
-        quick = not self._started and work > _FAST * damping.stable * twice
+        fast = _FAST if self._apart is None else _FAST_APART
+        quick = not self._started and work > fast * damping.stable * twice
         self._quick = self._quick + 1 if quick else 0
         fast = self._quick >= _ROW
         if fast or (self.iteration and self.iteration % self._scheme.renew == 0):
@@ -256,6 +279,8 @@ class Relaxation:
     def _step(self, keep: float, smooth: float, push: float) -> None:
         """Move all nodes."""
         parts = self.system.parts
+        if self._apart is not None:
+            self._apart.damp(self._velocity, self._inverse)
         for part, previous, velocity, inverse in zip(
             parts, self._previous, self._velocity, self._inverse, strict=True
         ):
@@ -264,10 +289,12 @@ class Relaxation:
                 part.block.step,
             )  # fmt: skip
         self._projection.project(self._inverse, self._velocity, push)
-        for part in parts:
-            block = part.block
-            block.spread_step()
-            move(block.frames, block.step, block.width)
+        if self._apart is not None:
+            self._apart.take_step(self._velocity)
+        else:
+            for part in parts:
+                part.block.spread_step()
+                move(part.block.frames, part.block.step, part.block.width)
         if self._damping.slow:
             for way, velocity in zip(self._way, self._velocity, strict=True):
                 np.add(way, velocity, out=way)
@@ -346,7 +373,7 @@ class Relaxation:
             for v, r, w, first, way in zip(
                 self._velocity,
                 self._previous,
-                self._inverse,
+                self._free,
                 self._first_residual,
                 self._way,
                 strict=True,
