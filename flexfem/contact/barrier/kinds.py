@@ -7,7 +7,8 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray
 from flexfem.contact.barrier.surface import ContactSurface
-from flexfem.contact.dissipation.data import StepMotion
+from flexfem.contact.dissipation.data import Groups, StepMotion
+from flexfem.contact.dissipation.restitution import place_ends
 from flexfem.contact.fields import ccd as field_ccd
 from flexfem.contact.fields import statics as field_statics
 from flexfem.contact.fields import steps as field_steps
@@ -69,6 +70,11 @@ class OfCells:
         """See ``PairKind``."""
         return float(safe_part(self._pairs.memory, before, after, keep))
 
+    def place_ends(self, groups: Groups, points: FloatArray, ends: Groups) -> None:
+        """See ``PairKind``."""
+        pairs, response = self._pairs.memory, self._response.memory
+        place_ends(pairs, response, groups.memory, points, ends.memory)
+
 
 class OfFields:
     """Pairs of a contact's stations and its obstacles; a ``PairKind``."""
@@ -128,3 +134,8 @@ class OfFields:
         """See ``PairKind``."""
         start, end = (self._obstacles.placed(points) for points in (before, after))
         return field_ccd.safe_part(self._obstacles, self._found, start, end, keep)
+
+    def place_ends(self, groups: Groups, points: FloatArray, ends: Groups) -> None:
+        """See ``PairKind``: those of the step."""
+        for name in ("count", "starts", "sides", "points", "weights", "numbers"):
+            getattr(ends, name)[:] = getattr(groups, name)
