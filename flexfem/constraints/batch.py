@@ -107,6 +107,8 @@ class Constraints(NumberedRows):
         self.coupling, self.slopes = np.zeros(len(self.coupled)), np.zeros((total, 2))
         self.force_jacobian, self.step_jacobian = np.zeros((terms, 2, 6)), np.zeros((terms, 2, 6))
         self.impulses, self.entering, self.settled = np.zeros((3, total))
+        # impulses of rows over the steps of one row of the history, N s, and the span of these, s
+        self.passed, self.span = np.zeros(total), 0.0
         self.mean_forces = self.consistent = self.split = self.slack = False
         self.unilateral = self._slack()
         self.has_unilateral: bool = comm.allreduce(bool(self.unilateral.any()), op=MPI.LOR)
@@ -137,6 +139,11 @@ class Constraints(NumberedRows):
         self._functions = Functions(self)
 
     @property
+    def mean_impulses(self) -> FloatArray:
+        """Impulses (r,) over a row of the history, as mean forces, N."""
+        return self.passed / self.span if self.span > 0.0 else self.impulses
+
+    @property
     def relaxation(self) -> float:
         """Compliance of rigid rows, 1/kg; zero unless constraints may be redundant."""
         return self.own.relaxation
@@ -149,7 +156,7 @@ class Constraints(NumberedRows):
         """State of the rows at the accepted step: forces, targets, active and locked rows."""
         active, held = self.active.astype(np.float64), self.held.astype(np.float64)
         rows = {"forces": self.forces, "targets": self.targets, "active": active, "held": held}
-        if self.has_unilateral:
+        if self.has_unilateral or self.split:
             rows |= {"impulses": self.impulses, "settled": self.settled}
         values = {"relaxation": np.array([self.relaxation])}
         lines = {
@@ -164,7 +171,7 @@ class Constraints(NumberedRows):
         rows = state.rows["rows"]
         self.forces[:], self.targets[:] = rows["forces"], rows["targets"]
         self.active[:], self.held[:] = rows["active"] > 0.0, rows["held"] > 0.0
-        if self.has_unilateral:
+        if self.has_unilateral or self.split:
             self.impulses[:], self.settled[:] = rows["impulses"], rows["settled"]
         self.angles[:] = state.rows["terms"]["angles"]
         self.lines.restore_places(state.rows["places"]["places"])

@@ -23,6 +23,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.constraints.elements.states import StateStep, state_step
 from flexfem.core.nodes.prediction import Prediction
+from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.integrator import Integrator, discard, predictions
 from flexfem.integrators.split.step import Split
@@ -114,6 +115,15 @@ class GeneralizedAlpha(Integrator):
     def prepare(self, system: System) -> None:
         """See :meth:`Integrator.prepare`."""
         self.split = Split.of(system)
+
+    def state(self, system: System) -> State:
+        """See :meth:`Integrator.state`."""
+        return self.split.state() if self.split is not None else State()
+
+    def restore(self, system: System, state: State) -> None:
+        """See :meth:`Integrator.restore`."""
+        if self.split is not None:
+            self.split.restore(state)
 
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""

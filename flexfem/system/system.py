@@ -246,17 +246,24 @@ class System:
         These are the forces for probes, fields and sampled controllers. Multipliers of a time
         integrator, ``constraints.forces``, belong to its own accelerations and velocities: they may
         oscillate or be means over a step; the next step begins with them, and energies use their
-        work. Impulses count as their means over the last step. The forces are computed on request,
-        once a state.
+        work. Impulses count as their means over the steps of the last row of the history. The
+        forces are computed on request, once a state.
         """
         rows = self.constraints
         if self.row_forces is None or rows.consistent:
-            return rows.forces + rows.impulses if rows.split else rows.forces
+            return rows.forces + rows.mean_impulses if rows.split else rows.forces
         if rows.reported is None:
             rows.reported = self.row_forces()
             if rows.split:
-                rows.reported = rows.reported + rows.impulses
+                rows.reported = rows.reported + rows.mean_impulses
         return rows.reported
+
+    def begin_row(self) -> None:
+        """Begin the steps of one row of the history, over which impulses are means."""
+        self.constraints.passed[:], self.constraints.span = 0.0, 0.0
+        for contacts in self.contacts:
+            if isinstance(contacts, BarrierContacts):
+                contacts.begin_row()
 
     @property
     def contacts(self) -> list[Contacts | BarrierContacts]:

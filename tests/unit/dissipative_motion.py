@@ -12,7 +12,7 @@ from flexfem.contact.dissipation.rows import (
     motions_into,
     spread,
 )
-from flexfem.contact.dissipation.steps import dissipate, remember
+from flexfem.contact.dissipation.steps import dissipate
 from flexfem.contact.dissipation.tilts import Tilts, add_spins, place_tilts, spread_couples
 from flexfem.contact.primitives.barrier import slope
 from flexfem.contact.primitives.candidates import Motion
@@ -28,12 +28,11 @@ from tests.unit.primitive_pairs import surface_of
 GRAVITY = 9.81
 
 
-def law(restitution=1.0, damping=0.0, friction=0.0, static=None, slow=1e-3):
+def law(damping=0.0, friction=0.0, static=None, slow=1e-3):
     """A law without losses but for what is given."""
     return Law(
-        restitution=restitution, damping=damping, friction=friction,
-        static_friction=friction if static is None else static, stribeck_speed=1e-2,
-        slip_speed=slow, rest_speed=slow,
+        damping=damping, friction=friction, slip_speed=slow, stribeck_speed=1e-2,
+        static_friction=friction if static is None else static,
     )  # fmt: skip
 
 
@@ -70,7 +69,7 @@ class Points:
     def __post_init__(self):
         self.touching = ~np.eye(self.surface.label.max() + 1, dtype=bool)
         self.near = Neighbourhoods.of(self.surface, self.x, self.touching)
-        self.spin, self.stored, self.impacts = np.zeros_like(self.x), 0.0, np.zeros(len(self.x))
+        self.spin, self.stored = np.zeros_like(self.x), 0.0
         self.free, self.round = np.flatnonzero(np.isfinite(self.mass)), np.flatnonzero(self.inertia)
         self.masses = np.concatenate([self.mass[self.free], self.inertia[self.round]]).repeat(3)
 
@@ -104,8 +103,8 @@ class Points:
             place_tilts(self.tilts.memory, 0.5 * (self.x + y))
         self.motion = StepMotion(
             before=self.x, after=y, spins=all_spins(self.tilts, y - self.x, phi), rates=self.v,
-            spin_rates=all_spins(self.tilts, self.v, self.spin), impacts=self.impacts,
-            radius=self.surface.radius, dt=h, blur=1.0,
+            spin_rates=all_spins(self.tilts, self.v, self.spin), radius=self.surface.radius, dt=h,
+            blur=1.0,
         )  # fmt: skip
         pairs, response = self.pairs.memory, self.response.memory
         forces_of_step(pairs, self.x, y, response)
@@ -156,10 +155,8 @@ class Points:
         else:
             raise AssertionError("Newton's method does not end")
         dv, dw = self._vectors(h * self.forces(y, phi, h) / self.masses)
-        impacts = np.zeros_like(self.impacts)
-        remember(self.groups.memory, self.motion.memory, impacts)
         self.x, self.v, self.spin = y, self.v + h * fall + dv, self.spin + dw
-        self.impacts, self.stored = impacts, potential(self.response.memory)
+        self.stored = potential(self.response.memory)
         self.losses.append(self.groups.losses.copy())
         if self.groups.count[0]:
             self.iterations.append(iteration + 1)

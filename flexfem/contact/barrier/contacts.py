@@ -18,6 +18,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.barrier.pairs import ContactPairs, PointMotion
+from flexfem.contact.barrier.restitution import Pulls, Solve
 from flexfem.contact.barrier.rows import GroupRows
 from flexfem.contact.barrier.spins import Spins
 from flexfem.contact.barrier.surface import ContactSurface
@@ -91,6 +92,7 @@ class BarrierContacts:
         )  # fmt: skip
         self._every = [pairs for one in self.contacts for pairs in one.every]
         self._rows = GroupRows(self._carriers, self._spins, self._every)
+        self._pulls = Pulls(comm, self._carriers, self._spins, self._every)
         # of obstacles: far from where they touch
         self._axes = np.unique(np.concatenate([one.own.obstacles.points.ravel() for one in
                                                self.contacts]))  # fmt: skip
@@ -192,6 +194,20 @@ class BarrierContacts:
         self.factor = factor
         for one in self.contacts:
             one.end()
+
+    def begin_row(self) -> None:
+        """Begin the steps of one row of the history, over which measured forces are means."""
+        for one in self.contacts:
+            one.impulse, one.span = np.zeros(4), 0.0
+
+    @property
+    def restitutes(self) -> bool:
+        """True if a contact dissipates energy by restitution."""
+        return self._pulls.wanted
+
+    def pull(self, h: float, solve: Solve) -> bool | None:
+        """Find the pulls of restitution at the end of a step of size h (s), see ``Pulls.find``."""
+        return self._pulls.find(self._points, h, solve)
 
     @property
     def pressing(self) -> bool:
@@ -455,20 +471,13 @@ class BarrierContacts:
         self._over_step, self.factor, self.evaluated = False, 1.0, False
 
     def numberings(self) -> dict[str, Numbering]:
-        """Numberings of the rows of :meth:`state`."""
-        here = self._carriers.here
-        owned = np.ones(len(here), dtype=np.bool_)
-        return {"contacts": Numbering(here, owned, len(self._points))}
+        """Numberings of the rows of :meth:`state`; there are none."""
+        return {}
 
     def state(self) -> State:
         """Stiffness, and whether forces are in the impulses."""
         speeds = np.full(len(self.contacts), np.nan) if self._speed is None else self._speed
-        here = self._carriers.here
-        impacts = {
-            f"{one.contact.name}_impacts": one.impacts[here, np.newaxis] for one in self.contacts
-        }
-        values = {"contact_speeds": speeds, "contact_factor": np.array([self.factor])}
-        return State(values, {"contacts": impacts})
+        return State({"contact_speeds": speeds, "contact_factor": np.array([self.factor])})
 
     def doubts(self, state: State) -> str:
         """Return this rank's objection to its rows; there are none."""
@@ -480,9 +489,6 @@ class BarrierContacts:
         if np.isfinite(speeds).all():
             self._set_speed(speeds)
         self.factor = float(state.values["contact_factor"][0])
-        for one in self.contacts:
-            impacts = state.rows["contacts"][f"{one.contact.name}_impacts"]
-            one.impacts[self._carriers.here] = impacts[:, 0]
         self._over_step = self.factor == 0.0
         self._place()
         self._before[:] = self._last[:] = self._points
@@ -522,13 +528,8 @@ class BarrierContacts:
         self.refresh()
         least = self.least_gap(name)
         one = next(one for one in self.contacts if one.contact.name == name)
-        total, normal = np.zeros(3), 0.0
-        for pairs in one.every:
-            mine = one.own.first[one.own.surface.label[pairs.points]]
-            total += (pairs.response.rows()[2] * mine[:, :, np.newaxis]).sum((0, 1))
-            normal += pairs.pushes.sum()
-        share = least * float(self._comm.rank == 0)
-        return np.array([share, 0.0, *total, normal, one.closed])
+        forces = one.impulse / one.span if one.span > 0.0 else one.total()
+        return np.array([least * float(self._comm.rank == 0), 0.0, *forces, one.closed])
 
 
 def _own_cells(one: ContactPairs, own: BoolArray) -> IntArray:

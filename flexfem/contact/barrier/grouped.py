@@ -7,7 +7,15 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.dissipation.coupling import vectors_of_rows
-from flexfem.contact.dissipation.data import PUSH, Groups, Law, StepMotion
+from flexfem.contact.dissipation.data import (
+    ACROSS,
+    ALONG,
+    FORCE,
+    PUSH,
+    Groups,
+    Law,
+    StepMotion,
+)
 from flexfem.contact.dissipation.rows import (
     add_friction,
     add_friction_actions,
@@ -15,7 +23,7 @@ from flexfem.contact.dissipation.rows import (
     motions_into,
     spread,
 )
-from flexfem.contact.dissipation.steps import dissipate, remember
+from flexfem.contact.dissipation.steps import dissipate
 from flexfem.contact.primitives.candidates import Motion
 from flexfem.contact.primitives.data import GAP, POTENTIAL, Pairs, Response
 from flexfem.contact.primitives.tangents import add_forces, potential
@@ -66,6 +74,9 @@ class PairKind(Protocol):
     def went(self, way: float) -> None:
         """Take note that points have moved by at most ``way``, m."""
 
+    def place_ends(self, groups: Groups, points: FloatArray, ends: Groups) -> None:
+        """Write points, weights and normals of the groups at the end of a step, at (n, 3)."""
+
 
 class GroupedPairs:
     """Pairs of one kind whose groups belong to this rank.
@@ -76,16 +87,21 @@ class GroupedPairs:
         response: at the last evaluation; groups: the same by groups of pairs.
         rubs: True if there is friction.
         lost: energy dissipated in all steps, J.
+        restitution: e.
+        pulls: pulls of the groups at the end of the last step, by restitution, (g,), N, or none;
+            pulled: the energy that they dissipate, J.
     """
 
-    def __init__(self, kind: PairKind, law: Law, motion: StepMotion) -> None:
+    def __init__(self, kind: PairKind, law: Law, motion: StepMotion, restitution: float) -> None:
         """Begin without pairs.
 
         Args:
             kind: kernels.
             law: laws of dissipation.
             motion: of all points.
+            restitution: part of the speed of approach with which bodies separate.
         """
+        self.restitution, self.pulls, self.pulled = restitution, np.zeros(0), 0.0
         self.kind, self._law, self._motion = kind, law, motion
         self.rubs, self.lost = law.static_friction > 0.0, 0.0
         nothing = np.zeros(0, np.int64)
@@ -98,6 +114,8 @@ class GroupedPairs:
     def _use(self, pairs: Pairs, response: Response) -> None:
         self.pairs, self.response, self.groups = pairs, response, Groups.of(pairs)
         self.response.count[0] = 0
+        if self.restitution < 1.0:
+            self._ends = Groups.of(pairs)
 
     def search(self, motion: Motion) -> None:
         """Find the pairs that may touch during a motion."""
@@ -107,12 +125,11 @@ class GroupedPairs:
         """Begin a step."""
         self.groups.forget()
         self.kind.begin()
+        self.pulls, self.pulled = np.zeros(0), 0.0
 
-    def end(self, impacts: FloatArray) -> None:
-        """End a step that has been evaluated at its end; add speeds of impact (n,), m/s."""
-        self.lost += float(self.groups.losses.sum())
-        if self._law.restitution < 1.0:
-            remember(self.groups.memory, self._motion.memory, impacts)
+    def end(self) -> None:
+        """End a step that has been evaluated at its end."""
+        self.lost += float(self.groups.losses.sum()) + self.pulled
 
     def evaluate(self, *, over_step: bool, near: bool = False) -> None:
         """Evaluate the step to the trial state, or the trial state alone.
@@ -224,6 +241,55 @@ class GroupedPairs:
         vectors_of_rows(self.groups.memory, width, points, rows, vectors)
         return points, rows + first, vectors
 
+    # -- Restitution ----------------------------------------------------------------------------
+
+    def place_ends(self, points: FloatArray) -> None:
+        """Write the rows of the groups at the end of a step, with points (n, 3)."""
+        self.kind.place_ends(self.groups, points, self._ends)
+
+    def end_motions(self, steps: FloatArray) -> FloatArray:
+        """Separation (g,) at the end of a step by steps of points (n, 3)."""
+        found = np.zeros((self.closed, 1))
+        motions_into(self._ends.memory, steps, np.zeros_like(steps), found)
+        return found[:, 0]
+
+    def slips(self, steps: FloatArray, spins: FloatArray) -> FloatArray:
+        """Motions (g, 3) along the normals and slips for steps and spins (n, 3)."""
+        found = np.zeros((self.closed, 3))
+        if self.rubs:
+            motions_into(self.groups.memory, steps, spins, found)
+        return found
+
+    def eased(self, pulls: FloatArray) -> FloatArray:
+        """Forces (g, 1 or 3) along the rows by which pulls (g,) reduce friction, N.
+
+        Friction is that of the forces less the pulls.
+        """
+        rows, numbers = np.zeros(self.slopes.shape), self.groups.numbers[: self.closed]
+        if self.rubs:
+            friction, push = numbers[:, FORCE : FORCE + 3], numbers[:, PUSH]
+            size = np.linalg.norm(friction, axis=1)
+            most = np.maximum(self._law.friction * push, size) * (1.0 - pulls / push)
+            part = np.maximum(1.0 - most / np.maximum(size, 1e-300), 0.0)
+            for k, at in ((1, ALONG), (2, ACROSS)):
+                rows[:, k] = part * (friction * numbers[:, at : at + 3]).sum(axis=1)
+        return rows
+
+    def push_ends(self, forces: FloatArray, sums: FloatArray, couples: FloatArray) -> None:
+        """Add forces (g,) along the normals at the end of a step to those on all points (n, 3)."""
+        rows = np.ascontiguousarray(forces)[:, np.newaxis]
+        spread(self._ends.memory, rows, sums, couples)
+
+    def add_all_forces(self, sums: FloatArray, couples: FloatArray) -> None:
+        """Add the forces over the last step, with pulls, to those on all points (n, 3)."""
+        self.add_forces(1.0, sums, couples)
+        if len(self.pulls):
+            self.push_ends(-self.pulls, sums, couples)
+            if self.rubs:
+                self.push(-self.eased(self.pulls), sums, couples)
+
+    # -- Measures -------------------------------------------------------------------------------
+
     def gaps(self) -> FloatArray:
         """Gaps of the pairs that act, m."""
         acting = self.response.numbers[: self.count]
@@ -237,8 +303,7 @@ class GroupedPairs:
 
 #: Law without dissipation.
 _ELASTIC = Law(
-    restitution=1.0, damping=0.0, friction=0.0, static_friction=0.0, stribeck_speed=1.0,
-    slip_speed=1.0, rest_speed=1.0,
+    damping=0.0, friction=0.0, static_friction=0.0, stribeck_speed=1.0, slip_speed=1.0,
 )  # fmt: skip
 
 

@@ -7,7 +7,8 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray
 from flexfem.contact.barrier.surface import ContactSurface
-from flexfem.contact.dissipation.data import StepMotion
+from flexfem.contact.dissipation.data import Groups, StepMotion
+from flexfem.contact.dissipation.restitution import place_ends
 from flexfem.contact.fields import ccd as field_ccd
 from flexfem.contact.fields import statics as field_statics
 from flexfem.contact.fields import steps as field_steps
@@ -87,6 +88,11 @@ class OfCells:
         """See ``PairKind``."""
         self._way += 2.0 * way
 
+    def place_ends(self, groups: Groups, points: FloatArray, ends: Groups) -> None:
+        """See ``PairKind``."""
+        pairs, response = self._pairs.memory, self._response.memory
+        place_ends(pairs, response, groups.memory, points, ends.memory)
+
 
 class OfFields:
     """Pairs of a contact's stations and its obstacles; a ``PairKind``."""
@@ -161,3 +167,8 @@ class OfFields:
 
     def went(self, way: float) -> None:
         """See ``PairKind``."""
+
+    def place_ends(self, groups: Groups, points: FloatArray, ends: Groups) -> None:
+        """See ``PairKind``: those of the step."""
+        for name in ("count", "starts", "sides", "points", "weights", "numbers"):
+            getattr(ends, name)[:] = getattr(groups, name)

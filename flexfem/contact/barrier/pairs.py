@@ -44,7 +44,8 @@ class ContactPairs:
     Attributes:
         own: the contact's surface.
         every: pairs of cells, then those with obstacles if there are any.
-        impacts: speed of impact of closed contacts at their first points, (n,), m/s.
+        impulse: integral (4,) of :meth:`total` over the steps of a row of the history, N s, and the
+            span of these, s.
     """
 
     def __init__(
@@ -61,16 +62,16 @@ class ContactPairs:
             gravity: acceleration, m/s^2.
         """
         self.own, law = own, _law(own, gravity)
-        self.impacts = np.zeros(len(here))
+        self.impulse, self.span = np.zeros(4), 0.0
         self._motion = StepMotion(
             before=motion.before, after=motion.after, spins=motion.spins, rates=motion.rates,
-            spin_rates=motion.spin_rates, impacts=np.zeros(len(here)),
-            radius=own.surface.radius, dt=1.0, blur=1.0,
+            spin_rates=motion.spin_rates, radius=own.surface.radius, dt=1.0, blur=1.0,
         )  # fmt: skip
         kinds: list[PairKind] = [OfCells(own, near, here)]
         if len(own.obstacles):
             kinds.append(OfFields(own, here))
-        self.every = [GroupedPairs(kind, law, self._motion) for kind in kinds]
+        e = own.contact.restitution
+        self.every = [GroupedPairs(kind, law, self._motion, e) for kind in kinds]
         self.rubs = law.static_friction > 0.0
 
     @property
@@ -90,15 +91,16 @@ class ContactPairs:
 
     def begin(self, dt: float) -> None:
         """Begin a step of size ``dt``, s."""
-        self._motion.impacts[:], self._motion.dt = self.impacts, dt
+        self._motion.dt = dt
         for one in self.every:
             one.begin()
 
     def end(self) -> None:
         """End a step that has been evaluated at its end."""
-        self.impacts[:] = 0.0
         for one in self.every:
-            one.end(self.impacts)
+            one.end()
+        self.impulse += self._motion.dt * self.total()
+        self.span += self._motion.dt
 
     def evaluate(self, *, over_step: bool, blur: float = 1.0, near: bool = False) -> None:
         """Evaluate the step to the trial state, or the trial state alone.
@@ -124,6 +126,14 @@ class ContactPairs:
         """Number of groups that act."""
         return sum(one.closed for one in self.every)
 
+    def total(self) -> FloatArray:
+        """Force on the first side, and sum of the normal forces (4,), at the last evaluation, N."""
+        sums, couples = np.zeros((2, *self._motion.after.shape))
+        for one in self.every:
+            one.add_all_forces(sums, couples)
+        normal = sum(float(one.pushes.sum() - one.pulls.sum()) for one in self.every)
+        return np.append(sums[self.own.first[self.own.surface.label]].sum(axis=0), normal)
+
     def least_gap(self) -> float:
         """Least gap, m, its reach if no pair is nearer."""
         gaps = (float(one.gaps().min(initial=np.inf)) for one in self.every)
@@ -138,6 +148,6 @@ def _law(own: ContactSurface, gravity: float) -> Law:
     slip = slow if contact.slip_speed is None else contact.slip_speed
     static = contact.friction if contact.static_friction is None else contact.static_friction
     return Law(
-        restitution=contact.restitution, damping=contact.damping, friction=contact.friction,
-        static_friction=static, stribeck_speed=10.0 * slip, slip_speed=slip, rest_speed=slow,
+        damping=contact.damping, friction=contact.friction, static_friction=static,
+        stribeck_speed=10.0 * slip, slip_speed=slip,
     )  # fmt: skip

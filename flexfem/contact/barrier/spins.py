@@ -44,6 +44,15 @@ class Spins:
             add_spins(self._tilts.memory, self._motion.rates, self._motion.spin_rates)
             self._carriers.share(self._motion.spin_rates)
 
+    def rates(self) -> tuple[FloatArray, FloatArray]:
+        """Velocities and angular velocities (n, 3) of points at the trial state (collective)."""
+        rates, spins = np.zeros((2, *self._steps.shape))
+        self._carriers.rates(rates, spins)
+        self._carriers.share(rates)
+        add_spins(self._tilts.memory, rates, spins)
+        self._carriers.share(spins)
+        return rates, spins
+
     def update(self) -> None:
         """Find the spins of the step to the trial state (collective)."""
         motion = self._motion

@@ -4,7 +4,7 @@
 import numpy as np
 
 from flexfem.contact.primitives.data import Pairs
-from flexfem.kernels.records import Float1D, Float2D, Int1D, Record
+from flexfem.kernels.records import Float1D, Float2D, Int1D, Int2D, Record
 
 __all__ = [
     "ACROSS",
@@ -16,7 +16,6 @@ __all__ = [
     "KNOWN",
     "LAST_FIELDS",
     "LAST_FORCE",
-    "LAST_NORMAL",
     "LAST_PUSH",
     "LAST_SLIP",
     "LAST_TANGENT",
@@ -54,13 +53,11 @@ GROUP_FIELDS = 31
 # What the last trial state of a step has left for the next one.
 #: 1 after one
 KNOWN = 0
-#: separation, normal force, and slope
-LAST_NORMAL = 1
 #: slip, friction over the normal force, and minus the derivative of friction
-LAST_SLIP, LAST_FORCE, LAST_TANGENT = 4, 7, 10
+LAST_SLIP, LAST_FORCE, LAST_TANGENT = 1, 4, 7
 #: separation, normal force and its slope, for the prediction of the normal force
-LAST_PUSH = 19
-LAST_FIELDS = 22
+LAST_PUSH = 16
+LAST_FIELDS = 19
 
 #: Places in the losses.
 NORMAL_LAWS, FRICTION = 0, 1
@@ -70,27 +67,22 @@ class Law(Record):
     """Laws of dissipation of all pairs.
 
     Attributes:
-        restitution: e in [0, 1], part of the speed of approach with which bodies separate; 1 for no
-            loss.
         damping: Growth of the normal force with the speed of approach, s/m; 0 for none.
         friction: Coefficient of sliding friction; 0 for none.
         static_friction: That of bodies that are about to slide, not smaller.
         stribeck_speed: Speed of slip at which the difference of both has fallen to 1/e, m/s.
         slip_speed: Speed of slip from which on friction is that of Coulomb's law, m/s.
-        rest_speed: Speed of separation from which on restitution has its full effect, m/s.
     """
 
-    restitution: float
     damping: float
     friction: float
     static_friction: float
     stribeck_speed: float
     slip_speed: float
-    rest_speed: float
 
 
 def slow_speed(gravity: float, dhat: float) -> float:
-    """Default of slip speed and rest speed, m/s.
+    """Default of the slip speed, m/s.
 
     It is that of a fall through a given small part of the gap, so that the relative errors of
     models under gravity do not depend on their size.
@@ -111,8 +103,6 @@ class StepMotion(Record):
         spins: Rotation vectors of the step in inertial axes, zero where unknown, shape (n, 3), rad.
         rates: Velocities before it, shape (n, 3), m/s.
         spin_rates: Angular velocities before it, as ``spins``, shape (n, 3), rad/s.
-        impacts: Largest speed of approach since the contact of each point began (``remember``),
-            infinite for no limit of the speed of separation, shape (n,), m/s.
         radius: Distance of the surface from the points, shape (n,), metres.
         dt: Size of the step, s.
         blur: Factor of the slip speed from which on friction is that of Coulomb's law: 1, and more
@@ -124,7 +114,6 @@ class StepMotion(Record):
     spins: Float2D
     rates: Float2D
     spin_rates: Float2D
-    impacts: Float1D
     radius: Float1D
     dt: float
     blur: float
@@ -135,6 +124,8 @@ class Groups(Record):
 
     Attributes:
         count: Number of groups, shape (1,); they are the first rows of what follows.
+        rows: First row of each group in the response to the step, and the one after the last one,
+            shape (g, 2).
         starts: First entry of each group, shape (g + 1,).
         sides: First entry of each group that belongs to the second primitives, shape (g,).
         points: Points of the entries, shape (e,).
@@ -149,6 +140,7 @@ class Groups(Record):
     """
 
     count: Int1D
+    rows: Int2D
     starts: Int1D
     sides: Int1D
     points: Int1D
@@ -163,7 +155,8 @@ class Groups(Record):
         """Memory for the groups of pairs, in one step."""
         groups, entries = max(len(pairs.starts) - 1, 0), pairs.points.size
         return cls(
-            count=np.zeros(1, np.int64), starts=np.zeros(groups + 1, np.int64),
+            count=np.zeros(1, np.int64), rows=np.zeros((groups, 2), np.int64),
+            starts=np.zeros(groups + 1, np.int64),
             sides=np.zeros(groups, np.int64), points=np.zeros(entries, np.int64),
             weights=np.zeros(entries), numbers=np.zeros((groups, GROUP_FIELDS)),
             slopes=np.zeros((groups, 3)), last=np.zeros((groups, LAST_FIELDS)),

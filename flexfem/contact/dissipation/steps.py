@@ -1,26 +1,25 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Dissipation of contacts over a step, after ``primitives.steps``."""
 
-from flexfem._types import FloatArray
 from flexfem.contact.dissipation.data import KNOWN, Groups, Law, StepMotion
 from flexfem.contact.dissipation.friction import rub
 from flexfem.contact.dissipation.groups import collect
-from flexfem.contact.dissipation.normal import apply_laws, normal_speed
+from flexfem.contact.dissipation.normal import damp
 from flexfem.contact.primitives.data import Pairs, Response
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.records import Memory, unpack
 
-__all__ = ["dissipate", "remember"]
+__all__ = ["dissipate"]
 
 
 @kernel
 def dissipate(pairs: Memory, response: Memory, law: Memory, motion: Memory, groups: Memory) -> None:
-    """Write the groups of pairs that act in a step, with friction, and apply normal laws.
+    """Write the groups of pairs that act in a step, with friction, and apply damping.
 
     Args:
         pairs: of :class:`Pairs`.
-        response: their response to the step; its forces and slopes are multiplied by the factors of
-            restitution and damping.
+        response: their response to the step; its forces and slopes are multiplied by the factor of
+            damping.
         law: of :class:`Law`.
         motion: the same step, of :class:`StepMotion`.
         groups: result, of :class:`Groups`.
@@ -28,7 +27,6 @@ def dissipate(pairs: Memory, response: Memory, law: Memory, motion: Memory, grou
     own, out, result = unpack(Pairs, pairs), unpack(Response, response), unpack(Groups, groups)
     rule, step = unpack(Law, law), unpack(StepMotion, motion)
     first = number = found = 0
-    plain = rule.restitution == 1.0 and rule.damping == 0.0
     result.losses[:] = 0.0
     while first < out.count[0]:
         while own.starts[number + 1] <= out.pairs[first]:
@@ -38,28 +36,12 @@ def dissipate(pairs: Memory, response: Memory, law: Memory, motion: Memory, grou
             end += 1
         if collect(own, out, first, end, result, found):
             last = result.last[number]
-            if not plain:
-                apply_laws(own, out, (first, end), rule, step, result, found, last)
+            result.rows[found, 0], result.rows[found, 1] = first, end
+            if rule.damping > 0.0:
+                damp(own, out, rule, step, result, found)
             if rule.static_friction > 0.0:
                 rub(rule, step, result, found, last)
             last[KNOWN] = 1.0
             found += 1
         first = end
     result.count[0] = found
-
-
-@kernel
-def remember(groups: Memory, motion: Memory, impacts: FloatArray) -> None:
-    """Add the largest speeds of approach since contact began, after a step.
-
-    Args:
-        groups: those of the step, of :class:`Groups`.
-        motion: the step, of :class:`StepMotion`.
-        impacts: result for the next step, shape (n,), not the array of the motion, m/s; that of
-            a group is at its first point, which owns it on ranks, if it is larger.
-    """
-    own, step = unpack(Groups, groups), unpack(StepMotion, motion)
-    for g in range(own.count[0]):
-        speed = normal_speed(step, own, g)
-        p = own.points[own.starts[g]]
-        impacts[p] = max(impacts[p], step.impacts[p], -speed)

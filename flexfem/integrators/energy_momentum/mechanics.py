@@ -30,6 +30,7 @@ from flexfem.families.beam_se3.elements import SE3Beams
 from flexfem.families.beam_se3.energy_momentum import EnergyBeams
 from flexfem.families.beam_se3.family import SE3BeamFamily
 from flexfem.integrators.energy_momentum.constraints import StepRows
+from flexfem.integrators.split.impulse import Impulse
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.lie import se3
 from flexfem.model.bodies.basic import Beam
@@ -38,6 +39,9 @@ from flexfem.system.moving_apart import move_apart, predict_apart
 from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
 __all__ = ["StepMechanics"]
+
+#: Factors with which rows are evaluated at a state, not as part of a time step.
+_UNSCALED = np.array([1.0, 1.0])
 
 
 class _Part:
@@ -172,6 +176,7 @@ class StepMechanics(Mechanics):
         self._rows = StepRows(system.constraints, chi)
         self._factors = system.factors.copy()
         self._cells: FloatArray | None = None
+        self._impulse: Impulse | None = None
 
     def _check_offsets(self, system: System) -> None:
         beams = [part for part in self._parts.values() if part.beams is not None]
@@ -259,8 +264,21 @@ class StepMechanics(Mechanics):
         self._rows.accept()
         system.constraints.accept()
         for contacts in self._contacts:
+            if contacts.restitutes:
+                self._restitute(system, contacts)
             contacts.end_step(1.0)
         self._last_h = self.h
+
+    def _restitute(self, system: System, contacts: BarrierContacts) -> None:
+        """Slow down what leaves contacts, in the accepted state (collective)."""
+        if self._impulse is None:
+            self._impulse = Impulse(system)
+        system.constraints.evaluate(_UNSCALED)
+        if self._impulse.restitute(contacts, self.h, np.zeros(system.constraints.size)):
+            for part in system.parts:
+                part.block.spread_step()
+                part.block.velocity += part.block.step
+                part.block.start()
 
     def evaluate(self, system: System, shifts: Shifts, strains: PartStrains | None = None) -> None:
         """See :class:`flexfem.system.mechanics.Mechanics`; stresses are means over the step."""

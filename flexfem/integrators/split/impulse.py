@@ -11,6 +11,7 @@ from math import isfinite
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.mechanics import END_POINT
@@ -56,6 +57,35 @@ class Impulse:
         for block, own in zip(blocks, increments, strict=True):
             block.increment[:] = own
         return found
+
+    def restitute(self, contacts: BarrierContacts, h: float, means: FloatArray) -> bool | None:
+        """Impulses of restitution at the end of a step of size h, s (collective).
+
+        The changes of velocities are left in the blocks' steps; rows are evaluated at the trial
+        state, and their equations are replaced.
+
+        Args:
+            contacts: of the system.
+            h: size of the step, s.
+            means: becomes mean multipliers over the step (r,).
+
+        Returns:
+            True, None if there are no impulses, False if masses are singular.
+        """
+
+        def solve() -> bool:
+            multipliers = self.solve()
+            if multipliers is not None:
+                means[:] = multipliers * self._system.constraints.rigid
+            return multipliers is not None
+
+        found = contacts.pull(h, solve)
+        if not found:
+            means[:] = 0.0
+            return found
+        for part in self._system.parts:
+            part.block.owned_step[:] *= -h
+        return True
 
     def _found(self, right: list[FloatArray]) -> FloatArray | None:
         """Solution for given residuals, see :meth:`solve`."""

@@ -34,6 +34,7 @@ import numpy as np
 from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Prediction
+from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.split.impulse import Impulse
 from flexfem.integrators.split.unilateral import (
@@ -72,10 +73,16 @@ class Split(EndPoint):
         self._h, self._weight, self._start = 1.0, 1.0, system.time
         self._plain = self._holding = False  # a step without forces; some in the accepted state
         self.acting = False
-        self._means = np.zeros(system.constraints.size)
+        # impulses of rows, those of forces over the step and those of restitution, over h
+        self._means, self._pulls = np.zeros((2, system.constraints.size))
         self._jumps = [np.zeros_like(part.block.step) for part in system.parts]
         self._last_jumps = [jumps.copy() for jumps in self._jumps]
         self._steady = False
+        self._restituting = [
+            contacts
+            for contacts in system.contacts
+            if isinstance(contacts, BarrierContacts) and contacts.restitutes
+        ]
         self._touching = any(isinstance(one, UnilateralContacts) for one in forces)
         self._limited = [one for one in forces if isinstance(one, UnilateralRows)]
         rows, comm = system.constraints, system.comm
@@ -246,6 +253,20 @@ class Split(EndPoint):
         """True if the impulses of the last steps are alike: bodies rest, roll or slide."""
         return self._steady
 
+    def state(self) -> State:
+        """Impulses of the last step, by which the next one is predicted."""
+        blocks = [part.block.name for part in self._system.parts]
+        rows = {name: {"jumps": own} for name, own in zip(blocks, self._last_jumps, strict=True)}
+        return State({"steady": np.array([float(self._steady)])}, rows)
+
+    def restore(self, state: State) -> None:
+        """Restore a result of :meth:`state`."""
+        self._steady = bool(state.values["steady"][0])
+        for part, now, last in zip(
+            self._system.parts, self._jumps, self._last_jumps, strict=True
+        ):  # fmt: skip
+            now[:] = last[:] = state.rows[part.block.name]["jumps"]
+
     def _lasts(self) -> bool:
         """True if the impulses of the step are those of the last one, about (collective)."""
         squares = np.zeros(2)
@@ -259,7 +280,7 @@ class Split(EndPoint):
     def _finish(self, shifts: Shifts, kick: Callable[[FrameBlock], None]) -> Status:
         """Find the impulses of a step that has been solved (collective)."""
         system, rows = self._system, self._system.constraints
-        self._means[:] = 0.0
+        self._means[:] = self._pulls[:] = 0.0
         if not self.acting:
             return Status.OK
         multipliers = rows.multipliers.copy()
@@ -277,7 +298,22 @@ class Split(EndPoint):
             part.block.owned_step[:] *= -self._h
             kick(part.block)
             np.divide(part.block.step, self._h, out=jumps)
-        return Status.OK
+        done = self._restitute()
+        rows.multipliers[:] = multipliers
+        return Status.OK if done else Status.SINGULAR
+
+    def _restitute(self) -> bool:
+        """Slow down what leaves contacts with restitution; False if impossible (collective)."""
+        for contacts in self._restituting:
+            found = self._impulse.restitute(contacts, self._h, self._pulls)
+            if found is None:
+                continue
+            if not found:
+                return False
+            for part, jumps in zip(self._system.parts, self._jumps, strict=True):
+                part.block.kick(0.0)
+                np.add(jumps, part.block.step / self._h, out=jumps)
+        return True
 
     def accept(self, shifts: Shifts) -> None:
         """Set the accepted forces of all rows, before the trial state is accepted."""
@@ -287,9 +323,11 @@ class Split(EndPoint):
         if self.acting:
             rows.forces -= self._weight * self._means
         np.copyto(rows.forces, 0.0, where=self._apart)
+        rows.span += self._h
         if self._plain:
             return
-        rows.impulses[:] = self._means
+        rows.impulses[:] = self._means + self._pulls
+        rows.passed += self._h * rows.impulses
         for forces in self._forces:
             forces.accept()
         rows.slack = not (self.acting or self._holding)

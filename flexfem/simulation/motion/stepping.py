@@ -194,6 +194,7 @@ class Simulation:
         """
         begin, start, control = time.perf_counter(), self.time, self._control
         control.begin()
+        self.system.begin_row()
         status, self._limit = Status.OK, len(self.events.fired) + _MOST_EVENTS
         while not control.done and self.events.stopped_by is None:
             size, end = h * control.part, start + h * control.end
