@@ -41,6 +41,7 @@ class Contacts:
         stiffness: force per penetration and area of each, N/m^3; zero, where it is not given, until
             the first step.
         kinds: kinds of the blocks on which contacts act, ascending.
+        evaluated: True if the forces are those of the trial state.
         rubs: False: matrices have what there is of friction.
     """
 
@@ -75,7 +76,7 @@ class Contacts:
         given = [group.surfaces.contact.stiffness or 0.0 for group in self.groups]
         self.set_stiffness(np.array(given))
         self.time = self._accepted = 0.0
-        self._evaluated = False
+        self.evaluated = False
         self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
         self.update()
 
@@ -133,7 +134,7 @@ class Contacts:
             self._search()
         for made, _ in passes:
             made.settle(self._points)
-        self._evaluated = False
+        self.evaluated = False
 
     def _search(self) -> None:
         """Update the neighbour lists, also those of other ranks' triangles (collective)."""
@@ -174,11 +175,11 @@ class Contacts:
             made.evaluate(self._points, h)
         for _, rigid, number in self._rigid():
             rigid.evaluate(self._points, self._frames.frames[number], h)
-        self._evaluated, self._entries = True, None
+        self.evaluated, self._entries = True, None
 
     def refresh(self) -> None:
         """Find the contacts at the accepted state, unless known (collective)."""
-        if not self._evaluated:
+        if not self.evaluated:
             self.evaluate()
 
     def accept(self) -> None:
@@ -194,7 +195,7 @@ class Contacts:
     def collect(self, scale: float) -> None:
         """Evaluate, and gather ``scale`` times the forces for the blocks (collective)."""
         self.evaluate()
-        self._evaluated = False
+        self.evaluated = False
         self._forces[:] = self._frames.wrenches[:] = 0.0
         for made, _ in self._triangles():
             made.add_forces(self._forces, scale)

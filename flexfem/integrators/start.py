@@ -38,6 +38,8 @@ _COMPLIANCE = 1e-5
 #: power of time must give zero velocity, which would cause a force by stiffness-proportional
 #: damping. A much shorter span would magnify the rounding of measured drives.
 _SPAN = 0.125
+#: Share of the stiffness beside that of the damping, which is a factor of it in laws of sections.
+_HARDLY = 1e-12
 #: Largest number of iterations for friction at the start.
 _SWEEPS = 25
 
@@ -136,7 +138,7 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
     if not system.comm.allreduce(viscous, op=MPI.LOR):
         return True
     given, found = _steps(system), [np.zeros_like(step) for step in _steps(system)]
-    tangent.assemble(replace(MASS, velocity=dt), mechanics=_VISCOUS)
+    tangent.assemble(replace(MASS, velocity=dt, stiffness=_HARDLY * dt**2), mechanics=_VISCOUS)
     system.counters.mass_factorizations += 1
     if not tangent.factor():
         return False

@@ -30,9 +30,11 @@ WHOLE, SPLIT = "4000", "1"
 #: and on three, and a rank without a body is there on two already.
 RUNS = {
     1: [(policy, WHOLE) for policy in POLICIES],
-    2: [("auto", WHOLE), ("auto", SPLIT), ("updated", SPLIT)],
+    2: [("auto", WHOLE), ("updated", SPLIT)],
     3: [("auto", SPLIT)],
 }
+#: Those on several ranks, with the number of these.
+SHARED = [(ranks, *run) for ranks in (2, 3) for run in RUNS[ranks]]
 
 # Enough elements for a share of each of three ranks.
 MORE = {
@@ -167,22 +169,19 @@ def test_help_lists_every_option(case: str, helps: dict[str, str]) -> None:
         assert flag in text
 
 
-@pytest.mark.parametrize(("policy", "split"), RUNS[2])
+@pytest.mark.parametrize(("ranks", "policy", "split"), SHARED)
 @pytest.mark.parametrize("case", CASES)
 def test_same_history_on_any_number_of_ranks(
-    case: str, policy: str, split: str, histories: dict[int, Path]
+    case: str, ranks: int, policy: str, split: str, histories: dict[int, Path]
 ) -> None:
     one = read_history(histories[1] / f"{case}-{policy}-4000" / "history.csv")
-    for ranks in (2, 3) if (policy, split) in RUNS[3] else (2,):
-        other = read_history(histories[ranks] / f"{case}-{policy}-{split}" / "history.csv")
-        assert list(other) == list(one)
-        for column, values in one.items():
-            error = np.abs(other[column] - values).max()
-            # what symmetry keeps at zero is measured by the other components of its vector
-            family = [
-                v for k, v in one.items() if k.rpartition("_")[0] == column.rpartition("_")[0]
-            ]
-            assert error <= 1e-9 * max(np.abs(v).max() for v in family), column
+    other = read_history(histories[ranks] / f"{case}-{policy}-{split}" / "history.csv")
+    assert list(other) == list(one)
+    for column, values in one.items():
+        error = np.abs(other[column] - values).max()
+        # what symmetry keeps at zero is measured by the other components of its vector
+        family = [v for k, v in one.items() if k.rpartition("_")[0] == column.rpartition("_")[0]]
+        assert error <= 1e-9 * max(np.abs(v).max() for v in family), column
 
 
 @pytest.mark.parametrize("case", CASES)
@@ -198,6 +197,7 @@ def test_iteration_matrices_agree(case: str, histories: dict[int, Path]) -> None
 
 
 def test_bodies_are_split_over_ranks(histories: dict[int, Path]) -> None:
-    for ranks, split, pieces in ((3, "1", 3), (2, "1", 2), (2, "4000", 1)):
-        file = histories[ranks] / f"flying_spaghetti-auto-{split}" / "beams" / "beams_000000.pvtu"
+    runs = (3, f"auto-{SPLIT}", 3), (2, f"updated-{SPLIT}", 2), (2, f"auto-{WHOLE}", 1)
+    for ranks, run, pieces in runs:
+        file = histories[ranks] / f"flying_spaghetti-{run}" / "beams" / "beams_000000.pvtu"
         assert len(list(ET.parse(file).getroot().iter("Piece"))) == pieces

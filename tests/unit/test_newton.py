@@ -23,6 +23,7 @@ def _end(*sizes: float) -> tuple[Status, int]:
     system = SimpleNamespace(
         comm=MPI.COMM_SELF,
         counters=SimpleNamespace(newton_iterations=0),
+        contacts=(),
         constraints=SimpleNamespace(multipliers=np.zeros(0)),
         accepted_strains=lambda **_: (),
         continued_strains=lambda **_: (),

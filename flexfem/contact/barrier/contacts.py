@@ -299,6 +299,7 @@ class BarrierContacts:
         motion = Motion(self._low, self._high, known=self._known)
         for one in self.contacts:
             one.search(motion)
+        self.evaluated = False
 
     @property
     def _sets(self) -> list[FloatArray]:

@@ -7,7 +7,7 @@ this complex (see ``complexes``). A pair of cells of two polylines is a cell of 
 """
 
 from collections.abc import Callable, Iterable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -92,7 +92,10 @@ class Neighbourhoods:
             ends = surface.complex.vertices[surface.complex.edges[around]]
             edges = np.linalg.norm(reference[ends[:, 1]] - reference[ends[:, 0]], axis=1)
             motion = Motion(reference, reference, 2.0 * float(edges.max(initial=0.0)))
-            every.append(Boxes.of(surface, linked, motion))
+            beside = np.zeros(len(reference), np.bool_)
+            beside[place.links // len(reference)] = True
+            boxes = Boxes.of(surface, linked, motion)
+            every.append(replace(boxes, here=beside[surface.complex.points].any(axis=1)))
         acting = np.flatnonzero(surface.area[surface.complex.vertices] > 0.0)
         return cls(
             _near_vertices(place, _all(boxes.vertices(acting) for boxes in every)),

@@ -313,6 +313,10 @@ class FrozenSolver:
 
     def again(self, values: FloatArray) -> bool:
         """Blocks' steps for their residuals and given row values (r,), after :meth:`step`."""
+        for contacts in self.system.contacts:
+            if self._stiff.active and not contacts.evaluated and self.shifts is not None:
+                contacts.evaluate()  # other pairs are near since
+                self._stiff.take(contacts.rows(), self.shifts, self._compliances)
         self.correction = self._with_springs(self._solve(values))
         return True
 
