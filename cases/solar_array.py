@@ -248,14 +248,7 @@ def build(
     if contact:
         floor = ff.RigidPlane(ff.Ground((0.0, 0.0, -pitch)))
         model.add(
-            ff.Contact(
-                "blanket",
-                names,
-                names,
-                floor,
-                law="barrier",
-                stiffness=contact_stiffness or None,
-            ),  # fmt: skip
+            ff.Contact("blanket", names, names, floor, stiffness=contact_stiffness or None),
             ff.ContactProbe("contact", "blanket"),
         )
     model.add(
@@ -300,7 +293,7 @@ def results(history: Mapping[str, Points]) -> dict[str, float]:
     if "contact_closed" in history:
         closed = history["contact_closed"]
         touching = np.flatnonzero(closed)
-        found["least_gap"] = history["contact_gap"].min()
+        found["largest_penetration"] = history["contact_penetration"].max()
         found["contacts_at_start"], found["most_contacts"] = closed[0], closed.max()
         found["contact_steps"] = len(touching)
         if len(touching):
