@@ -38,8 +38,6 @@ _COMPLIANCE = 1e-5
 #: power of time must give zero velocity, which would cause a force by stiffness-proportional
 #: damping. A much shorter span would magnify the rounding of measured drives.
 _SPAN = 0.125
-#: Share of the stiffness beside that of the damping, which is a factor of it in laws of sections.
-_HARDLY = 1e-12
 #: Largest number of iterations for friction at the start.
 _SWEEPS = 25
 
@@ -132,13 +130,14 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
     the scheme would go on with them: ``dt a``, were it the velocity of stiff membranes after the
     step, had them strained by the damping times it, and even the rounding of their forces does so
     for directors of thin shells. With ``F = (M + dt C)^-1 M`` on the constraints, ``(2 F - F^2) a``
-    hardly has them and is off by the order of ``dt^2`` only where a step resolves the damping.
+    hardly has them and is off by the order of ``dt^2`` only where a step resolves the damping. C is
+    that of linear damping, without users' laws of sections.
     """
     viscous = any(part.elements is not None and part.elements.viscous for part in system.parts)
     if not system.comm.allreduce(viscous, op=MPI.LOR):
         return True
     given, found = _steps(system), [np.zeros_like(step) for step in _steps(system)]
-    tangent.assemble(replace(MASS, velocity=dt, stiffness=_HARDLY * dt**2), mechanics=_VISCOUS)
+    tangent.assemble(replace(MASS, velocity=dt), mechanics=_VISCOUS)
     system.counters.mass_factorizations += 1
     if not tangent.factor():
         return False
