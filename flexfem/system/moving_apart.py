@@ -6,6 +6,8 @@ from dataclasses import dataclass
 
 from mpi4py import MPI
 
+import numpy as np
+
 from flexfem.system.system import System
 
 __all__ = ["Moved", "move_apart", "predict_apart", "share_apart"]
@@ -44,21 +46,18 @@ def move_apart(system: System, move: Callable[[], float]) -> Moved:
     if not system.contacts:
         return Moved(move())
     contacts, blocks = system.contacts[0], [part.block for part in system.parts]
-    before = [block.increment.copy() for block in blocks]
-    contacts.mark()
-    largest = move()
-    part, safe = 1.0, contacts.safe_part(_KEEP)
-    for time in range(_TIMES):
-        if safe >= 1.0 or part == 0.0:
-            break
-        shorter = _SHORTER * safe if time + 1 < _TIMES else 0.0
-        part *= shorter
-        for block, increment in zip(blocks, before, strict=True):
+    before = [(block.increment.copy(), block.owned_step.copy()) for block in blocks]
+    sizes = []
+
+    def go(share: float) -> None:
+        for block, (increment, step) in zip(blocks, before, strict=True):
             block.increment[:] = increment
-            block.owned_step[:] *= shorter
-        move()
-        safe = contacts.safe_part(_KEPT)
-    return Moved(largest, part, contacts.unsettled())
+            np.multiply(step, share, out=block.owned_step)
+        sizes.append(move())
+
+    contacts.mark()
+    part = _safe_share(contacts.safe_part, go, _KEEP, _KEPT)
+    return Moved(sizes[0], part, contacts.unsettled())
 
 
 def predict_apart(system: System, predict: Callable[[float], None]) -> None:
@@ -68,15 +67,10 @@ def predict_apart(system: System, predict: Callable[[float], None]) -> None:
         system: at the start of the step.
         predict: predicts a share of the whole motion.
     """
-    predict(1.0)
-    for contacts in system.contacts:
-        share = 1.0
-        for time in range(_TIMES):
-            safe = contacts.safe_part_of_step(_PREDICTED)
-            if safe >= 1.0 or share == 0.0:
-                break
-            share *= _SHORTER * safe if time + 1 < _TIMES else 0.0
-            predict(share)
+    if not system.contacts:
+        predict(1.0)
+        return
+    _safe_share(system.contacts[0].safe_part_of_step, predict, _PREDICTED, _PREDICTED)
 
 
 def share_apart(system: System, move: Callable[[float], None]) -> tuple[float, float]:
@@ -92,14 +86,33 @@ def share_apart(system: System, move: Callable[[float], None]) -> tuple[float, f
     if not system.contacts:
         move(1.0)
         return 1.0, 0.0
-    contacts, share = system.contacts[0], 1.0
+    contacts = system.contacts[0]
     contacts.mark()
-    move(share)
-    safe = contacts.safe_part(_KEEP)
+    share = _safe_share(contacts.safe_part, move, _KEEP, _KEPT)
+    return share, float(system.comm.allreduce(contacts.unsettled(), op=MPI.MAX))
+
+
+def _safe_share(
+    safe_part: Callable[[float], float], go: Callable[[float], None], keep: float, kept: float
+) -> float:  # fmt: skip
+    """Go by the whole motion, or by shares of it until it passes through no contact (collective).
+
+    Args:
+        safe_part: part of the last motion in which all pairs keep a part of their gap.
+        go: moves by a share of the whole motion, from its start whenever it is called.
+        keep: part of the gaps that the whole motion keeps.
+        kept: that of shares of it.
+
+    Returns:
+        The last share.
+    """
+    share = 1.0
+    go(share)
+    safe = safe_part(keep)
     for time in range(_TIMES):
         if safe >= 1.0 or share == 0.0:
             break
         share *= _SHORTER * safe if time + 1 < _TIMES else 0.0
-        move(share)
-        safe = contacts.safe_part(_KEPT)
-    return share, float(system.comm.allreduce(contacts.unsettled(), op=MPI.MAX))
+        go(share)
+        safe = safe_part(kept)
+    return share

@@ -163,8 +163,7 @@ class BarrierContacts:
         part = _short_part(self._last, self._points, self._touching(), self._stride)
         for one in self._every:
             part = min(part, one.mark_unsafe(self._last, self._points, way, keep, self._forces))
-        if self._comm.size > 1:
-            part = self._comm.allreduce(part, op=MPI.MIN)
+        part = self._least(part)
         if part < 1.0:
             self._carriers.gather(self._forces)
         return part
@@ -522,7 +521,7 @@ class BarrierContacts:
     def least_gap(self, name: str) -> float:
         """Least gap of a contact on all ranks, m; its reach if no pair is nearer (collective)."""
         one = next(one for one in self.contacts if one.contact.name == name)
-        return float(self._comm.allreduce(one.least_gap(), op=MPI.MIN))
+        return self._least(one.least_gap())
 
     def measure(self, name: str) -> FloatArray:
         """This rank's share in gap, penetration, forces and number, (7,) (collective)."""

@@ -128,6 +128,8 @@ class ContactPairs:
 
     def total(self) -> FloatArray:
         """Force on the first side, and sum of the normal forces (4,), at the last evaluation, N."""
+        if not self.count:
+            return np.zeros(4)
         sums, couples = np.zeros((2, *self._motion.after.shape))
         for one in self.every:
             one.add_all_forces(sums, couples)
