@@ -3,6 +3,8 @@
 
 from collections.abc import Mapping, Sequence
 
+from mpi4py import MPI
+
 import numpy as np
 
 import flexfem as ff
@@ -16,6 +18,16 @@ def run(model: ff.Model, dt: float, t_end: float, **options) -> Mapping[str, np.
     if outcome.status != "ok":
         raise RuntimeError(f"{model!r}: {outcome.status}")
     return outcome.history
+
+
+def run_undamped(
+    model: ff.Model, dt: float, t_end: float, comm: MPI.Intracomm = MPI.COMM_SELF, **options
+) -> ff.Outcome:
+    """Run without numerical dissipation, which must reach its end."""
+    settings = ff.RunOptions(dt=dt, t_end=t_end, rho_inf=1.0, quiet=True, **options)
+    found = ff.simulate(model, settings, comm=comm)
+    assert found.status == "ok"
+    return found
 
 
 def compare(

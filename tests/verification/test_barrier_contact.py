@@ -8,14 +8,7 @@ import pytest
 
 import flexfem as ff
 from flexfem._checks import InputError
-
-
-def run(model: ff.Model, dt: float, t_end: float, comm: MPI.Intracomm, **options) -> dict:
-    """History of a motion without numerical dissipation."""
-    settings = ff.RunOptions(dt=dt, t_end=t_end, rho_inf=1.0, quiet=True, **options)
-    found = ff.simulate(model, settings, comm=comm)
-    assert found.status == "ok"
-    return found.history
+from tests.verification.motions import run_undamped
 
 
 def energy(history: dict) -> np.ndarray:
@@ -40,7 +33,8 @@ def sheet_above_ground() -> ff.Model:
 @pytest.mark.parametrize("dt", [1e-3, 5e-3])
 def test_a_sheet_that_lands_flat_makes_no_energy(dt: float) -> None:
     found, alone = (
-        run(sheet_above_ground(), dt, 0.03, comm) for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
+        run_undamped(sheet_above_ground(), dt, 0.03, comm).history
+        for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
     )
     if MPI.COMM_WORLD.rank == 0:
         total, start = energy(found), found["energy_kinetic"][0]
@@ -73,7 +67,9 @@ def tumbling() -> ff.Model:
 
 @pytest.mark.serial
 def test_boxes_and_balls_keep_their_energy_in_the_energy_momentum_scheme() -> None:
-    found = run(tumbling(), 1e-3, 0.12, MPI.COMM_SELF, integrator="energy_momentum")
+    found = run_undamped(
+        tumbling(), 1e-3, 0.12, MPI.COMM_SELF, integrator="energy_momentum"
+    ).history
     total = energy(found)
     # generalized-alpha, which is exact for bodies that do not turn, makes 4e-4
     assert np.ptp(total) < 1e-7 * found["energy_kinetic"].max()
@@ -106,17 +102,19 @@ def block(scale: float, angle: float, friction: float, speed: float = 0.0) -> ff
 @pytest.mark.serial
 def test_a_block_slides_sticks_and_stops_as_coulomb_says() -> None:
     angle, mu, g, t = np.radians(20.0), 0.3, 9.81, 0.1
-    found = run(block(1.0, 20.0, mu), 2e-3, t, MPI.COMM_SELF)
+    found = run_undamped(block(1.0, 20.0, mu), 2e-3, t, MPI.COMM_SELF).history
     expected = 0.5 * g * (np.sin(angle) - mu * np.cos(angle)) * t**2
     # the part of a step at the start in which friction is less; a lagged normal force misses 1e-2
     assert found["x"][-1] == pytest.approx(expected, rel=1e-3)
     assert np.diff(found["energy_dissipation"]).min() >= 0.0
-    found = run(block(1.0, 10.0, mu), 2e-3, 0.2, MPI.COMM_SELF)
+    found = run_undamped(block(1.0, 10.0, mu), 2e-3, 0.2, MPI.COMM_SELF).history
     assert 0.0 <= found["v"][-1] < 3e-4  # creeps more slowly than the slip speed
     errors = []
     for scale in (1.0, 0.01):
         root = np.sqrt(scale)
-        found = run(block(scale, 0.0, mu, speed=0.3), 2e-3 * root, 0.12 * root, MPI.COMM_SELF)
+        found = run_undamped(
+            block(scale, 0.0, mu, speed=0.3), 2e-3 * root, 0.12 * root, MPI.COMM_SELF
+        ).history
         errors.append(found["x"][-1] / (scale * 0.09 / (2.0 * mu * g)) - 1.0)
     assert abs(errors[0]) < 2e-3
     # a speed or a gap that is not scaled changes the error
@@ -139,7 +137,7 @@ def hammer() -> ff.Model:
 
 def test_independent_coordinates_meet_the_same_barrier() -> None:
     found, other = (
-        run(hammer(), 1e-3, 0.02, MPI.COMM_WORLD, integrator=name)
+        run_undamped(hammer(), 1e-3, 0.02, MPI.COMM_WORLD, integrator=name).history
         for name in ("independent_coordinates", "generalized_alpha")
     )
     if MPI.COMM_WORLD.rank == 0:
@@ -158,7 +156,7 @@ def test_what_barriers_cannot_do_is_refused_by_name() -> None:
         model.add(ff.RigidBody(name, 1.0, np.eye(3), position=(x, 0, 0), shape=ff.Sphere(0.1)))
     model.add(ff.Contact("all"))
     with pytest.raises(InputError, match=r'RigidBody "a" overlaps RigidBody "b" by 0.05 m at'):
-        run(model, 1e-3, 2e-3, MPI.COMM_SELF)
+        run_undamped(model, 1e-3, 2e-3, MPI.COMM_SELF)
     with pytest.raises(ValueError, match=r"restitution must lie in \[0, 1\], got 1.5"):
         ff.Contact("c", restitution=1.5)
     with pytest.raises(ValueError, match=r"static_friction must not be less than friction 0\.3"):

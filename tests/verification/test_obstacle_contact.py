@@ -11,6 +11,7 @@ import flexfem as ff
 from flexfem._checks import InputError
 from flexfem._faults import FunctionError
 from flexfem.model.rigid_surface import RigidSurface
+from tests.verification.motions import run_undamped
 
 BALL, G = 0.1, 9.81
 
@@ -24,13 +25,6 @@ TORUS = [(-0.17, -0.17, -0.05), (0.17, 0.17, 0.05)]
 
 def ball(**options: object) -> ff.RigidBody:
     return ff.RigidBody("ball", 1.0, 0.4 * BALL**2 * np.eye(3), shape=ff.Sphere(BALL), **options)
-
-
-def run(model: ff.Model, dt: float, t_end: float, comm: MPI.Intracomm, **options) -> dict:
-    settings = ff.RunOptions(dt=dt, t_end=t_end, rho_inf=1.0, quiet=True, **options)
-    found = ff.simulate(model, settings, comm=comm)
-    assert found.status == "ok"
-    return found.history
 
 
 def total(history: dict) -> np.ndarray:
@@ -51,7 +45,7 @@ def test_a_ball_in_a_bowl_rolls_as_a_pendulum() -> None:
         ff.ContactProbe("touch", "c"),
         ff.Probe("p", ff.Marker("ball"), ("x", "z"), lambda t, s: s.position[::2]),
     )  # fmt: skip
-    found = run(model, 1e-2, 0.6, MPI.COMM_SELF, integrator="energy_momentum")
+    found = run_undamped(model, 1e-2, 0.6, MPI.COMM_SELF, integrator="energy_momentum").history
     x, t, gap = found["x"], found["t"], found["touch_gap"][-1]
     assert 0.0 < gap < 1e-3
     last = np.flatnonzero(x > 0.0)[-1]
@@ -78,7 +72,7 @@ def test_a_ball_in_a_free_tube_keeps_the_momenta() -> None:
         ]),
         ff.ContactProbe("touch", "c"), ff.EnergyProbe(), ff.MomentumProbe("m"),
     )  # fmt: skip
-    found = run(model, 2e-3, 0.2, MPI.COMM_SELF, integrator="energy_momentum")
+    found = run_undamped(model, 2e-3, 0.2, MPI.COMM_SELF, integrator="energy_momentum").history
     assert found["touch_normal"].max() > 10.0
     for what in "pl":
         momentum = np.array([found[f"m_{what}{a}"] for a in "xyz"])
@@ -108,7 +102,7 @@ def sheet(moving: bool) -> ff.Model:
 @pytest.mark.three_ranks
 def test_a_sheet_that_meets_a_turning_torus_is_the_same_on_ranks() -> None:
     found, alone = (
-        run(sheet(moving=True), 1e-3, 0.003, comm, tolerance=1e-10)
+        run_undamped(sheet(moving=True), 1e-3, 0.003, comm, tolerance=1e-10).history
         for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
     )
     if MPI.COMM_WORLD.rank == 0:
@@ -177,7 +171,7 @@ def test_what_overlaps_at_the_start_and_functions_that_fail_are_named() -> None:
             ball(position=(0.0, 0.0, 0.3), velocity=(0.0, 0.0, -1.0)),
             ff.Contact("c", "ball", surfaces=surface, law="barrier"),
         )
-        run(model, 1e-2, 0.1, MPI.COMM_SELF)
+        run_undamped(model, 1e-2, 0.1, MPI.COMM_SELF)
 
     for surface, what in (
         (ff.RigidSphere(ff.Ground(), 0.35, inside=True), "overlaps RigidSphere 0 of .* by 0.05 m"),
@@ -194,7 +188,7 @@ def test_what_overlaps_at_the_start_and_functions_that_fail_are_named() -> None:
     )
     long = r'"box" has triangles or edges of 0\.5\d* m and touches RigidCylinder 0 .* 0\.1 m'
     with pytest.raises(InputError, match=long):
-        run(model, 1e-2, 0.1, MPI.COMM_SELF)
+        run_undamped(model, 1e-2, 0.1, MPI.COMM_SELF)
 
     def floor(points: np.ndarray) -> np.ndarray:
         return np.where(points[:, 2] < 0.29, points[:, 2], np.nan)

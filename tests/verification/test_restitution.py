@@ -9,7 +9,8 @@ import pytest
 import flexfem as ff
 from flexfem.core.status import Status
 from flexfem.simulation.motion.stepping import Simulation
-from tests.verification.benchmarks.rigid_impacts import restitution, run
+from tests.verification.benchmarks.rigid_impacts import restitution
+from tests.verification.motions import run_undamped
 
 GRAVITY = np.array([0.0, 0.0, -9.81])
 
@@ -81,7 +82,7 @@ def test_flat_landings_stick_without_restitution() -> None:
             ff.Contact("ground", "box", surfaces=ff.RigidPlane(ff.Ground()), restitution=part),
             ff.Probe("rate", ff.Marker("box"), ("vz",), lambda t, s: s.velocity[2:]),
         )  # fmt: skip
-        last = run(model, 1e-3, 5e-3).history["vz"][-1]
+        last = run_undamped(model, 1e-3, 5e-3).history["vz"][-1]
         # four corners with unequal forces for three motions; without a limit of each pull 1.1
         assert last == pytest.approx(2.0 * part, abs=1e-4)
 

@@ -1,12 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Impacts of flexible bodies by barriers: bar on a wall, sheet landing flat, strip on its edge."""
 
-from mpi4py import MPI
-
 import numpy as np
 
 import flexfem as ff
 from flexfem.cli import load_case
+from tests.verification.motions import run_undamped
 from tests.verification.result import Result
 
 
@@ -35,7 +34,7 @@ def landing(dt: float, count: int) -> list[Result]:
         ff.Contact("ground", "sheet", surfaces=ff.RigidPlane(ff.Ground()), law="barrier"),
         ff.ContactProbe("touch", "ground"), ff.EnergyProbe(), ff.MomentumProbe("p"),
     )  # fmt: skip
-    history = _run(model, dt, 0.03)
+    history = run_undamped(model, dt, 0.03).history
     energy = history["energy_kinetic"] + history["energy_strain"]
     text = f"{count} x {count} triangle pairs, h = {dt:g} s"
     case, start = "sheet landing flat", float(energy[0])
@@ -64,7 +63,7 @@ def strip(bounces: int, dt: float) -> list[Result]:
         ff.Contact("walls", "strip", surfaces=walls, law="barrier", reach=2e-4),
         ff.EnergyProbe(), ff.MomentumProbe("p"),
     )  # fmt: skip
-    history = _run(model, dt, bounces * gap / speed)
+    history = run_undamped(model, dt, bounces * gap / speed).history
     energy = history["energy_kinetic"] + history["energy_strain"]
     text, case = f"{bounces} bounces, h = {dt:g} s", "strip on its edge, e = 1"
     drift = float(np.ptp(energy)) / float(energy[0]) / bounces
@@ -76,13 +75,6 @@ def strip(bounces: int, dt: float) -> list[Result]:
         Result(case, "change of the momentum along the walls over bounces", 0.0, "conservation",
                along, text, 1e-5),
     ]  # fmt: skip
-
-
-def _run(model: ff.Model, dt: float, t_end: float) -> dict[str, np.ndarray]:
-    settings = ff.RunOptions(dt=dt, t_end=t_end, rho_inf=1.0, quiet=True)
-    found = ff.simulate(model, settings, comm=MPI.COMM_SELF)
-    assert found.status == "ok"
-    return found.history
 
 
 def results(full: bool = True) -> list[Result]:

@@ -1,22 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Impacts of rigid bodies: restitution, bounces, friction, an elastic ground."""
 
-from mpi4py import MPI
-
 import numpy as np
 
 import flexfem as ff
+from tests.verification.motions import run_undamped
 from tests.verification.result import Result
 
 GRAVITY = 9.81
-
-
-def run(model: ff.Model, dt: float, t_end: float, **options) -> ff.Outcome:
-    """Run of a model without numerical dissipation."""
-    settings = ff.RunOptions(dt=dt, t_end=t_end, rho_inf=1.0, quiet=True, **options)
-    found = ff.simulate(model, settings, comm=MPI.COMM_SELF)
-    assert found.status == "ok"
-    return found
 
 
 def ball(name: str, radius: float, **options) -> ff.RigidBody:
@@ -37,7 +28,7 @@ def restitution(part: float, dt: float, integrator: str) -> list[Result]:
     model.add(
         ff.Contact("c", "a", "b", restitution=part, reach=5e-5, stiffness=soft), ff.EnergyProbe()
     )
-    history = run(model, dt, max(4 * dt, 8e-5), integrator=integrator).history
+    history = run_undamped(model, dt, max(4 * dt, 8e-5), integrator=integrator).history
     left = history["v_b"][-1] - history["v_a"][-1]
     # with e = 0 the balls hardly move apart, and the barrier has some of it still
     lost = (history["energy_dissipation"] + history["energy_strain"])[-1] / (0.25 * speed**2)
@@ -64,7 +55,7 @@ def bounces(count: int) -> list[Result]:
         ff.MomentumProbe("p"),
         ff.Probe("rate", ff.Marker("b"), ("vz",), lambda t, s: s.velocity[2:]),
     )  # fmt: skip
-    history = run(model, dt, count * gap / speed).history
+    history = run_undamped(model, dt, count * gap / speed).history
     energy = history["energy_kinetic"] + history["energy_strain"]
     times = int((np.diff(np.sign(history["vz"])) != 0).sum())
     drift = float(np.ptp(energy)) / energy[0] / times
@@ -90,7 +81,7 @@ def dropped(part: float, dt: float) -> list[Result]:
     )  # fmt: skip
     first = np.sqrt(2.0 * height / GRAVITY)
     end = first * (1.0 + part) / (1.0 - part)
-    found = run(model, dt, 1.1 * end)
+    found = run_undamped(model, dt, 1.1 * end)
     history, case, cut = found.history, "dropped ball, e = 0.5", found.summary["rejected_steps"]
     moving = np.flatnonzero(np.abs(history["vz"]) > 2.0 * GRAVITY * dt)
     rest = history["t"][moving[-1]]
@@ -126,7 +117,7 @@ def elastic_ground(dt: float) -> list[Result]:
     # back at the ground's level after the phase in which the sine is negative
     phase = np.pi + 2.0 * np.arctan2(sag * omega, -speed)
     back = hit + phase / omega
-    history = run(model, dt, back + 0.1).history
+    history = run_undamped(model, dt, back + 0.1).history
     fly = back + 0.1 - hit - phase / omega
     last = -speed * fly - 0.5 * g * fly**2
     z, t, mesh = history["z"], history["t"], f"h = {dt:g} s"
@@ -153,7 +144,7 @@ def sliding(scale: float) -> list[Result]:
                    restitution=0.0),
         ff.Probe("way", ff.Marker("block"), ("x",), lambda t, s: s.position[:1]),
     )  # fmt: skip
-    found = run(model, 2e-3 * root, 0.12 * root).history["x"][-1]
+    found = run_undamped(model, 2e-3 * root, 0.12 * root).history["x"][-1]
     exact = speed**2 / (2.0 * mu * GRAVITY)
     mesh = f"scale {scale:g}, h = {2e-3 * root:.3g} s"
     # the step in which it stops; Coulomb's friction with a lagged normal force misses 1e-2
