@@ -7,7 +7,7 @@ equations derives a class from :class:`Mechanics`, which is an argument of solve
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isnan, nan
 
 import numpy as np
@@ -18,7 +18,7 @@ from flexfem.layout.tangent_request import TangentRequest
 from flexfem.system.moving_apart import Moved, move_apart
 from flexfem.system.system import MASS, BlockPart, PartStrains, Shifts, System
 
-__all__ = ["END_POINT", "Correction", "EndPoint", "Mechanics"]
+__all__ = ["END_POINT", "VISCOUS", "Correction", "EndPoint", "Mechanics"]
 
 
 @dataclass(frozen=True)
@@ -75,11 +75,14 @@ class Mechanics(ABC):
             if len(part.interface_nodes):
                 subtract_forces(turning, part.interface_nodes, part.block.residual)
 
-    def multiply_mass(self, system: System, factor: float) -> None:
-        """Set the residuals to ``factor`` times mass matrix times steps (collective)."""
+    def multiply_mass(self, system: System, factor: float, shifts: Shifts = MASS) -> None:
+        """Set the residuals to ``factor`` times mass matrix times steps (collective).
+
+        With other ``shifts`` without stiffness, damping is a part of the matrix.
+        """
         for part in system.parts:
             part.block.residual[:] = 0.0
-        self._add_action(system, MASS, factor)
+        self._add_action(system, shifts, factor)
 
     def _add_action(
         self, system: System, shifts: Shifts, factor: float, strains: PartStrains | None = None
@@ -225,5 +228,15 @@ class EndPoint(Mechanics):
         system.factors[:] = numbers
 
 
+class _Viscous(EndPoint):
+    """Equations of masses and of the damping of elements, without gyroscopic terms of masses."""
+
+    def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """See :class:`Mechanics`."""
+        return super().masses(system, part, replace(shifts, velocity=0.0))
+
+
 #: Equilibrium at the end of a step: the equations of all analyses save other schemes.
 END_POINT = EndPoint()
+#: Masses and linear damping, for shifts without stiffness.
+VISCOUS = _Viscous()

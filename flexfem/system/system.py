@@ -323,6 +323,11 @@ class System:
         """Strains whose stresses include those of dampers of modes (collective)."""
         return strains if self.modal_dampers is None else self.modal_dampers.strains(strains)
 
+    def viscous(self) -> bool:
+        """True if elements of a part have damping, on any rank (collective)."""
+        own = any(part.elements is not None and part.elements.viscous for part in self.parts)
+        return bool(self.comm.allreduce(own, op=MPI.LOR))
+
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step in every block; see ``core.nodes.frame_kernels.predict``."""
         for part in self.parts:
