@@ -18,6 +18,9 @@ from flexfem.contact.surfaces.surfaces import CollisionSurfaces
 
 __all__ = ["check_intersections"]
 
+#: Number of pairs that are looked at at once, for their arrays.
+_AT_ONCE = 2**18
+
 
 def check_intersections(
     surfaces: CollisionSurfaces, own: ContactSurface, near: Neighbourhoods
@@ -47,8 +50,20 @@ def _crossing(
     own: ContactSurface, near: Neighbourhoods, x: FloatArray
 ) -> tuple[IntArray, FloatArray] | None:
     """A point of an edge and one of a triangle that it crosses, and where; None without."""
-    cells = own.surface.complex
     first, second = Boxes.of(own.surface, own.touching, Motion(x, x)).piercing()
+    for k in range(0, len(first), _AT_ONCE):
+        part = slice(k, k + _AT_ONCE)
+        found = _crossing_of(own, near, x, first[part], second[part])
+        if found is not None:
+            return found
+    return None
+
+
+def _crossing_of(
+    own: ContactSurface, near: Neighbourhoods, x: FloatArray, first: IntArray, second: IntArray
+) -> tuple[IntArray, FloatArray] | None:
+    """The same of pairs (m,) of edges and triangles, as cells."""
+    cells = own.surface.complex
     edges, triangles = cells.points[first, :2], cells.points[second]
     apart = (edges[:, :, np.newaxis] != triangles[:, np.newaxis]).all(axis=(1, 2))
     for end in range(2):
