@@ -158,7 +158,8 @@ class Contact:
 
     Raises:
         TypeError: An argument has the wrong type.
-        ValueError: Nothing that touches, a body or surface named twice, or a number out of range.
+        ValueError: Nothing that touches, a body or surface named twice, a number out of range, or
+            an argument of the other law.
     """
 
     name: str
@@ -200,18 +201,35 @@ class Contact:
                 f"{owner}: static_friction must not be less than friction {self.friction:g}, got "
                 f"{self.static_friction:g}"
             )
+        self._check_law(owner)
         if self.bodies == () or (self.against == () and not self.surfaces):
             raise ValueError(
                 f"{owner}: it needs bodies, and others or surfaces that they touch (leave bodies "
                 "out for all)"
             )
 
+    def _check_law(self, owner: str) -> None:
+        """Raise for arguments of the law that the contact does not have."""
+        if self.law == "penalty" and self._of_barrier:
+            wrong, right = self._of_barrier[0], 'law="barrier"'
+        elif self.needs_barrier and (self.skin is not None or not self.two_pass):
+            wrong, right = "skin" if self.skin is not None else "two_pass", 'law="penalty"'
+        else:
+            return
+        given = f'law="{self.law}"' if self.law is not None else self._of_barrier[0]
+        raise ValueError(f"{owner}: {wrong} belongs to {right}, got {given}: leave one of them out")
+
+    @property
+    def _of_barrier(self) -> list[str]:
+        """Arguments that are given and only the barrier has."""
+        names = ("reach", "static_friction", "slip_speed")
+        given = [name for name in names if getattr(self, name) is not None]
+        return [*given, *(["restitution"] if self.restitution < 1.0 else [])]
+
     @property
     def needs_barrier(self) -> bool:
         """True if the law is the barrier, or an argument is given that the penalty has not."""
-        own = self.reach, self.static_friction, self.slip_speed
-        more = any(value is not None for value in own) or self.restitution < 1.0
-        return self.law == "barrier" or more
+        return self.law == "barrier" or bool(self._of_barrier)
 
     def members(self, model: Structure) -> tuple[tuple[str, ...], tuple[str, ...]]:
         """Return the names of the bodies and of those that they touch, automatic ones included.

@@ -20,6 +20,7 @@ from flexfem.contact.initial_overlaps import check_start
 from flexfem.contact.pairs import contact_surfaces
 from flexfem.contact.penalty_contact import penalty_contacts
 from flexfem.contact.points import contact_points
+from flexfem.contact.surfaces.bodies import check_pairs
 from flexfem.contact.surfaces.surfaces import collision_surfaces
 from flexfem.core.marker import SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
@@ -96,11 +97,14 @@ def _contacts(
     """Contacts of a model, None without any; raises for surfaces that touch or intersect."""
     if not serial.model.contacts:
         return None
+    check_pairs(serial)
     laws = {contact.law for contact in serial.model.contacts}
-    if any(contact.needs_barrier for contact in serial.model.contacts):
+    barriers = [contact.name for contact in serial.model.contacts if contact.needs_barrier]
+    if barriers:
         if "penalty" in laws:
+            other = next(one.name for one in serial.model.contacts if one.law == "penalty")
             raise ValueError(
-                f"{serial.model!r}: a contact has the law penalty, and another one needs the "
+                f'Contact "{other}": it has the law penalty, and Contact "{barriers[0]}" the '
                 "barrier: all contacts of a model have the same law"
             )
         return _barrier(serial, comm, gravity)

@@ -77,6 +77,9 @@ def build(what, mesh, size):
     elif what == "hinges":
         axis = (0.0, 1.0, 0.0)
         bob(model, *(pin(f"hinge_{i}", ff.Revolute, 0.1 * i, axis=axis) for i in range(6)))
+    elif what == "inside":
+        model.add(ff.RigidBody("crate", 9.0, (1, 1, 1), shape=ff.Box((3.0, 3.0, 3.0))))
+        model.add(ff.RigidBody("bob", 1.0, (1, 1, 1), shape=ff.Sphere(0.1)), ff.Contact("all"))
     elif what == "stretched":
         drive = ff.PrescribedTranslation(
             "drive", ff.Ground((1.0, 0.0, 0.0)), ff.Marker("bob"), lambda t: t, axis=(1.0, 0.0, 0.0)
@@ -232,6 +235,7 @@ MODELS = {
     "beam twice": ('Spherical "a", Spherical "b"', "3 of 6 constraints are redundant"),
     "pins twice": ('Spherical "one", Spherical "two"', "3 of 6 constraints are redundant"),
     "hinges": ('Revolute "hinge_3" and 2 more', "25 of 30 constraints are redundant"),
+    "inside": ('Contact "all"', 'RigidBody "bob" is inside of RigidBody "crate" at (0, 0, 0) m'),
     "stretched": ('Spherical "pin", PrescribedTranslation "drive"', "1 of 4", "singular"),
     "drive": ('PrescribedTranslation "pin"', "displacement"),
     "mesh parameter": ('mesh "chain"', "elements", "0"),

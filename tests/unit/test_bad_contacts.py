@@ -79,6 +79,18 @@ DECLARED = [
     (contact(skin=0.0), 'Contact "c": skin must be positive'),
     (contact(radius=0.0), 'Contact "c": radius must be positive'),
     (contact(radius=np.nan), 'Contact "c": radius must be finite'),
+    (contact(static_friction=0.2, friction=0.3),
+     'Contact "c": static_friction must not be less than friction 0.3, got 0.2'),
+    (contact(restitution=-0.1), 'Contact "c": restitution must not be negative, got -0.1'),
+    (contact(restitution=1.1), r'Contact "c": restitution must lie in \[0, 1\], got 1.1'),
+    (contact(restitution=np.nan), 'Contact "c": restitution must be finite, got nan'),
+    (contact(reach=-1e-3), 'Contact "c": reach must be positive, got -0.001'),
+    (contact(friction=0.1, slip_speed=0), 'Contact "c": slip_speed must be positive, got 0'),
+    (contact(law="ipc"), 'Contact "c": law must be "barrier" or "penalty", got \'ipc\''),
+    (contact(law="penalty", reach=1e-3), 'reach belongs to law="barrier", got law="penalty"'),
+    (contact(law="penalty", restitution=0.5), 'restitution belongs to law="barrier", got law='),
+    (contact(law="barrier", skin=0.1), 'skin belongs to law="penalty", got law="barrier"'),
+    (contact(slip_speed=0.1, two_pass=False), 'two_pass belongs to law="penalty", got slip_speed'),
     (contact(two_pass=1), 'Contact "c": two_pass must be a bool'),
     (contact("a", slaves="b"), "bodies"),
     (contact(bodies="a", slaves="b"), "Contact: slaves is bodies now, give it once"),
@@ -235,6 +247,11 @@ def test_meshes_in_millimetres_are_found() -> None:
     (found,) = [one for one in ff.check(model) if one.check == "units"]
     assert 'RigidMesh 0 of Contact "c"' in str(found)
     assert "scale=1e-3" in found.hint
+    rigid = ff.Model("m")
+    rigid.add(ff.RigidBody("ball", 1.0, (1, 1, 1), shape=ff.Sphere(0.1)))
+    shape = ff.SurfaceShape(1e3 * BOX, FACES)
+    rigid.add(ff.RigidBody("box", 1.0, (1, 1, 1), position=(0, 0, -300), shape=shape))
+    assert 'the shape of RigidBody "box"' in "".join(map(str, ff.check(rigid)))
 
 
 TRIANGLE = "v 0 0 0\nv 1 0 0\nv 0 1 0\n"

@@ -6,6 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.contact.barrier.intersections import check_intersections
 from flexfem.contact.barrier.surface import ContactSurface, contact_surface
 from flexfem.contact.fields.search import find_pairs as find_field_pairs
 from flexfem.contact.primitives.candidates import Motion
@@ -21,6 +22,8 @@ __all__ = ["start_apart"]
 
 #: Gap at the start, in parts of that below which surfaces repel, at which they touch.
 _TOUCH = 1e-3
+#: Least reach in parts of the size of the largest body: gaps are known to 1e-16 of it.
+_LEAST = 1e-8
 
 
 def start_apart(surfaces: CollisionSurfaces) -> list[tuple[ContactSurface, Neighbourhoods]]:
@@ -30,16 +33,27 @@ def start_apart(surfaces: CollisionSurfaces) -> list[tuple[ContactSurface, Neigh
     that no energy is stored at the start.
 
     Raises:
-        ValueError: two bodies touch or overlap, with the place and the depth; or a rigid body with
-            long edges touches a cylinder with ends.
+        ValueError: two bodies touch, overlap or intersect, with the place; one is inside of another
+            one; a rigid body with long edges touches a cylinder with ends; a reach is too small.
     """
     made = []
     for sides in surfaces.contacts:
         own = contact_surface(surfaces, sides)
+        _check_reach(own)
         for field in sides.fields:
             _check_edges(surfaces, own, field)
         made.append(_apart(surfaces, own))
     return made
+
+
+def _check_reach(own: ContactSurface) -> None:
+    """Raise for a reach in which forces would be round-off."""
+    reach = own.contact.reach
+    if reach is not None and reach < _LEAST * own.size:
+        raise ValueError(
+            f'Contact "{own.contact.name}": reach must be at least 1e-8 of the size {own.size:g} m '
+            f"of its bodies, got {reach:g} m"
+        )
 
 
 def _check_edges(surfaces: CollisionSurfaces, own: ContactSurface, field: DistanceField) -> None:
@@ -75,6 +89,7 @@ def _apart(
         # a function of the user's that has failed says so when the run begins
         pair, column = np.nonzero(found.reduced)
         np.fmin.at(dhat, found.points[pair, column], found.gaps[pair])
+    check_intersections(surfaces, own, near)
     return replace(own, surface=replace(own.surface, dhat=dhat)), near
 
 
@@ -138,11 +153,16 @@ def _check(surfaces: CollisionSurfaces, own: ContactSurface, found: _Gaps) -> No
         return
     worst = int(np.argmin(spare))
     depth = -float(found.gaps[worst])
+    owner, reach = f'Contact "{own.contact.name}"', own.contact.reach
     a, b = (surfaces.bodies[int(body)].label for body in found.bodies[worst])
-    x, y, z = surfaces.start[found.points[worst, 0]].tolist()
+    place = "({:.6g}, {:.6g}, {:.6g}) m".format(*surfaces.start[found.points[worst, 0]])
+    if reach is not None and depth < 0.0:
+        raise ValueError(
+            f"{owner}: at the start the gap of {a} and {b} is {-depth:g} m at {place}, less than a "
+            f"thousandth of reach {reach:g} m: move them apart, or make it smaller"
+        )
     deep = depth > _TOUCH * found.dhat[worst]
     what = f"overlaps {b} by {depth:g} m" if deep else f"touches {b}"
     raise ValueError(
-        f'Contact "{own.contact.name}": at the start {a} {what} at ({x:.6g}, {y:.6g}, {z:.6g}) m; '
-        "move them apart, or make the contact thinner"
+        f"{owner}: at the start {a} {what} at {place}; move them apart, or make the contact thinner"
     )

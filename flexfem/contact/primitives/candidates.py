@@ -138,6 +138,11 @@ class Boxes:
         once = first > second
         return first[once], second[once]
 
+    def piercing(self) -> tuple[IntArray, IntArray]:
+        """Pairs (m,) of all edges with triangles."""
+        v, e = len(self.complex.vertices), len(self.complex.edges)
+        return self._between(np.arange(v, v + e), np.arange(v + e, self.complex.count))
+
     def edges(self) -> tuple[IntArray, IntArray]:
         """Pairs (m,) of edges of triangles with edges of triangles and polylines, once each."""
         first, second = self._between(*self.complex.crossing)

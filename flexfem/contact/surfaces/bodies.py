@@ -16,7 +16,7 @@ from flexfem.model.bodies.basic import RigidBody
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.contact import Contact
 
-__all__ = ["Connection", "ContactBodies", "connections", "contact_bodies"]
+__all__ = ["Connection", "ContactBodies", "check_pairs", "connections", "contact_bodies"]
 
 #: Names of two bodies, or of one.
 type Pair = frozenset[str]
@@ -89,6 +89,30 @@ def contact_bodies(
         if _rigid(serial, name):
             excluded.setdefault(frozenset((name,)), "a rigid body")
     return ContactBodies(contact, bodies, against, excluded)
+
+
+def check_pairs(serial: NumberedModel) -> None:
+    """Check that no pair touches in two contacts of a model.
+
+    Raises:
+        ValueError: two bodies, or a body and a surface, do.
+    """
+    contacts = serial.model.contacts
+    connected = connections(serial) if len(contacts) > 1 else []
+    seen = dict[frozenset[str | int], str]()
+    for contact in contacts:
+        who, owner = contact_bodies(serial, contact, connected), f'Contact "{contact.name}"'
+        pairs: list[tuple[str | int, ...]] = list(who.pairs())
+        pairs += [(name, id(one)) for name in who.bodies for one in contact.surfaces]
+        for pair in pairs:
+            before = seen.setdefault(frozenset(pair), owner)
+            if before == owner:
+                continue
+            what = "the same surface" if isinstance(pair[-1], int) else f'"{pair[-1]}"'
+            raise ValueError(
+                f'{owner}: "{pair[0]}" and {what} touch in {before} already: leave them out of '
+                "one of both, by names of bodies or exclude"
+            )
 
 
 def _named(contact: Contact, pair: tuple[str, str]) -> bool:

@@ -101,12 +101,13 @@ def _obstacles(inspection: Inspection) -> Iterator[Finding]:
         for k, surface in enumerate(contact.surfaces)
         if isinstance(surface, RigidMesh)
     }
+    shaped = [one for one in inspection.model.rigid_bodies if isinstance(one.shape, SurfaceShape)]
     # the boxes of rigid bodies include their shapes
-    others = [one for one in inspection.bodies if one.kind != "rigid body"]
+    others = [one for one in inspection.bodies if one.body not in shaped]
     size = max((float(np.linalg.norm(one.size)) for one in others), default=0.0)
-    for body in inspection.model.rigid_bodies:
-        if isinstance(body.shape, SurfaceShape):
-            meshes[f"the shape of {owner_of(body)}"] = body.shape.points
+    for body in shaped:
+        assert isinstance(body.shape, SurfaceShape)
+        meshes[f"the shape of {owner_of(body)}"] = body.shape.points
     for owner, points in meshes.items():
         extent = float(np.linalg.norm(np.ptp(points, axis=0)))
         if extent > _LARGE and 0.0 < _TIMES * size < extent:
