@@ -35,8 +35,9 @@ from flexfem.kernels.compiled import kernel
 __all__ = ["BarrierContacts"]
 
 #: Motion for which pairs are found: that of so many steps like the last one, and to all sides a
-#: part of the largest gap below which they repel, and of the way of the last step.
-_STEPS, _SKIN, _ASIDE = 8.0, 0.25, 2.0
+#: part of the largest gap below which they repel, and of the way of the last step, or of that of
+#: the fastest point, which may hit another one.
+_STEPS, _SKIN, _ASIDE, _HIT = 8.0, 0.25, 2.0, 0.5
 #: Largest way to all sides outside of motions, in parts of the largest edge of the cells.
 _NARROW = 0.25
 #: Part of the largest edge of the cells by which points move at most in one correction.
@@ -62,6 +63,7 @@ class BarrierContacts:
         factor: factor of the forces in the equations: 1 in equilibria, that of impulses in motions,
             0 at the accepted states of these.
         evaluated: True if the response is that of the trial state.
+        cut: True if the last correction was not taken as a whole.
     """
 
     def __init__(
@@ -107,14 +109,14 @@ class BarrierContacts:
         # boxes of the points in which no other pairs are found
         self._low = np.full((count, 3), np.inf)
         self._high = -self._low
-        self._known = here
         self._still = np.zeros((count, 3))
         self._over_step, self.factor, self._cayley = False, 1.0, False
         self._ahead = 0.0
         self._moves = np.ones(count)
         self._moves[: surfaces.carried] = surfaces.kind >= 0
-        self.evaluated, self.time = False, 0.0
+        self.evaluated, self.cut, self.time = False, False, 0.0
         self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
+        self._know(here)
 
     # -- Stiffness ------------------------------------------------------------------------------
 
@@ -160,7 +162,7 @@ class BarrierContacts:
         self._search()
         self._forces[:] = 0.0
         way = _farthest(self._last, self._points, self._known)
-        part = _short_part(self._last, self._points, self._touching(), self._stride)
+        part = _short_part(self._last, self._points, self._touching, self._stride)
         for one in self._every:
             part = min(part, one.mark_unsafe(self._last, self._points, way, keep, self._forces))
         part = self._least(part)
@@ -182,7 +184,7 @@ class BarrierContacts:
         """
         self._place()
         self._before[:] = self._last[:] = self._points
-        self._over_step, self.factor, self._cayley = True, weight, cayley
+        self._over_step, self.factor, self._cayley, self.cut = True, weight, cayley, False
         self.start(h)
         self._spins.begin()
         for one in self.contacts:
@@ -236,7 +238,7 @@ class BarrierContacts:
         longer motion no pairs are searched: a wild correction would bring all near each other.
         """
         self._place()
-        part = self._least(_short_part(self._last, self._points, self._touching(), self._stride))
+        part = self._least(_short_part(self._last, self._points, self._touching, self._stride))
         if part < 1.0:
             return part
         self._search()
@@ -274,11 +276,10 @@ class BarrierContacts:
         """Positions of the trial state (collective)."""
         self._carriers.place(self._points)
 
-    def _touching(self) -> BoolArray:
-        """Known points (n,) that are not those of obstacles."""
-        touching: BoolArray = self._known.copy()
-        touching[self._axes] = False
-        return touching
+    def _know(self, known: BoolArray) -> None:
+        """Store the known points (n,), and which of them are not those of obstacles."""
+        self._known, self._touching = known, known.copy()
+        self._touching[self._axes] = False
 
     def _search(self) -> None:
         """Find all pairs near the present motion, unless those found include them (collective)."""
@@ -313,9 +314,12 @@ class BarrierContacts:
             size = np.linalg.norm(way, axis=1, keepdims=True)
             steps = np.minimum(_STEPS, self._stride / np.maximum(size, 1e-300))
             sets = [*sets, self._before + steps * way]
-            aside += np.minimum(_ASIDE * size, self._stride)
+            fastest = _farthest(self._before, self._points, self._touching)
+            if self._comm.size > 1:
+                fastest = self._comm.allreduce(fastest, op=MPI.MAX)
+            aside += np.minimum(np.maximum(_ASIDE * size, _HIT * fastest), self._stride)
         elif self._ahead:
-            longest = np.array([_farthest(self._last, self._points, self._touching())])
+            longest = np.array([_farthest(self._last, self._points, self._touching)])
             if self._comm.size > 1:
                 self._comm.Allreduce(MPI.IN_PLACE, longest, op=MPI.MAX)
             aside += min(0.5 * self._ahead * longest[0], _NARROW * self._stride)
@@ -351,8 +355,9 @@ class BarrierContacts:
         received = np.concatenate(send_numbers(comm, lists))
         wanted = np.union1d(own, received)
         carriers.ask(wanted)
-        self._known = carriers.home == comm.rank
-        self._known[wanted] = True
+        known = carriers.home == comm.rank
+        known[wanted] = True
+        self._know(known)
         self._bring_all(sets)
 
     def _bring_all(self, sets: list[FloatArray]) -> None:
@@ -374,7 +379,8 @@ class BarrierContacts:
         if self._over_step:
             self._spins.update()
         for one in self.contacts:
-            near = self._over_step and one.way(self._last, self._points) < _CLOSE
+            near = self._over_step and not self.cut
+            near = near and one.way(self._last, self._points) < _CLOSE
             one.evaluate(over_step=self._over_step, blur=_BLUR**self._levels, near=near)
         self.evaluated, self._entries = True, None
 
