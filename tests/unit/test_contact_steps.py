@@ -140,7 +140,7 @@ def test_the_whole_derivative_is_that_of_the_forces(kind):
         x0 = rng.uniform(-1.0, 1.0, (4, 3)) * [1.0, 1.0, 0.15]
         x0[upper, 2] += 0.4
         x1 = x0 + rng.uniform(-0.25, 0.25, (4, 3))
-        forces, response = of_step(pairs, x0, x1)
+        _, response = of_step(pairs, x0, x1)
         steps, h, action = rng.uniform(-1.0, 1.0, (4, 3)), 1e-6, np.zeros((4, 3))
         if response.count[0] == 0 or not response.numbers[0, GAP] > 0.02:
             continue

@@ -37,7 +37,7 @@ __all__ = ["BarrierContacts"]
 #: Motion for which pairs are found: that of so many steps like the last one, and to all sides a
 #: part of the largest gap below which they repel, and of the way of the last step, or of that of
 #: the fastest point, which may hit another one.
-_STEPS, _SKIN, _ASIDE, _HIT = 8.0, 0.25, 2.0, 0.5
+_STEPS, _SKIN, _ASIDE, _HIT = 8.0, 0.25, 2.0, 0.25
 #: Largest way to all sides outside of motions, in parts of the largest edge of the cells.
 _NARROW = 0.25
 #: Part of the largest edge of the cells by which points move at most in one correction.
@@ -112,6 +112,8 @@ class BarrierContacts:
         self._still = np.zeros((count, 3))
         self._over_step, self.factor, self._cayley = False, 1.0, False
         self._ahead = 0.0
+        # of all pairs in the last correction, by contact; empty where it is not known
+        self._ways: list[float] = []
         self._moves = np.ones(count)
         self._moves[: surfaces.carried] = surfaces.kind >= 0
         self.evaluated, self.cut, self.time = False, False, 0.0
@@ -184,6 +186,7 @@ class BarrierContacts:
         """
         self._place()
         self._before[:] = self._last[:] = self._points
+        self._ways = []
         self._over_step, self.factor, self._cayley, self.cut = True, weight, cayley, False
         self.start(h)
         self._spins.begin()
@@ -217,6 +220,7 @@ class BarrierContacts:
 
     def mark(self) -> None:
         """Remember the trial state: corrections begin at it (collective)."""
+        self._ways = []
         self._place()
         self._last[:] = self._points
 
@@ -261,11 +265,12 @@ class BarrierContacts:
         move by a thousandth of the gap at which they repel.
         """
         steps = self._points - self._last
-        change = largest = way = 0.0
+        change = largest = 0.0
         if self._levels:
             return np.inf
+        self._ways = [one.way(self._last, self._points) for one in self.contacts]
+        way = max(self._ways)
         for one in self._every:
-            way = max(way, one.way(self._last, self._points))
             if one.closed:
                 largest = max(largest, one.pushes.max())
                 moved = one.slopes * one.motions(steps, self._still)
@@ -378,9 +383,11 @@ class BarrierContacts:
         self._search()
         if self._over_step:
             self._spins.update()
-        for one in self.contacts:
+        for k, one in enumerate(self.contacts):
             near = self._over_step and not self.cut
-            near = near and one.way(self._last, self._points) < _CLOSE
+            if near:
+                way = self._ways[k] if self._ways else one.way(self._last, self._points)
+                near = way < _CLOSE
             one.evaluate(over_step=self._over_step, blur=_BLUR**self._levels, near=near)
         self.evaluated, self._entries = True, None
 

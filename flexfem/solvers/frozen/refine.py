@@ -133,6 +133,6 @@ class Refinement:
         missed = [block.residual.copy() for block in blocks]
         correction = self._plain(np.zeros(system.constraints.size))
         (square,) = vectors.squares(vectors.collect(correction))
-        for block, (residual, step), own in zip(blocks, before, missed, strict=True):
-            block.residual[:], block.owned_step[:] = residual + own, step
+        for block, (residual, step), change in zip(blocks, before, missed, strict=True):
+            block.residual[:], block.owned_step[:] = residual + change, step
         return float(np.sqrt(square))
