@@ -22,6 +22,7 @@ from flexfem.contact.barrier.restitution import Pulls, Solve
 from flexfem.contact.barrier.rows import GroupRows
 from flexfem.contact.barrier.spins import Spins
 from flexfem.contact.barrier.surface import ContactSurface
+from flexfem.contact.barrier.ways import farthest, leaves, moves, short_part
 from flexfem.contact.carriers import Carriers
 from flexfem.contact.primitives.candidates import Boxes, Motion
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
@@ -30,7 +31,6 @@ from flexfem.contact.tangent_entries import ContactEntries, Triplets
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.halo import send_numbers
 from flexfem.core.state import Numbering, State
-from flexfem.kernels.compiled import kernel
 
 __all__ = ["BarrierContacts"]
 
@@ -114,6 +114,7 @@ class BarrierContacts:
         self._ahead = 0.0
         # of all pairs in the last correction, by contact; empty where it is not known
         self._ways: list[float] = []
+        self._evaluated = np.full((count, 3), np.nan)
         self._moves = np.ones(count)
         self._moves[: surfaces.carried] = surfaces.kind >= 0
         self.evaluated, self.cut, self.time = False, False, 0.0
@@ -163,8 +164,8 @@ class BarrierContacts:
         self._place()
         self._search()
         self._forces[:] = 0.0
-        way = _farthest(self._last, self._points, self._known)
-        part = _short_part(self._last, self._points, self._touching, self._stride)
+        way = farthest(self._last, self._points, self._known)
+        part = short_part(self._last, self._points, self._touching, self._stride)
         for one in self._every:
             part = min(part, one.mark_unsafe(self._last, self._points, way, keep, self._forces))
         part = self._least(part)
@@ -242,12 +243,26 @@ class BarrierContacts:
         longer motion no pairs are searched: a wild correction would bring all near each other.
         """
         self._place()
-        part = self._least(_short_part(self._last, self._points, self._touching, self._stride))
+        part = self._least(short_part(self._last, self._points, self._touching, self._stride))
         if part < 1.0:
             return part
         self._search()
+        if self._short(keep):
+            return self._least(1.0)
         parts = [one.safe_part(self._last, self._points, keep) for one in self._every]
         return self._least(min([1.0, *parts]))
+
+    def _short(self, keep: float) -> bool:
+        """True if the motion since the last evaluation is too short for gaps to lose their part.
+
+        On this rank, where obstacles rest.
+        """
+        if not self.evaluated or not np.array_equal(self._last, self._evaluated):
+            return False
+        if moves(self._last, self._points, self._axes):
+            return False
+        way = 2.0 * farthest(self._last, self._points, self._known)
+        return all(way < (1.0 - keep) * one.shortest() for one in self._every)
 
     def _least(self, part: float) -> float:
         """Smallest of all ranks' numbers (collective)."""
@@ -289,11 +304,11 @@ class BarrierContacts:
     def _search(self) -> None:
         """Find all pairs near the present motion, unless those found include them (collective)."""
         known = self._known
-        out = _leaves(self._points, self._low, self._high, known) or _leaves(
+        out = leaves(self._points, self._low, self._high, known) or leaves(
             self._last, self._low, self._high, known
         )
         if self._over_step:
-            out = out or _leaves(self._before, self._low, self._high, known)
+            out = out or leaves(self._before, self._low, self._high, known)
         if self._comm.size > 1:
             out = self._comm.allreduce(out, op=MPI.LOR)
         if not out:
@@ -319,12 +334,12 @@ class BarrierContacts:
             size = np.linalg.norm(way, axis=1, keepdims=True)
             steps = np.minimum(_STEPS, self._stride / np.maximum(size, 1e-300))
             sets = [*sets, self._before + steps * way]
-            fastest = _farthest(self._before, self._points, self._touching)
+            fastest = farthest(self._before, self._points, self._touching)
             if self._comm.size > 1:
                 fastest = self._comm.allreduce(fastest, op=MPI.MAX)
             aside += np.minimum(np.maximum(_ASIDE * size, _HIT * fastest), self._stride)
         elif self._ahead:
-            longest = np.array([_farthest(self._last, self._points, self._touching)])
+            longest = np.array([farthest(self._last, self._points, self._touching)])
             if self._comm.size > 1:
                 self._comm.Allreduce(MPI.IN_PLACE, longest, op=MPI.MAX)
             aside += min(0.5 * self._ahead * longest[0], _NARROW * self._stride)
@@ -376,7 +391,7 @@ class BarrierContacts:
         """Evaluate all pairs at the trial state (collective)."""
         self._place()
         if not self._over_step:
-            way = _farthest(self._last, self._points, self._known)
+            way = farthest(self._last, self._points, self._known)
             for pairs in self._every:
                 pairs.went(way)
             self._last[:] = self._points
@@ -390,6 +405,7 @@ class BarrierContacts:
                 near = way < _CLOSE
             one.evaluate(over_step=self._over_step, blur=_BLUR**self._levels, near=near)
         self.evaluated, self._entries = True, None
+        self._evaluated[:] = self._points
 
     def refresh(self) -> None:
         """Evaluate at the accepted state, unless it has been (collective)."""
@@ -559,33 +575,3 @@ def _longest_edge(surfaces: CollisionSurfaces, one: ContactPairs) -> float:
     moving = cells.vertices[np.isfinite(one.own.density[cells.vertices])]
     radius = float(one.own.surface.radius[moving].max(initial=0.0))
     return max(float(lengths.max(initial=0.0)), radius)
-
-
-@kernel
-def _farthest(before: FloatArray, after: FloatArray, known: BoolArray) -> float:
-    """Largest way of the known points, m."""
-    most = 0.0
-    for i in range(len(known)):
-        if known[i]:
-            square = 0.0
-            for a in range(3):
-                square += (after[i, a] - before[i, a]) ** 2
-            most = max(most, square)
-    return float(np.sqrt(most))
-
-
-def _short_part(before: FloatArray, after: FloatArray, known: BoolArray, longest: float) -> float:
-    """Part of a motion in which no known point moves farther than ``longest``."""
-    way = _farthest(before, after, known)
-    return longest / way if way > longest else 1.0
-
-
-@kernel
-def _leaves(points: FloatArray, low: FloatArray, high: FloatArray, known: BoolArray) -> bool:
-    """True if a known point is outside of its box, or nowhere."""
-    for i in range(len(known)):
-        if known[i]:
-            for a in range(3):
-                if not low[i, a] <= points[i, a] <= high[i, a]:
-                    return True
-    return False

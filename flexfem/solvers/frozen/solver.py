@@ -42,6 +42,8 @@ __all__ = ["FrozenSolver", "Worst"]
 #: Number of step sizes whose factors are kept, the latest used: each needs the memory of all
 #: factors.
 _KEPT = 6
+#: Contraction of an iteration from which on the contacts are those of the last one, about.
+_ALIKE = 0.1
 #: Part of the squared error of the frozen operator above which a body is one of the worst.
 _SHARE = 0.01
 
@@ -276,7 +278,8 @@ class FrozenSolver:
         if not (keep_interface or self._factor_interface(shifts)):
             return False, np.zeros(rows.size), None
         for contacts in self.system.contacts:
-            self._stiff.take(contacts.rows(), shifts, self._compliances)
+            alike = contraction < _ALIKE
+            self._stiff.take(contacts.rows(), shifts, self._compliances, alike=alike)
         correction, refined = self._with_springs(self._solve(rows.values), refine=refine), None
         if refine:
             correction, refined = self._refinement.correct(

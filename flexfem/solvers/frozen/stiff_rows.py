@@ -111,26 +111,39 @@ class StiffRows:
         """Allocate the responses."""
         self._system, self._vectors = system, vectors
         self.active = self.soft = self.rub = False
+        self._forces: _Forces | None = None
         self._values = np.zeros(system.constraints.size)
         # of the directions, in pages that are used as they come
         self._responses = np.empty((_MOST if system.contacts else 0, len(vectors)))
 
-    def take(self, rows: SpringRows, shifts: Shifts, near: NodeCompliances) -> None:
-        """Use springs for the next solves, none for a matrix without stiffness (collective)."""
+    def take(
+        self, rows: SpringRows, shifts: Shifts, near: NodeCompliances, *, alike: bool = False
+    ) -> None:
+        """Use springs for the next solves, none for a matrix without stiffness (collective).
+
+        If they are ``alike`` those of the last call, their coupling is kept where it can.
+        """
+        last = self._forces if alike and self.active else None
         self.active = False
         scale = shifts.scale * shifts.stiffness
         if scale == 0.0:
             return
         slopes = scale * rows.slopes
-        count = self._vectors.sum(np.array([float(np.count_nonzero(slopes))]))[0]
+        others = last is None or not last.coupled or last.size != len(slopes)
+        count, changed = self._vectors.sum(
+            np.array([float(np.count_nonzero(slopes)), float(others)])
+        )  # fmt: skip
         if count:
             self.active, self.rub = True, rows.rub
             self._forces = _Forces(rows, slopes, self._vectors)
-            if count >= _MANY:
+            if count >= _MANY and changed == 0.0 and last is not None:
+                self._forces.couple_as(last)
+            elif count >= _MANY:
                 self._couple(near)
 
     def _couple(self, near: NodeCompliances) -> None:
         """Couple the springs by the compliances of nodes, if these are known (collective)."""
+        assert self._forces is not None
         rows = self._forces.rows
         found = {kind: near(block) for kind, block in rows.blocks.items()}
         known = {kind: one for kind, one in found.items() if one is not None}
@@ -151,6 +164,7 @@ class StiffRows:
         Returns:
             That with the springs.
         """
+        assert self._forces is not None
         kept = [part.block.residual.copy() for part in self._system.parts]
         solution = self._vectors.collect(correction)
         parts = self._forces.solve(
@@ -164,6 +178,7 @@ class StiffRows:
 
     def _respond(self, solve: Solve, forces: FloatArray, number: int) -> FloatArray:
         """Motions (c,) for forces (c,) of the springs alone; stores the response by its number."""
+        assert self._forces is not None
         rows = self._forces.rows
         for part in self._system.parts:
             part.block.residual[:] = 0.0
@@ -201,6 +216,20 @@ class _Forces:
     @property
     def _inverse(self) -> FloatArray:
         return self._inverses[: self._count, : self._count]
+
+    @property
+    def coupled(self) -> bool:
+        """True if their coupling is known."""
+        return self._direct is not None
+
+    @property
+    def size(self) -> int:
+        """Number of springs of this rank."""
+        return len(self._slopes)
+
+    def couple_as(self, last: "_Forces") -> None:
+        """Use the coupling of other springs that are about the same."""
+        self._direct, self._scaling, self.soft = last._direct, last._scaling, False
 
     def couple(self, compliances: Triplets) -> None:
         """Use an approximate sparse ``J B^-1 J^T`` of this rank's springs from now on."""
