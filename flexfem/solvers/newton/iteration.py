@@ -45,6 +45,9 @@ _WILD, _TAMED = 10.0, 1
 _NOISE = 10.0
 #: Part of the tolerance below which changes of contact forces are round-off of positions.
 _ROUND_OFF = 1e-5
+#: Part of corrections that contacts let pass, and number of smaller ones, one after the other,
+#: after which there is no hope: each keeps a part of the gaps, and leads to the next.
+_STUCK, _TRIALS = 0.1, 5
 #: Ratio of these changes above which they are round-off, too, and the largest such ones, in parts
 #: of those that end an iteration.
 _STAGNATION, _ALIKE = 0.5, 1e4
@@ -102,7 +105,7 @@ def iterate(
     """
     rows, strains = system.constraints, system.accepted_strains(thin=thin)
     first = previous = before = change_of_forces = inf
-    wild = 0
+    wild = stuck = 0
     for iteration in range(1, options.max_iterations + 1):
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
@@ -128,6 +131,9 @@ def iterate(
             observe(iteration, size, sizes[0], contraction, moved.part, strains)
         if converged:
             return Status.OK
+        stuck = stuck + 1 if moved.part < _STUCK else 0
+        if stuck >= _TRIALS:
+            return Status.NOT_CONVERGED
         grows = size > max(_DIVERGENCE * max(previous, before), _NOISE * options.tolerance)
         if grows and moved.part == 1.0 and sizes[3] <= 1.0:
             return Status.DIVERGED
