@@ -28,6 +28,7 @@ class NormalRows:
     Attributes:
         slopes: derivative of the normal force of each by its gap, (c,), N/m.
         rub: False: friction is explicit.
+        keys: None: rows are not known again.
     """
 
     def __init__(self, carriers: Carriers, frames: SurfaceFrames) -> None:
@@ -35,6 +36,7 @@ class NormalRows:
         self._carriers, self._frames = carriers, frames
         self._steps, self._forces = np.zeros((2, len(carriers.serial.start), 3))
         self.rub = False
+        self.keys: IntArray | None = None
         self.clear()
 
     def clear(self) -> None:

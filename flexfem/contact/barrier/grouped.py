@@ -108,6 +108,7 @@ class GroupedPairs:
         pairs = Pairs(
             kind=nothing, points=np.zeros((0, 4), np.int64), weight=np.zeros(0), touch=np.zeros(0),
             dhat=np.zeros(0), kappa=np.zeros(0), starts=np.zeros(1, np.int64),
+            keys=nothing,
         )  # fmt: skip
         self._use(pairs, Response.of(pairs))
 
@@ -197,6 +198,11 @@ class GroupedPairs:
     def closed(self) -> int:
         """Number of groups that act."""
         return int(self.groups.count[0])
+
+    @property
+    def keys(self) -> IntArray:
+        """Numbers (g,) of the groups that act, the same in every search."""
+        return self.pairs.keys[self.groups.every[: self.closed]]
 
     @property
     def pushes(self) -> FloatArray:

@@ -26,6 +26,8 @@ class GroupRows:
     Attributes:
         slopes: derivative (c,) of each force by its motion, N/m.
         rub: True if there is friction.
+        keys: numbers (c,) of the rows, the same in every search; None with friction, whose rows
+            turn with the slip.
     """
 
     def __init__(self, carriers: Carriers, spins: Spins, every: Sequence[GroupedPairs]) -> None:
@@ -34,6 +36,7 @@ class GroupRows:
         self._steps, self._forces, self._couples = np.zeros((3, len(carriers.serial.start), 3))
         self._compliances = np.zeros((len(carriers.serial.start), 9))
         self.slopes, self._cuts = np.zeros(0), [0]
+        self.keys: IntArray | None = None
         self.rub = any(one.rubs for one in every)
 
     def take(self, factor: float) -> None:
@@ -41,6 +44,9 @@ class GroupRows:
         slopes = [one.slopes.ravel() for one in self._every]
         self.slopes = factor * np.concatenate(slopes)
         self._cuts = np.cumsum([0, *map(len, slopes)]).tolist()
+        if not self.rub:
+            keys = [len(slopes) * one.keys + k for k, one in enumerate(self._every)]
+            self.keys = np.concatenate(keys)
 
     @property
     def blocks(self) -> dict[int, FrameBlock]:

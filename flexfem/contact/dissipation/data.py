@@ -124,6 +124,7 @@ class Groups(Record):
 
     Attributes:
         count: Number of groups, shape (1,); they are the first rows of what follows.
+        every: Number of each group among those of all pairs, shape (g,).
         rows: First row of each group in the response to the step, and the one after the last one,
             shape (g, 2).
         starts: First entry of each group, shape (g + 1,).
@@ -140,6 +141,7 @@ class Groups(Record):
     """
 
     count: Int1D
+    every: Int1D
     rows: Int2D
     starts: Int1D
     sides: Int1D
@@ -155,7 +157,8 @@ class Groups(Record):
         """Memory for the groups of pairs, in one step."""
         groups, entries = max(len(pairs.starts) - 1, 0), pairs.points.size
         return cls(
-            count=np.zeros(1, np.int64), rows=np.zeros((groups, 2), np.int64),
+            count=np.zeros(1, np.int64), every=np.zeros(groups, np.int64),
+            rows=np.zeros((groups, 2), np.int64),
             starts=np.zeros(groups + 1, np.int64),
             sides=np.zeros(groups, np.int64), points=np.zeros(entries, np.int64),
             weights=np.zeros(entries), numbers=np.zeros((groups, GROUP_FIELDS)),

@@ -35,7 +35,7 @@ def dissipate(pairs: Memory, response: Memory, law: Memory, motion: Memory, grou
         while end < out.count[0] and out.pairs[end] < own.starts[number + 1]:
             end += 1
         if collect(own, out, first, end, result, found):
-            last = result.last[number]
+            last, result.every[found] = result.last[number], number
             result.rows[found, 0], result.rows[found, 1] = first, end
             if rule.damping > 0.0:
                 damp(own, out, rule, step, result, found)

@@ -53,6 +53,7 @@ class FieldPairs:
         pairs = Pairs(
             kind=np.full(count, _KIND), points=np.ascontiguousarray(points),
             weight=weight, touch=touch, dhat=dhat, kappa=kappa, starts=np.arange(count + 1),
+            keys=points[:, 0] * (fields.max(initial=0) + 1) + fields,
         )  # fmt: skip
         return cls(pairs, fields)
 

@@ -99,6 +99,7 @@ class Pairs(Record):
         dhat: Gap below which they repel, shape (m,), metres.
         kappa: Stiffness of the barrier, shape (m,), N/m^3.
         starts: First pair of each group, shape (g + 1,).
+        keys: Number of each group that it has in every search, shape (g,).
     """
 
     kind: Int1D
@@ -108,6 +109,7 @@ class Pairs(Record):
     dhat: Float1D
     kappa: Float1D
     starts: Int1D
+    keys: Int1D
 
     @property
     def count(self) -> int:

@@ -35,7 +35,11 @@ _PARTS = 0.1
 
 @dataclass(frozen=True)
 class _Found:
-    """Pairs of cells (m,) with kind, points (m, 4), weight and number of their group."""
+    """Pairs of cells (m,) with kind, points (m, 4) and weight, sorted by group.
+
+    A group has a number of both cells, or of the vertex and the body that it touches, which is the
+    same in every search.
+    """
 
     first: IntArray
     second: IntArray
@@ -72,6 +76,7 @@ def find_pairs(
         for name in ("first", "second", "kind", "points", "weight")
     )
     starts = [np.flatnonzero(np.diff(part.group, prepend=-1)) for part in parts]
+    keys = [len(parts) * parts[k].group[starts[k]] + k for k in range(len(parts))]
     begins = np.cumsum([0, *(len(part.first) for part in parts)])
     kappa = np.maximum(surface.kappa[points[:, 0]], surface.kappa[points[:, 3]])
     return Pairs(
@@ -79,6 +84,7 @@ def find_pairs(
         dhat=surface.reach(first, second), kappa=kappa,
         starts=np.concatenate([*(s + b for s, b in zip(starts, begins, strict=False)),
                                begins[-1:]]),
+        keys=np.concatenate(keys),
     )  # fmt: skip
 
 
@@ -108,9 +114,9 @@ def _with_vertices(surface: Surface, near: Neighbourhoods, boxes: Boxes, here: B
     weight = near.vertices.apply(first, second, usual) * area[first]
     wound = np.flatnonzero(surface.winds(first, second))
     weight[wound] = _PARTS * surface.cell_area[second[wound]]
-    bodies = surface.label.max(initial=0) + 1
-    group = first * bodies + surface.cell_label[second]
-    group[wound] = cells.count * bodies + np.arange(len(wound))
+    other = cells.count + surface.cell_label[second]
+    other[wound] = second[wound]
+    group = _numbers(surface, first, other)
     return _sorted(surface, (first, second), weight, group, of_vertices=True)
 
 
@@ -122,7 +128,7 @@ def _of_lines(surface: Surface, near: Neighbourhoods, boxes: Boxes, here: BoolAr
     first, second = first[chosen], second[chosen]
     usual = cells.line_coefficients[first] * cells.line_coefficients[second]
     weight = near.lines.apply(first, second, usual) * surface.touch(first, second) ** 2
-    return _sorted(surface, (first, second), weight, np.arange(len(first)))
+    return _sorted(surface, (first, second), weight, _numbers(surface, first, second))
 
 
 def _of_edges(surface: Surface, near: Neighbourhoods, boxes: Boxes, here: BoolArray) -> _Found:
@@ -135,4 +141,11 @@ def _of_edges(surface: Surface, near: Neighbourhoods, boxes: Boxes, here: BoolAr
     # that of one where the other's points do not act
     area = np.where((one > 0.0) & (other > 0.0), np.minimum(one, other), np.maximum(one, other))
     weight = _EDGES * near.edges.apply(first, second, area)
-    return _sorted(surface, (first, second), weight, np.arange(len(first)))
+    return _sorted(surface, (first, second), weight, _numbers(surface, first, second))
+
+
+def _numbers(surface: Surface, first: IntArray, other: IntArray) -> IntArray:
+    """Numbers (m,) of pairs of a cell with another one, or, after all cells, a body."""
+    bodies = int(surface.label.max(initial=0)) + 1
+    found: IntArray = first * (surface.complex.count + bodies) + other
+    return found

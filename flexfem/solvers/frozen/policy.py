@@ -67,7 +67,7 @@ class _Attempt:
         self.refine, self.defect, self.stale = refine, defect, inf
         self._keep_interface, self._renewed = False, 0.0
         self._touched = self._cut = False
-        frozen.secants.forget()
+        frozen.begin_step()
         self._refined: Refined | None = None
 
     def step(self, shifts: Shifts, strains: PartStrains) -> tuple[bool, FloatArray]:

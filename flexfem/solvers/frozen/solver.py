@@ -131,6 +131,7 @@ class FrozenSolver:
             self.factor(shifts, strains)
             return
         self._kept[shifts] = kept  # the latest used is the last
+        self._stiff.forget()
         self.shifts = shifts
         for flexible, one in zip(self._flexible, kept.parts, strict=True):
             flexible.use(one)
@@ -143,6 +144,7 @@ class FrozenSolver:
             strains: strains of each part whose stresses are used; None for the present ones.
         """
         self.shifts = shifts
+        self._stiff.forget()
         if not self._flexible:
             return
         system = self.system
@@ -202,10 +204,16 @@ class FrozenSolver:
             self.factor(self.shifts, strains)
             return
         self.system.counters.factorizations += 1
+        self._stiff.forget()
         requests = self._requests(self.shifts, strains)
         for flexible, request, chosen in zip(self._flexible, requests, worst.pieces, strict=True):
             if chosen is not None:
                 flexible.factorise(self.shifts, request, chosen)
+
+    def begin_step(self) -> None:
+        """Begin the iterations of a step: nothing is used again of the last one's."""
+        self._stiff.forget()
+        self.secants.forget()
 
     @property
     def sprung(self) -> bool:

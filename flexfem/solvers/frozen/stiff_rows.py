@@ -16,6 +16,11 @@ by ``1 / sqrt(c + 1/D)``, c a typical compliance of the rows, since slopes diffe
 Many springs, such as those of a heap of ropes, would need as many directions. With the compliances
 C of nodes and between neighbours, ``J C J^T + D^-1`` is sparse: it is factorised, on each rank for
 its own springs, and its inverse times the motions that are left is the next direction.
+
+Where these are unknown, as in shells, the directions of an iteration and their responses serve the
+next ones of the step: slopes change, and some springs come and go, but rows hardly do. Springs that
+have gone still have forces in these directions; they are rows of their own, so compliant that their
+forces are almost zero.
 """
 
 from collections.abc import Callable, Mapping
@@ -40,6 +45,8 @@ Respond = Callable[[FloatArray, int], FloatArray]
 NodeCompliances = Callable[[FrameBlock], FloatArray | None]
 #: Rows, columns and values of a matrix, (k,) each.
 Triplets = tuple[IntArray, IntArray, FloatArray]
+#: Motions (c,) of a known response, given its number and its new one.
+Recall = Callable[[int, int], FloatArray]
 #: Next direction (c,) for motions (c,) that are left.
 Direct = Callable[[FloatArray], FloatArray]
 
@@ -52,6 +59,9 @@ _MANY, _DENSE = 8, 120
 #: Relative error of the springs' forces: whether a stiff contact opens depends on small parts of
 #: its force, and what is left keeps Newton's method from an end.
 _ACCURACY = 1e-2
+#: Largest number of directions that serve again; compliance of springs that have gone, in typical
+#: ones.
+_AGAIN, _GONE = 60, 1e4
 #: Slope of springs that have none, whose forces stay zero; part of a direction's motions below
 #: which it depends on the others, and part that an orthogonalisation must leave, else a second one
 #: follows, both squared.
@@ -64,7 +74,14 @@ class SpringRows(Protocol):
     Attributes:
         slopes: derivatives (c,) of their forces by their motions, not negative, N/m.
         rub: True if there is friction, on any rank.
+        keys: numbers (c,) by which rows are known in all iterations, each once on this rank; None,
+            on all ranks, if they are not.
     """
+
+    @property
+    def keys(self) -> IntArray | None:
+        """See above."""
+        ...
 
     @property
     def slopes(self) -> FloatArray:
@@ -116,6 +133,10 @@ class StiffRows:
         # of the directions, in pages that are used as they come
         self._responses = np.empty((_MOST if system.contacts else 0, len(vectors)))
 
+    def forget(self) -> None:
+        """Let no direction serve again: factors change, or a step begins."""
+        self.active, self._forces = False, None
+
     def take(
         self, rows: SpringRows, shifts: Shifts, near: NodeCompliances, *, alike: bool = False
     ) -> None:
@@ -123,7 +144,8 @@ class StiffRows:
 
         If they are ``alike`` those of the last call, their coupling is kept where it can.
         """
-        last = self._forces if alike and self.active else None
+        earlier = self._forces
+        last = earlier if alike and self.active else None
         self.active = False
         scale = shifts.scale * shifts.stiffness
         if scale == 0.0:
@@ -138,17 +160,17 @@ class StiffRows:
             self._forces = _Forces(rows, slopes, self._vectors)
             if count >= _MANY and changed == 0.0 and last is not None:
                 self._forces.couple_as(last)
-            elif count >= _MANY:
-                self._couple(near)
+            elif not (count >= _MANY and self._couple(self._forces, near)) and earlier:
+                self._forces.follow(earlier)
 
-    def _couple(self, near: NodeCompliances) -> None:
-        """Couple the springs by the compliances of nodes, if these are known (collective)."""
-        assert self._forces is not None
-        rows = self._forces.rows
+    def _couple(self, forces: "_Forces", near: NodeCompliances) -> bool:
+        """Couple the springs by the compliances of nodes; False if unknown (collective)."""
+        rows = forces.rows
         found = {kind: near(block) for kind, block in rows.blocks.items()}
         known = {kind: one for kind, one in found.items() if one is not None}
         if known and len(known) == len(found):
-            self._forces.couple(rows.coupled(known))
+            forces.couple(rows.coupled(known))
+        return forces.coupled
 
     def correct(self, correction: FloatArray, solve: Solve, *, refine: bool = False) -> FloatArray:
         """Add the springs to the frozen solve whose steps are in the blocks (collective).
@@ -168,13 +190,20 @@ class StiffRows:
         kept = [part.block.residual.copy() for part in self._system.parts]
         solution = self._vectors.collect(correction)
         parts = self._forces.solve(
-            partial(self._respond, solve), leave_soft=refine and not self.rub
+            partial(self._respond, solve), self._recall, leave_soft=refine and not self.rub
         )
         self.soft = self._forces.soft and not self.rub
         solution -= parts @ self._responses[: len(parts)]
         for part, residual in zip(self._system.parts, kept, strict=True):
             part.block.residual[:] = residual
         return -self._vectors.put(solution)
+
+    def _recall(self, number: int, new: int) -> FloatArray:
+        """Motions (c,) of the response of a number, which gets a new one, not larger."""
+        assert self._forces is not None
+        self._responses[new] = self._responses[number]
+        self._vectors.put(self._responses[new])
+        return self._forces.rows.motions()
 
     def _respond(self, solve: Solve, forces: FloatArray, number: int) -> FloatArray:
         """Motions (c,) for forces (c,) of the springs alone; stores the response by its number."""
@@ -190,20 +219,28 @@ class StiffRows:
 class _Forces:
     """Forces of the springs of one iteration: directions with known responses.
 
+    Rows are those of the springs, then those of springs that have gone, which do not move.
+
     Attributes:
         rows: the springs.
         soft: True if they are not much stiffer than the frozen operator.
     """
 
     def __init__(self, rows: SpringRows, slopes: FloatArray, vectors: StepVectors) -> None:
-        self.rows, self._slopes = rows, slopes
+        self.rows, self._here, self._keys = rows, len(slopes), rows.keys
         self._sum = vectors.sum
-        self._compliance = 1.0 / np.maximum(slopes, _NO_SLOPE)
-        self._scaling, self.soft = np.zeros(0), True
+        self._typical, self._scaling, self.soft = 1.0, np.zeros(0), True
         self._direct: Direct | None = None
+        self._earlier: _Forces | None = None
+        self._inverses, self._count = np.zeros((_MOST, _MOST)), 0
+        self._set_slopes(slopes)
+
+    def _set_slopes(self, slopes: FloatArray) -> None:
+        """Set those of all rows."""
+        self._slopes = slopes
+        self._compliance = 1.0 / np.maximum(slopes, _NO_SLOPE)
         # the scaled motions of directions are a triangle, here inverted, times an orthonormal basis
         self._all_directions, self._all = np.empty((2, _MOST, len(slopes)))
-        self._inverses, self._count = np.zeros((_MOST, _MOST)), 0
 
     @property
     def _basis(self) -> FloatArray:
@@ -225,7 +262,18 @@ class _Forces:
     @property
     def size(self) -> int:
         """Number of springs of this rank."""
-        return len(self._slopes)
+        return self._here
+
+    def follow(self, earlier: "_Forces") -> None:
+        """Begin with the directions of earlier forces, if their rows are known."""
+        if self._keys is None or earlier._keys is None or not earlier._count:
+            return
+        self._earlier, self._typical = earlier, earlier._typical
+        gone = np.setdiff1d(earlier._keys, self._keys)
+        self._keys = np.concatenate([self._keys, gone])
+        slopes = np.full(len(gone), 1.0 / (_GONE * self._typical))
+        self._set_slopes(np.concatenate([self._slopes, slopes]))
+        self._scaling = 1.0 / np.sqrt(self._typical + self._compliance)
 
     def couple_as(self, last: "_Forces") -> None:
         """Use the coupling of other springs that are about the same."""
@@ -247,14 +295,18 @@ class _Forces:
         inverted = (_dense if size <= _DENSE else _sparse)(size, (i, j, values))
         self._direct = lambda left: scaling * inverted(scaling * left)
 
-    def solve(self, respond: Respond, *, leave_soft: bool) -> FloatArray:
+    def solve(self, respond: Respond, recall: Recall, *, leave_soft: bool) -> FloatArray:
         """Parts of the responses in that to the springs' forces, for the blocks' steps.
 
         Args:
             respond: motions (c,) for forces (c,) of the springs alone, a direction by its number.
+            recall: motions (c,) of a response that serves again.
             leave_soft: True for none if the springs are soft.
         """
-        motions = self.rows.motions()
+        motions = self._with_gone(self.rows.motions())
+        if self._earlier is not None:
+            self._serve_again(self._earlier, recall)
+            self._earlier = None
         if self._direct is None and not self._count and not self._begin(respond, motions):
             return np.zeros(0)
         if leave_soft and self.soft:
@@ -268,6 +320,23 @@ class _Forces:
             if not error > _ACCURACY * size or not self._extend(respond, left):
                 return parts
 
+    def _with_gone(self, motions: FloatArray) -> FloatArray:
+        """Motions of all rows for those of the springs (c,), or forces likewise."""
+        return np.concatenate([motions, np.zeros(len(self._slopes) - self._here)])
+
+    def _serve_again(self, earlier: "_Forces", recall: Recall) -> None:
+        """Add the latest directions of earlier forces."""
+        assert self._keys is not None
+        assert earlier._keys is not None
+        _, here, there = np.intersect1d(self._keys, earlier._keys, True, return_indices=True)
+        for number in range(max(earlier._count - _AGAIN, 0), earlier._count):
+            forces = np.zeros(len(self._slopes))
+            forces[here] = earlier._directions[number, there]
+            moved = self._with_gone(recall(number, self._count))
+            size, pushed = self._norms(forces, self._slopes * moved)
+            self.soft = self.soft and pushed < _SOFT * size
+            self._append(forces, moved)
+
     def _begin(self, respond: Respond, motions: FloatArray) -> bool:
         """Find the scaling by the springs' forces for motions without reaction, if there are."""
         forces = self._slopes * motions
@@ -275,18 +344,20 @@ class _Forces:
         if not 0.0 < size < np.inf:
             return False
         forces /= size
-        moved = respond(forces, 0)
-        typical, ratio = self._norms(moved, self._slopes * moved)
+        moved = self._with_gone(respond(forces[: self._here], 0))
+        self._typical, ratio = self._norms(moved, self._slopes * moved)
         self.soft = ratio < _SOFT
-        self._scaling = 1.0 / np.sqrt(typical + self._compliance)
+        self._scaling = 1.0 / np.sqrt(self._typical + self._compliance)
         return self._append(forces, moved)
 
     def _extend(self, respond: Respond, left: FloatArray) -> bool:
         """Add a direction for motions (c,) that are left; False if it depends on the others."""
         if self._count >= _MOST:
             return False
-        forces = self._scaling**2 * left if self._direct is None else self._direct(left)
-        return self._append(forces, respond(forces, self._count))
+        left, scaling = left[: self._here], self._scaling[: self._here]
+        forces = scaling**2 * left if self._direct is None else self._direct(left)
+        moved = respond(forces, self._count)
+        return self._append(self._with_gone(forces), self._with_gone(moved))
 
     def _append(self, forces: FloatArray, moved: FloatArray) -> bool:
         """Add a direction (c,) with its motions (c,); False if it depends on the others."""
