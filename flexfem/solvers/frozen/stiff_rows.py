@@ -208,16 +208,22 @@ class _Forces:
 
         size = len(self._slopes)
         whole = compliance + dia_array((self._compliance[np.newaxis], [0]), shape=(size, size))
-        self._scaling = scaling = 1.0 / np.sqrt(whole.diagonal())
+        # compliances of nodes may be negative in a wild state
+        diagonal = np.maximum(whole.diagonal(), self._compliance)
+        self._scaling = scaling = 1.0 / np.sqrt(diagonal)
         scaled = dia_array((scaling[np.newaxis], [0]), shape=(size, size))
         self.soft = False
         if not size:
             self._direct = np.copy
             return
-        factors = splu(
-            (scaled @ whole @ scaled).tocsc(), permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
-            options={"SymmetricMode": True},
-        )  # fmt: skip
+        try:
+            factors = splu(
+                (scaled @ whole @ scaled).tocsc(), permc_spec="MMD_AT_PLUS_A",
+                diag_pivot_thresh=0.0, options={"SymmetricMode": True},
+            )  # fmt: skip
+        except RuntimeError:  # singular there: each spring for itself
+            self._direct = lambda left: scaling * (scaling * left)
+            return
         self._direct = lambda left: scaling * factors.solve(scaling * left)
 
     def solve(self, respond: Respond, *, leave_soft: bool) -> FloatArray:
