@@ -9,11 +9,12 @@ Run from the source tree, on a quiet machine::
 
 Scenes are a sheet that lands flat, a break shot of balls and boxes, and a rope over a cylinder
 (``contact_scenes.py``). The peers are optional, ``pip install mujoco exudyn drake`` or the extra
-``peers``; those that are missing are named. Each run is a process of its own with one thread. What a program cannot do is
-left out: Drake has no shells, and its rope of rigid links failed; ``ipctk`` is a library of
-distances and barriers, without bodies and steps in time. At the end stands the fastest run of each
-program whose error is not larger than some: the ratio of forces of the rope, and of the sheet and
-the balls the energy made or lost, where none is, or the depth over their size if it is more.
+``peers``; those that are missing are named. Each run is a process of its own with one thread. What
+a program cannot do is left out: Drake has no shells, and its rope of rigid links failed; ``ipctk``
+is a library of distances and barriers, without bodies and steps in time. At the end stands the
+fastest run of each program whose error is not larger than some: the ratio of forces of the rope,
+and of the sheet and the balls the energy made or lost, where none is, or the depth over their size
+if it is more.
 """
 
 import argparse
