@@ -36,7 +36,7 @@ from flexfem.contact.surfaces.collected import GROUND
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.halo import HaloExchange
 
-__all__ = ["CarriedPoints", "Carriers", "Points"]
+__all__ = ["CarriedPoints", "Carriers", "NodeLoads", "Points"]
 
 
 class Points(Protocol):
@@ -138,6 +138,21 @@ class CarriedPoints:
         return cls(block, part(owned), part(~owned))
 
 
+@dataclass(frozen=True)
+class NodeLoads:
+    """Loads on nodes of one block.
+
+    Attributes:
+        entries: numbers of the forces that they are of, (e,).
+        nodes: of the block, (e,).
+        loads: in their axes, N and N m, (e, w).
+    """
+
+    entries: IntArray
+    nodes: IntArray
+    loads: FloatArray
+
+
 class Carriers:
     """All points on this rank, and their exchange with other ranks.
 
@@ -217,13 +232,31 @@ class Carriers:
         """Write compliances (n + d, 9) of the fixed points here and nearby (collective).
 
         Args:
-            of_nodes: by the kind of block, compliances (n_owned, w, w) of its nodes.
+            of_nodes: by the kind of block, compliances (n_owned, k, w, w) of its nodes; the first
+                ones are taken.
             out: 3 x 3 numbers of each point, m/N.
         """
         for kind, one in self.by_kind.items():
-            compliances = of_nodes[kind].reshape(len(of_nodes[kind]), -1)
+            own = np.ascontiguousarray(of_nodes[kind][:, 0])
+            compliances = own.reshape(len(own), -1)
             compliances_into(one.block.nodes.memory, one.own.memory, compliances, out)
         self.bring(out)
+
+    def loads_of(self, points: IntArray, forces: FloatArray) -> dict[int, NodeLoads]:
+        """Loads on the nodes of this rank, by kind, of forces (k, 3) on fixed points (k,)."""
+        found = {}
+        for kind, one in self.by_kind.items():
+            place = np.full(len(self.home), -1)
+            place[one.rows] = np.arange(len(one.rows))
+            entries = np.flatnonzero(place[points] >= 0)
+            at = place[points[entries]]
+            local = one.local[at]
+            turns = one.block.frames[local, 3:].reshape(-1, 3, 3)
+            loads = np.einsum("ea,eab->eb", forces[entries], turns)
+            if one.turns:
+                loads = np.concatenate([loads, np.cross(one.arms[at], loads)], axis=1)
+            found[kind] = NodeLoads(entries, local, loads)
+        return found
 
     def spin(self, spins: FloatArray) -> None:
         """Write the rotation vectors of the step of points here (n + d, 3); zero where unknown."""

@@ -42,6 +42,7 @@ class Contacts:
             the first step.
         kinds: kinds of the blocks on which contacts act, ascending.
         evaluated: True if the forces are those of the trial state.
+        cut: True if the last correction was not taken as a whole.
         rubs: False: matrices have what there is of friction.
     """
 
@@ -76,7 +77,7 @@ class Contacts:
         given = [group.surfaces.contact.stiffness or 0.0 for group in self.groups]
         self.set_stiffness(np.array(given))
         self.time = self._accepted = 0.0
-        self.evaluated = False
+        self.evaluated = self.cut = False
         self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
         self.update()
 

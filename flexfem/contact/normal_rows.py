@@ -7,7 +7,6 @@ here.
 """
 
 from collections.abc import Mapping
-from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -19,9 +18,6 @@ from flexfem.contact.obstacles.rigid_surface import RigidContact
 from flexfem.contact.obstacles.triangles import TriangleContact
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.kernels.compiled import kernel
-
-if TYPE_CHECKING:
-    from scipy.sparse import csc_array
 
 __all__ = ["NormalRows"]
 
@@ -88,7 +84,9 @@ class NormalRows:
         """See ``SpringRows``: their coupling is not found."""
         return {}
 
-    def coupled(self, compliances: Mapping[int, FloatArray]) -> "csc_array":
+    def coupled(
+        self, compliances: Mapping[int, FloatArray]
+    ) -> tuple[IntArray, IntArray, FloatArray]:
         """See ``SpringRows``."""
         raise NotImplementedError
 

@@ -14,8 +14,8 @@ from flexfem.core.row import START_GAP
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
 from flexfem.solvers.linear.tangent import TangentSolver
-from flexfem.system.mechanics import END_POINT, EndPoint
-from flexfem.system.system import MASS, BlockPart, Shifts, System
+from flexfem.system.mechanics import END_POINT, VISCOUS
+from flexfem.system.system import MASS, System
 
 __all__ = [
     "check_gaps",
@@ -40,17 +40,6 @@ _COMPLIANCE = 1e-5
 _SPAN = 0.125
 #: Largest number of iterations for friction at the start.
 _SWEEPS = 25
-
-
-class _Viscous(EndPoint):
-    """Equations of masses and of the damping of elements, without gyroscopic terms of masses."""
-
-    def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
-        """See :class:`Mechanics`."""
-        return super().masses(system, part, replace(shifts, velocity=0.0))
-
-
-_VISCOUS = _Viscous()
 
 
 def check_start(system: System) -> None:
@@ -133,11 +122,10 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
     hardly has them and is off by the order of ``dt^2`` only where a step resolves the damping. C is
     that of linear damping, without users' laws of sections.
     """
-    viscous = any(part.elements is not None and part.elements.viscous for part in system.parts)
-    if not system.comm.allreduce(viscous, op=MPI.LOR):
+    if not system.viscous():
         return True
     given, found = _steps(system), [np.zeros_like(step) for step in _steps(system)]
-    tangent.assemble(replace(MASS, velocity=dt), mechanics=_VISCOUS)
+    tangent.assemble(replace(MASS, velocity=dt), mechanics=VISCOUS)
     system.counters.mass_factorizations += 1
     if not tangent.factor():
         return False

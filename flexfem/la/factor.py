@@ -22,6 +22,9 @@ _LARGE = 6000
 class Factor:
     """LU factors of a matrix of dense blocks.
 
+    Attributes:
+        kept: True if the matrix is kept beside its factors, see :meth:`multiplier`.
+
     When no rank couples to another (bodies are whole), every rank factorises its own part. With
     PETSc's blocked LU a solve of small bodies streams the factors once and sends nothing; MUMPS
     factorises large ones, and those that are distributed; small ones of these on every rank.
@@ -47,11 +50,12 @@ class Factor:
         if taken_whole(self._matrix):
             self._whole = WholeMatrix(self._matrix)
             self._matrix = self._whole.update(self._matrix)
+        self.kept = False
         self._pc.create(comm=self._matrix.comm)
         self._pc.setType(PETSc.PC.Type.LU)
         if local and (chained or largest <= _LARGE):
             self._matrix.setBlockSize(width)
-            self._matrix = self._matrix.convert("baij", PETSc.Mat())
+            self._matrix, self.kept = self._matrix.convert("baij", PETSc.Mat()), True
             # minimum degree fills surfaces less than any order of their nodes
             self._pc.setFactorOrdering("natural" if chained else "qmd")
         else:
@@ -89,6 +93,17 @@ class Factor:
         )
         # PETSc's own call, without a frame between: it is one of the most frequent of a run
         return partial(solve, *vectors)
+
+    def multiplier(self, vector: FloatArray, product: FloatArray) -> Callable[[], None]:
+        """Multiply with the matrix that was factorised, from one array to another, as solutions.
+
+        Only where it is ``kept``.
+        """
+        assert self.kept
+        vectors = (
+            PETSc.Vec().createWithArray(self._rows(x), comm=self._comm) for x in (vector, product)
+        )
+        return partial(self._matrix.mult, *vectors)
 
     def _rows(self, array: FloatArray) -> FloatArray:
         """The numbers of an array in one row, in its own memory."""

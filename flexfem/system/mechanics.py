@@ -7,18 +7,21 @@ equations derives a class from :class:`Mechanics`, which is an argument of solve
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from math import isnan, nan
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.nodes.action_kernels import add_products, subtract_forces
-from flexfem.layout.tangent_request import TangentRequest
+from flexfem.layout.tangent_request import Strains, TangentRequest
 from flexfem.system.moving_apart import Moved, move_apart
 from flexfem.system.system import MASS, BlockPart, PartStrains, Shifts, System
 
-__all__ = ["END_POINT", "Correction", "EndPoint", "Mechanics"]
+__all__ = ["END_POINT", "VISCOUS", "Correction", "EndPoint", "KeptAction", "Mechanics"]
+
+#: Adds a factor times a kept matrix of a part times its steps to its residual; False without one.
+KeptAction = Callable[[BlockPart, float], bool]
 
 
 @dataclass(frozen=True)
@@ -56,7 +59,7 @@ class Mechanics(ABC):
 
     def subtract_tangent(
         self, system: System, shifts: Shifts, hessians: FloatArray,
-        strains: PartStrains | None = None,
+        strains: PartStrains | None = None, kept: KeptAction | None = None,
     ) -> None:  # fmt: skip
         """Subtract the tangent's action on the blocks' steps from the residuals (collective).
 
@@ -67,39 +70,56 @@ class Mechanics(ABC):
             shifts: factors of the scheme.
             hessians: result of :meth:`hessians` for the multipliers.
             strains: strains of each part whose stresses are used; None for the present ones.
+            kept: takes the place of the parts' own tangents, without contacts, where it can.
         """
-        self._add_action(system, shifts, -1.0, strains)
+        self._add_action(system, shifts, -1.0, strains, kept)
         system.interface.update_steps()
         turning = system.constraints.turning_forces(hessians, system.interface.steps)
         for part in system.parts:
             if len(part.interface_nodes):
                 subtract_forces(turning, part.interface_nodes, part.block.residual)
 
-    def multiply_mass(self, system: System, factor: float) -> None:
-        """Set the residuals to ``factor`` times mass matrix times steps (collective)."""
+    def multiply_mass(self, system: System, factor: float, shifts: Shifts = MASS) -> None:
+        """Set the residuals to ``factor`` times mass matrix times steps (collective).
+
+        With other ``shifts`` without stiffness, damping is a part of the matrix.
+        """
         for part in system.parts:
             part.block.residual[:] = 0.0
-        self._add_action(system, MASS, factor)
+        self._add_action(system, shifts, factor)
 
     def _add_action(
-        self, system: System, shifts: Shifts, factor: float, strains: PartStrains | None = None
-    ) -> None:
+        self, system: System, shifts: Shifts, factor: float, strains: PartStrains | None = None,
+        kept: KeptAction | None = None,
+    ) -> None:  # fmt: skip
         """Add ``factor`` times the blocks' own tangents times their steps to the residuals."""
         for part, own in zip(system.parts, strains or system.present, strict=True):
-            block = part.block
-            block.spread_step()
-            if part.elements is not None:
-                block.residual[block.owned :] = 0.0
-                self.add_cells(system, part, shifts, shifts.request(own), factor)
-                block.add_ghosts()
-            for nodes, tangent in (
-                (part.masses.nodes, self.masses), (part.forces.nodes, self.forces),
-            ):  # fmt: skip
-                if len(nodes):
-                    matrices = tangent(system, part, shifts)
-                    add_products(matrices, nodes, block.step, factor, block.residual)
+            if kept is None or not kept(part, factor):
+                self.add_own_action(system, part, shifts, factor, own)
             if part.contacts is not None and shifts.stiffness:
                 part.contacts.add_action(factor * shifts.scale * shifts.stiffness)
+
+    def add_own_action(
+        self,
+        system: System,
+        part: BlockPart,
+        shifts: Shifts,
+        factor: float,
+        strains: Strains | None,
+    ) -> None:
+        """Add the same of elements, masses and forces of one part."""
+        block = part.block
+        block.spread_step()
+        if part.elements is not None:
+            block.residual[block.owned :] = 0.0
+            self.add_cells(system, part, shifts, shifts.request(strains), factor)
+            block.add_ghosts()
+        for nodes, tangent in (
+            (part.masses.nodes, self.masses), (part.forces.nodes, self.forces),
+        ):  # fmt: skip
+            if len(nodes):
+                matrices = tangent(system, part, shifts)
+                add_products(matrices, nodes, block.step, factor, block.residual)
 
     @abstractmethod
     def move(self, system: System, sign: float) -> float:
@@ -225,5 +245,15 @@ class EndPoint(Mechanics):
         system.factors[:] = numbers
 
 
+class _Viscous(EndPoint):
+    """Equations of masses and of the damping of elements, without gyroscopic terms of masses."""
+
+    def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """See :class:`Mechanics`."""
+        return super().masses(system, part, replace(shifts, velocity=0.0))
+
+
 #: Equilibrium at the end of a step: the equations of all analyses save other schemes.
 END_POINT = EndPoint()
+#: Masses and linear damping, for shifts without stiffness.
+VISCOUS = _Viscous()

@@ -57,6 +57,7 @@ def move_apart(system: System, move: Callable[[], float]) -> Moved:
 
     contacts.mark()
     part = _safe_share(contacts.safe_part, go, _KEEP, _KEPT)
+    contacts.cut = part < 1.0
     return Moved(sizes[0], part, contacts.unsettled())
 
 

@@ -190,6 +190,7 @@ class System:
     Attributes:
         comm: communicator.
         parts: the blocks that exist, in the order of the nest.
+        thin: True if there are thin elements.
         present: None for each part: tangents take the present stresses.
         interface, constraints: nodes with joints and the rows between them.
         part_of_node, body_of_node, cluster_of_node: part, body and cluster of every interface node.
@@ -218,7 +219,7 @@ class System:
         """Store the parts, the interface nodes and the rows."""
         self.comm, self.parts = comm, list(parts)
         self.present: PartStrains = len(self.parts) * (None,)
-        self._thin = any(p.elements is not None and p.elements.thin for p in self.parts)
+        self.thin = any(p.elements is not None and p.elements.thin for p in self.parts)
         every: list[Any] = [part.elements for part in self.parts]
         self._strained = [e for e in every if isinstance(e, StrainedElements) and e.strained]
         self._timed = [e for e in every if isinstance(e, TimedElements)]
@@ -269,6 +270,11 @@ class System:
     def contacts(self) -> list[Contacts | BarrierContacts]:
         """Contacts of all blocks together, none or one."""
         return [part.contacts.contacts for part in self.parts if part.contacts is not None][:1]
+
+    @property
+    def repels(self) -> bool:
+        """True if there are contacts that repel by barriers."""
+        return any(isinstance(contacts, BarrierContacts) for contacts in self.contacts)
 
     @property
     def unknowns(self) -> int:
@@ -323,6 +329,11 @@ class System:
         """Strains whose stresses include those of dampers of modes (collective)."""
         return strains if self.modal_dampers is None else self.modal_dampers.strains(strains)
 
+    def viscous(self) -> bool:
+        """True if elements of a part have damping, on any rank (collective)."""
+        own = any(part.elements is not None and part.elements.viscous for part in self.parts)
+        return bool(self.comm.allreduce(own, op=MPI.LOR))
+
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step in every block; see ``core.nodes.frame_kernels.predict``."""
         for part in self.parts:
@@ -335,7 +346,7 @@ class System:
             factor: the multiple.
             thin: True for thin elements only; the others have None.
         """
-        if thin and not self._thin:
+        if thin and not self.thin:
             return self.present
         strains: list[Strains | None] = []
         for part in self.parts:
@@ -351,7 +362,7 @@ class System:
 
         A prediction that rotates elements stretches them as well: its stresses are not used.
         """
-        if thin and not self._thin:
+        if thin and not self.thin:
             return self.present
         return [
             p.elements.continued_strains(p.block.frames0, np.zeros_like(p.block.velocity))

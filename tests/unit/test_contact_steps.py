@@ -6,9 +6,10 @@ import pytest
 from flexfem.contact.primitives.barrier import slope
 from flexfem.contact.primitives.candidates import Motion
 from flexfem.contact.primitives.ccd import safe_part
-from flexfem.contact.primitives.data import POTENTIAL, SLOPE, TURN, Kind
+from flexfem.contact.primitives.data import GAP, POTENTIAL, SLOPE, TURN, Kind
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.primitives.search import find_pairs
+from flexfem.contact.primitives.steps import turn_forces
 from flexfem.contact.primitives.tangents import add_actions, potential
 from tests.called import called
 from tests.unit.primitive_pairs import alone, at_rest, of_step, surface_of
@@ -128,6 +129,29 @@ def test_the_tangent_of_a_step_is_that_of_the_approach():
     wanted = (forces[1] - forces[0]) / (2 * h)
     # exact along the normal of a flat surface; a stiffness of the end instead is twice as large
     np.testing.assert_allclose(tangent[-20:, 2], wanted[-20:, 2], rtol=1e-5)
+
+
+@pytest.mark.parametrize("kind", list(Kind))
+def test_the_whole_derivative_is_that_of_the_forces(kind):
+    """Of pairs that turn and slide within a step; closest points at ends of edges, too."""
+    rng, pairs, errors = RNG(kind), alone([kind]), []
+    upper = slice(1 if kind < Kind.EDGE_EDGE else 2)
+    for _ in range(60):
+        x0 = rng.uniform(-1.0, 1.0, (4, 3)) * [1.0, 1.0, 0.15]
+        x0[upper, 2] += 0.4
+        x1 = x0 + rng.uniform(-0.25, 0.25, (4, 3))
+        _, response = of_step(pairs, x0, x1)
+        steps, h, action = rng.uniform(-1.0, 1.0, (4, 3)), 1e-6, np.zeros((4, 3))
+        if response.count[0] == 0 or not response.numbers[0, GAP] > 0.02:
+            continue
+        turn_forces(pairs.memory, x0, x1, response.memory)
+        add_actions(pairs.memory, response.memory, 1.0, steps, action)
+        ends = [of_step(pairs, x0, x1 + sign * h * steps)[0] for sign in (-1.0, 1.0)]
+        wanted = (ends[0] - ends[1]) / (2.0 * h)
+        errors.append(np.abs(action - wanted).max() / np.abs(wanted).max())
+    assert len(errors) > 5
+    # differences; without the way of closest points, or along the mean line alone, 1e-2 to 1
+    assert np.quantile(errors, 0.9) < 1e-7
 
 
 def test_a_string_slides_over_the_nodes_of_another():

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Newton iteration: when it ends."""
 
+from itertools import zip_longest
 from types import SimpleNamespace
 
 from mpi4py import MPI
@@ -17,9 +18,9 @@ from flexfem.system.system import Shifts
 pytestmark = pytest.mark.serial
 
 
-def _end(*sizes: float) -> tuple[Status, int]:
-    """Status after steps of given sizes, and their number."""
-    steps = iter(sizes)
+def _end(*sizes: float, parts: tuple[float, ...] = ()) -> tuple[Status, int]:
+    """Status after steps of given sizes, of which contacts let parts pass, and their number."""
+    steps = iter([Moved(*step) for step in zip_longest(sizes, parts, fillvalue=1.0)])
     system = SimpleNamespace(
         comm=MPI.COMM_SELF,
         counters=SimpleNamespace(newton_iterations=0),
@@ -30,7 +31,7 @@ def _end(*sizes: float) -> tuple[Status, int]:
     )
     equations = SimpleNamespace(
         evaluate=lambda system, shifts: None,
-        correct=lambda system, again: Correction(True, Moved(next(steps))),
+        correct=lambda system, again: Correction(True, next(steps)),
     )
     options = NewtonOptions(tolerance=1e-6, max_iterations=len(sizes))
     shifts = Shifts(1.0, 1.0, 1.0, 1.0, False)
@@ -58,3 +59,22 @@ def _end(*sizes: float) -> tuple[Status, int]:
 )
 def test_sizes_of_steps_decide(sizes, expected):
     assert _end(*sizes) == expected
+
+
+@pytest.mark.parametrize(
+    ("sizes", "parts", "expected"),
+    [
+        # wild ones, as of a shell that snaps through in too large a step: contacts alone hold it,
+        # and without an end the rest of the iterations would be spent on them
+        ((0.1, 12.0, 70.0, 1e3), (1.0, 0.02, 0.01, 1e-4), (Status.DIVERGED, 3)),
+        ((0.1, 3.0, 2.0, 2.0), (1.0, 0.1, 0.1, 0.1), (Status.DIVERGED, 3)),
+        # one is what a contact that closes makes
+        ((1e-4, 3e-3, 2e-4, 1e-8), (1.0, 0.6, 1.0, 1.0), (Status.OK, 4)),
+        # long ones from the start are cut until the contact pushes
+        ((0.1, 0.1, 0.2, 1e-4, 1e-8), (0.1, 0.1, 0.3, 1.0, 1.0), (Status.OK, 5)),
+        # a part of a small correction is not the solution
+        ((1e-3, 1e-8, 1e-9), (1.0, 0.5, 1.0), (Status.OK, 3)),
+    ],
+)
+def test_corrections_that_contacts_cut_short(sizes, parts, expected):
+    assert _end(*sizes, parts=parts) == expected

@@ -7,7 +7,6 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-from scipy.sparse import csc_array
 
 import flexfem as ff
 from flexfem.contact.law.data import GAP
@@ -189,9 +188,12 @@ def test_many_contacts_are_coupled_by_the_compliances_of_nodes(
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize("dense", [0, 2])
 @pytest.mark.parametrize("coupling", [[[1.0, 1.0], [1.0, 1.0]], [[-1.0, 0.0], [0.0, 1.0]]])
-def test_springs_with_wild_couplings_end_no_run(coupling):
+def test_springs_with_wild_couplings_end_no_run(coupling, dense, monkeypatch):
     """Singular, as of a rope that is flung in steps of 5 ms, and negative ones."""
+    monkeypatch.setattr(stiff_rows, "_DENSE", dense)
     made = stiff_rows._Forces(None, np.full(2, 1e300), SimpleNamespace(sum=lambda values: values))
-    made.couple(csc_array(np.array(coupling)))
+    i, j = np.divmod(np.arange(4), 2)
+    made.couple((i, j, np.ravel(coupling)))
     assert np.isfinite(made._direct(np.ones(2))).all()

@@ -50,6 +50,25 @@ def test_a_sheet_that_lands_flat_makes_no_energy(dt: float) -> None:
             np.testing.assert_allclose(found[name], alone[name], rtol=0.0, atol=1e-9 * scale)
 
 
+def test_damping_of_a_thin_shell_makes_no_energy_in_impacts() -> None:
+    """Velocities of single nodes by impulses alone make eleven times the energy of motion here."""
+    u = np.linspace(0.0, 0.05, 3)
+    mesh = ff.SurfaceMesh.grid("sheet", u, u, lambda p: np.c_[p, 2e-4 + 0.05 * p[:, 0]])
+    section = ff.ShellSection.isotropic(1e-4, ff.Material(131e9, 0.3, 8300.0))
+    model = ff.Model("damped", surface=mesh)
+    model.add(
+        ff.Shell("sheet", section, element="director", damping=1e-3, velocity=(0.0, 0.0, -0.5)),
+        ff.Contact("ground", "sheet", surfaces=ff.RigidPlane(ff.Ground()), law="barrier"),
+        ff.EnergyProbe(),
+    )  # fmt: skip
+    options = ff.RunOptions(dt=2e-4, t_end=3e-3, rho_inf=0.3, quiet=True)
+    total = energy(found := ff.simulate(model, options).history)
+    # the criterion of energy; made by impulses of masses alone: 11.5
+    assert (total.max() - total[0]) / found["energy_kinetic"][0] < 1e-6
+    # there has been an impact
+    assert found["energy_strain"].max() > 0.1 * total[0]
+
+
 def tumbling() -> ff.Model:
     model = ff.Model("tumbling")
     inertia = 0.01 * np.eye(3)

@@ -22,6 +22,7 @@ from flexfem.contact.barrier.restitution import Pulls, Solve
 from flexfem.contact.barrier.rows import GroupRows
 from flexfem.contact.barrier.spins import Spins
 from flexfem.contact.barrier.surface import ContactSurface
+from flexfem.contact.barrier.ways import farthest, leaves, moves, short_part
 from flexfem.contact.carriers import Carriers
 from flexfem.contact.primitives.candidates import Boxes, Motion
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
@@ -30,13 +31,13 @@ from flexfem.contact.tangent_entries import ContactEntries, Triplets
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.halo import send_numbers
 from flexfem.core.state import Numbering, State
-from flexfem.kernels.compiled import kernel
 
 __all__ = ["BarrierContacts"]
 
 #: Motion for which pairs are found: that of so many steps like the last one, and to all sides a
-#: part of the largest gap below which they repel, and of the way of the last step.
-_STEPS, _SKIN, _ASIDE = 8.0, 0.25, 2.0
+#: part of the largest gap below which they repel, and of the way of the last step, or of that of
+#: the fastest point, which may hit another one.
+_STEPS, _SKIN, _ASIDE, _HIT = 8.0, 0.25, 2.0, 0.25
 #: Largest way to all sides outside of motions, in parts of the largest edge of the cells.
 _NARROW = 0.25
 #: Part of the largest edge of the cells by which points move at most in one correction.
@@ -62,6 +63,7 @@ class BarrierContacts:
         factor: factor of the forces in the equations: 1 in equilibria, that of impulses in motions,
             0 at the accepted states of these.
         evaluated: True if the response is that of the trial state.
+        cut: True if the last correction was not taken as a whole.
     """
 
     def __init__(
@@ -107,14 +109,17 @@ class BarrierContacts:
         # boxes of the points in which no other pairs are found
         self._low = np.full((count, 3), np.inf)
         self._high = -self._low
-        self._known = here
         self._still = np.zeros((count, 3))
         self._over_step, self.factor, self._cayley = False, 1.0, False
         self._ahead = 0.0
+        # of all pairs in the last correction, by contact; empty where it is not known
+        self._ways: list[float] = []
+        self._evaluated = np.full((count, 3), np.nan)
         self._moves = np.ones(count)
         self._moves[: surfaces.carried] = surfaces.kind >= 0
-        self.evaluated, self.time = False, 0.0
+        self.evaluated, self.cut, self.time = False, False, 0.0
         self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
+        self._know(here)
 
     # -- Stiffness ------------------------------------------------------------------------------
 
@@ -159,8 +164,8 @@ class BarrierContacts:
         self._place()
         self._search()
         self._forces[:] = 0.0
-        way = _farthest(self._last, self._points, self._known)
-        part = _short_part(self._last, self._points, self._touching(), self._stride)
+        way = farthest(self._last, self._points, self._known)
+        part = short_part(self._last, self._points, self._touching, self._stride)
         for one in self._every:
             part = min(part, one.mark_unsafe(self._last, self._points, way, keep, self._forces))
         part = self._least(part)
@@ -182,7 +187,8 @@ class BarrierContacts:
         """
         self._place()
         self._before[:] = self._last[:] = self._points
-        self._over_step, self.factor, self._cayley = True, weight, cayley
+        self._ways = []
+        self._over_step, self.factor, self._cayley, self.cut = True, weight, cayley, False
         self.start(h)
         self._spins.begin()
         for one in self.contacts:
@@ -215,6 +221,7 @@ class BarrierContacts:
 
     def mark(self) -> None:
         """Remember the trial state: corrections begin at it (collective)."""
+        self._ways = []
         self._place()
         self._last[:] = self._points
 
@@ -236,12 +243,26 @@ class BarrierContacts:
         longer motion no pairs are searched: a wild correction would bring all near each other.
         """
         self._place()
-        part = self._least(_short_part(self._last, self._points, self._touching(), self._stride))
+        part = self._least(short_part(self._last, self._points, self._touching, self._stride))
         if part < 1.0:
             return part
         self._search()
+        if self._short(keep):
+            return self._least(1.0)
         parts = [one.safe_part(self._last, self._points, keep) for one in self._every]
         return self._least(min([1.0, *parts]))
+
+    def _short(self, keep: float) -> bool:
+        """True if the motion since the last evaluation is too short for gaps to lose their part.
+
+        On this rank, where obstacles rest.
+        """
+        if not self.evaluated or not np.array_equal(self._last, self._evaluated):
+            return False
+        if moves(self._last, self._points, self._axes):
+            return False
+        way = 2.0 * farthest(self._last, self._points, self._known)
+        return all(way < (1.0 - keep) * one.shortest() for one in self._every)
 
     def _least(self, part: float) -> float:
         """Smallest of all ranks' numbers (collective)."""
@@ -259,11 +280,12 @@ class BarrierContacts:
         move by a thousandth of the gap at which they repel.
         """
         steps = self._points - self._last
-        change = largest = way = 0.0
+        change = largest = 0.0
         if self._levels:
             return np.inf
+        self._ways = [one.way(self._last, self._points) for one in self.contacts]
+        way = max(self._ways)
         for one in self._every:
-            way = max(way, one.way(self._last, self._points))
             if one.closed:
                 largest = max(largest, one.pushes.max())
                 moved = one.slopes * one.motions(steps, self._still)
@@ -274,20 +296,19 @@ class BarrierContacts:
         """Positions of the trial state (collective)."""
         self._carriers.place(self._points)
 
-    def _touching(self) -> BoolArray:
-        """Known points (n,) that are not those of obstacles."""
-        touching: BoolArray = self._known.copy()
-        touching[self._axes] = False
-        return touching
+    def _know(self, known: BoolArray) -> None:
+        """Store the known points (n,), and which of them are not those of obstacles."""
+        self._known, self._touching = known, known.copy()
+        self._touching[self._axes] = False
 
     def _search(self) -> None:
         """Find all pairs near the present motion, unless those found include them (collective)."""
         known = self._known
-        out = _leaves(self._points, self._low, self._high, known) or _leaves(
+        out = leaves(self._points, self._low, self._high, known) or leaves(
             self._last, self._low, self._high, known
         )
         if self._over_step:
-            out = out or _leaves(self._before, self._low, self._high, known)
+            out = out or leaves(self._before, self._low, self._high, known)
         if self._comm.size > 1:
             out = self._comm.allreduce(out, op=MPI.LOR)
         if not out:
@@ -313,9 +334,12 @@ class BarrierContacts:
             size = np.linalg.norm(way, axis=1, keepdims=True)
             steps = np.minimum(_STEPS, self._stride / np.maximum(size, 1e-300))
             sets = [*sets, self._before + steps * way]
-            aside += np.minimum(_ASIDE * size, self._stride)
+            fastest = farthest(self._before, self._points, self._touching)
+            if self._comm.size > 1:
+                fastest = self._comm.allreduce(fastest, op=MPI.MAX)
+            aside += np.minimum(np.maximum(_ASIDE * size, _HIT * fastest), self._stride)
         elif self._ahead:
-            longest = np.array([_farthest(self._last, self._points, self._touching())])
+            longest = np.array([farthest(self._last, self._points, self._touching)])
             if self._comm.size > 1:
                 self._comm.Allreduce(MPI.IN_PLACE, longest, op=MPI.MAX)
             aside += min(0.5 * self._ahead * longest[0], _NARROW * self._stride)
@@ -351,8 +375,9 @@ class BarrierContacts:
         received = np.concatenate(send_numbers(comm, lists))
         wanted = np.union1d(own, received)
         carriers.ask(wanted)
-        self._known = carriers.home == comm.rank
-        self._known[wanted] = True
+        known = carriers.home == comm.rank
+        known[wanted] = True
+        self._know(known)
         self._bring_all(sets)
 
     def _bring_all(self, sets: list[FloatArray]) -> None:
@@ -366,17 +391,21 @@ class BarrierContacts:
         """Evaluate all pairs at the trial state (collective)."""
         self._place()
         if not self._over_step:
-            way = _farthest(self._last, self._points, self._known)
+            way = farthest(self._last, self._points, self._known)
             for pairs in self._every:
                 pairs.went(way)
             self._last[:] = self._points
         self._search()
         if self._over_step:
             self._spins.update()
-        for one in self.contacts:
-            near = self._over_step and one.way(self._last, self._points) < _CLOSE
+        for k, one in enumerate(self.contacts):
+            near = self._over_step and not self.cut
+            if near:
+                way = self._ways[k] if self._ways else one.way(self._last, self._points)
+                near = way < _CLOSE
             one.evaluate(over_step=self._over_step, blur=_BLUR**self._levels, near=near)
         self.evaluated, self._entries = True, None
+        self._evaluated[:] = self._points
 
     def refresh(self) -> None:
         """Evaluate at the accepted state, unless it has been (collective)."""
@@ -546,33 +575,3 @@ def _longest_edge(surfaces: CollisionSurfaces, one: ContactPairs) -> float:
     moving = cells.vertices[np.isfinite(one.own.density[cells.vertices])]
     radius = float(one.own.surface.radius[moving].max(initial=0.0))
     return max(float(lengths.max(initial=0.0)), radius)
-
-
-@kernel
-def _farthest(before: FloatArray, after: FloatArray, known: BoolArray) -> float:
-    """Largest way of the known points, m."""
-    most = 0.0
-    for i in range(len(known)):
-        if known[i]:
-            square = 0.0
-            for a in range(3):
-                square += (after[i, a] - before[i, a]) ** 2
-            most = max(most, square)
-    return float(np.sqrt(most))
-
-
-def _short_part(before: FloatArray, after: FloatArray, known: BoolArray, longest: float) -> float:
-    """Part of a motion in which no known point moves farther than ``longest``."""
-    way = _farthest(before, after, known)
-    return longest / way if way > longest else 1.0
-
-
-@kernel
-def _leaves(points: FloatArray, low: FloatArray, high: FloatArray, known: BoolArray) -> bool:
-    """True if a known point is outside of its box, or nowhere."""
-    for i in range(len(known)):
-        if known[i]:
-            for a in range(3):
-                if not low[i, a] <= points[i, a] <= high[i, a]:
-                    return True
-    return False

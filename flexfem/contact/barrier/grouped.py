@@ -114,6 +114,7 @@ class GroupedPairs:
     def _use(self, pairs: Pairs, response: Response) -> None:
         self.pairs, self.response, self.groups = pairs, response, Groups.of(pairs)
         self.response.count[0] = 0
+        self._least = float(pairs.dhat.min(initial=np.inf))
         if self.restitution < 1.0:
             self._ends = Groups.of(pairs)
 
@@ -295,6 +296,11 @@ class GroupedPairs:
         acting = self.response.numbers[: self.count]
         found: FloatArray = acting[acting[:, POTENTIAL] != 0.0, GAP]
         return found
+
+    def shortest(self) -> float:
+        """Least gap of the pairs at the end, or that below which they repel if it is less, m."""
+        acting = self.response.numbers[: self.count, GAP]
+        return min(float(acting.min(initial=np.inf)), self._least)
 
     def way(self, before: FloatArray, after: FloatArray) -> float:
         """Largest way of points of all pairs in a motion, in parts of the gap of repulsion."""

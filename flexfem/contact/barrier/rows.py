@@ -4,16 +4,18 @@
 from collections.abc import Mapping, Sequence
 
 import numpy as np
-from scipy import sparse
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.barrier.grouped import GroupedPairs
 from flexfem.contact.barrier.spins import Spins
 from flexfem.contact.carriers import Carriers, Points
-from flexfem.contact.dissipation.coupling import couple
+from flexfem.contact.dissipation.coupling import couple, couple_next
 from flexfem.core.nodes.frame_block import FrameBlock
 
 __all__ = ["GroupRows"]
+
+#: Rows, columns and values of a matrix, each (k,).
+Triplets = tuple[IntArray, IntArray, FloatArray]
 
 
 class GroupRows:
@@ -45,7 +47,7 @@ class GroupRows:
         """See ``SpringRows``."""
         return {kind: one.block for kind, one in self._carriers.by_kind.items()}
 
-    def coupled(self, compliances: Mapping[int, FloatArray]) -> sparse.csc_array:
+    def coupled(self, compliances: Mapping[int, FloatArray]) -> Triplets:
         """See ``SpringRows``."""
         self._carriers.compliances(compliances, self._compliances)
         found = [
@@ -56,10 +58,27 @@ class GroupRows:
         points, rows, vectors = _of_nodes(self._carriers.serial, points, rows, vectors)
         order = np.argsort(points, kind="stable")
         given = points[order], rows[order], vectors[order], self._compliances
-        size, count = len(self.slopes), couple(*given, _triplets(0))
-        out = _triplets(count)
+        out = _triplets(couple(*given, _triplets(0)))
         couple(*given, out)
-        return sparse.coo_array((out[2], out[:2]), shape=(size, size)).tocsc()
+        parts = [out, *self._between(points, rows, vectors, compliances)]
+        i, j, values = (np.concatenate(part) for part in zip(*parts, strict=True))
+        return i, j, values
+
+    def _between(
+        self, points: IntArray, rows: IntArray, vectors: FloatArray,
+        compliances: Mapping[int, FloatArray],
+    ) -> list[Triplets]:  # fmt: skip
+        """The same by what nodes of this rank do at the next ones."""
+        found = []
+        for kind, own in self._carriers.loads_of(points, vectors).items():
+            if compliances[kind].shape[1] == 1 or not len(own.nodes):
+                continue
+            order = np.argsort(own.nodes, kind="stable")
+            given = own.nodes[order], rows[own.entries[order]], own.loads[order], compliances[kind]
+            out = _triplets(couple_next(*given, _triplets(0)))
+            couple_next(*given, out)
+            found.append(out)
+        return found
 
     def motions(self) -> FloatArray:
         """See ``SpringRows``."""
@@ -83,7 +102,7 @@ class GroupRows:
             self._spins.add_couples(kind, self._couples)
 
 
-def _triplets(count: int) -> tuple[IntArray, IntArray, FloatArray]:
+def _triplets(count: int) -> Triplets:
     """Memory for so many rows, columns and values."""
     return np.empty(count, np.int64), np.empty(count, np.int64), np.empty(count)
 

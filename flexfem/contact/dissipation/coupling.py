@@ -8,7 +8,7 @@ from flexfem.contact.dissipation.data import ACROSS, ALONG, NORMAL, Groups
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.records import Memory, unpack
 
-__all__ = ["couple", "vectors_of_rows"]
+__all__ = ["couple", "couple_next", "vectors_of_rows"]
 
 
 @kernel
@@ -71,4 +71,46 @@ def couple(
                 )
                 count += 1
         first = last
+    return count
+
+
+@kernel
+def couple_next(
+    nodes: IntArray, rows: IntArray, loads: FloatArray, compliances: FloatArray,
+    out: tuple[IntArray, IntArray, FloatArray],
+) -> int:  # fmt: skip
+    """Write the compliance between rows that act on nodes near each other; returns their number.
+
+    Args:
+        nodes: nodes (k,) of one block, ascending.
+        rows: rows (k,) that act there.
+        loads: by which loads on the nodes, shape (k, w).
+        compliances: (n, 1 + b, w, w) motions of each node and of the b next ones by its loads.
+        out: arrays that are written, of size 0 to count only.
+    """
+    beside, width, count = compliances.shape[1] - 1, loads.shape[1], 0
+    moved = np.empty(width)
+    for i in range(len(nodes)):
+        last = 0
+        for j in range(i + 1, len(nodes)):
+            away = nodes[j] - nodes[i]
+            if away > beside:
+                break
+            if away == 0:
+                continue
+            if len(out[0]) == 0:
+                count += 2
+                continue
+            if away != last:
+                last = away
+                for a in range(width):
+                    moved[a] = 0.0
+                    for b in range(width):
+                        moved[a] += compliances[nodes[i], away, a, b] * loads[i, b]
+            value = 0.0
+            for a in range(width):
+                value += loads[j, a] * moved[a]
+            out[0][count], out[1][count], out[2][count] = rows[i], rows[j], value
+            out[0][count + 1], out[1][count + 1], out[2][count + 1] = rows[j], rows[i], value
+            count += 2
     return count

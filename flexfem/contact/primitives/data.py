@@ -74,7 +74,7 @@ POTENTIAL = 8
 #: Stiffness along the normal, N/m: that of the tangent.
 SLOPE = 9
 #: For equilibria: force over distance, N/m, negative where it repels, the factor of the geometric
-#: tangent; for steps, half of it where ``steps.turn_forces`` has been called, else 0.
+#: tangent; 0 for steps.
 BEND = 10
 #: Where that is not 0: how the closest points move, twice 4 weights and 3 components, see
 #: ``turning``.
@@ -123,12 +123,17 @@ class Response(Record):
         pairs: Their numbers, shape (m,).
         numbers: Weights, normal, gap, potential and tangent, shape (m, FIELDS).
         forces: Forces on the points, shape (m, 3 q), newtons.
+        whole: For steps of cells: 2 where the force is along a mean line, and 1 where its whole
+            derivative is in ``blocks``, shape (m,).
+        blocks: Minus these derivatives by the points at the end, shape (m, 144), N/m.
     """
 
     count: Int1D
     pairs: Int1D
     numbers: Float2D
     forces: Float2D
+    whole: Int1D
+    blocks: Float2D
 
     @classmethod
     def of(cls, pairs: Pairs, numbers: int = FIELDS) -> "Response":
@@ -136,7 +141,8 @@ class Response(Record):
         return cls(
             count=np.zeros(1, np.int64), pairs=np.empty(pairs.count, np.int64),
             numbers=np.empty((pairs.count, numbers)), forces=np.empty((pairs.count,
-            3 * pairs.points.shape[1])),
+            3 * pairs.points.shape[1])), whole=np.zeros(pairs.count, np.int64),
+            blocks=np.empty((pairs.count if pairs.points.shape[1] == 4 else 0, 144)),
         )  # fmt: skip
 
     def rows(self) -> tuple[IntArray, FloatArray, FloatArray]:

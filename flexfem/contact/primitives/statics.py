@@ -59,6 +59,6 @@ def forces_at_rest(
             for a in range(3):
                 out.forces[count, 3 * i + a] = -push * w[i] * numbers[NORMAL + a]
         write_turn(kind, x, rho, w, distance, numbers[TURN:])
-        out.pairs[count] = p
+        out.pairs[count], out.whole[count] = p, 0
         count += 1
     out.count[0] = count

@@ -26,15 +26,14 @@ from flexfem.contact.primitives.data import (
     NORMAL,
     POTENTIAL,
     SLOPE,
-    TURN,
     WEIGHTS,
     Pairs,
     Response,
     regularisation,
 )
 from flexfem.contact.primitives.mean_lines import mean_line
-from flexfem.contact.primitives.turning import write_turn
-from flexfem.kernels.compiled import inlined, kernel, subroutine
+from flexfem.contact.primitives.step_tangents import WORK, write_block
+from flexfem.kernels.compiled import inlined, kernel
 from flexfem.kernels.records import Memory, unpack
 
 __all__ = ["forces_of_step", "turn_forces"]
@@ -92,6 +91,7 @@ def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, respons
                 nearest = min(nearest, gaps[c])
             if nearest < dhat:
                 _write_pair(own, p, gaps, x, w, out.numbers[count])
+                out.whole[count] = 2 if alone else 0
                 if alone:
                     _finish_one(own, p, gaps, out.numbers[count], out.forces[count])
                 else:
@@ -105,42 +105,17 @@ def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, respons
 
 @kernel
 def turn_forces(pairs: Memory, before: FloatArray, after: FloatArray, response: Memory) -> None:
-    """Add to the tangents how forces along mean lines turn with these; of groups of one pair.
+    """Write the whole derivatives of forces along mean lines (``step_tangents``).
 
-    The middle positions move by half of what the end does. For light bodies this is as large as
-    what masses do, and Newton's method needs it near a solution; far from it forces are too large.
+    Newton's method needs them near a solution; far from it forces are too large.
     """
     own, out = unpack(Pairs, pairs), unpack(Response, response)
-    x, k = np.empty((4, 3)), 0
-    for g in range(len(own.starts) - 1):
-        alone = own.starts[g + 1] - own.starts[g] == 1
-        while k < out.count[0] and out.pairs[k] < own.starts[g + 1]:
-            if alone:
-                _turn(own, out.pairs[k], before, after, x, out.numbers[k], out.forces[k])
-            k += 1
-
-
-@subroutine
-def _turn(
-    own: Pairs, p: int, before: FloatArray, after: FloatArray, x: FloatArray, numbers: FloatArray,
-    forces: FloatArray,
-) -> None:  # fmt: skip
-    """Write the geometric tangent of the force of a pair; x (4, 3) is work space."""
-    weights, way, square, along = numbers[LINE : LINE + 4], numbers[LINE + 4 : LINE + 7], 0.0, 0.0
-    at = 0
-    for i in range(1, 4):
-        at = i if abs(weights[i]) > abs(weights[at]) else at
-    for a in range(3):
-        square += way[a] * way[a]
-        along += way[a] * forces[3 * at + a]
-    if square == 0.0:
-        return
-    numbers[BEND] = -0.5 * along / (weights[at] * square)
-    numbers[SLOPE] -= numbers[BEND]
-    place(before, after, own.points[p], 0.5, x)
-    rho = regularisation(own.kind[p], own.touch[p], own.dhat[p])
-    weights = numbers[WEIGHTS : WEIGHTS + 4]
-    write_turn(own.kind[p], x, rho, weights, np.sqrt(square), numbers[TURN:])
+    x, work = np.empty((4, 3)), np.empty(WORK)
+    for k in range(out.count[0]):
+        if out.whole[k] == 2:
+            line, block = out.numbers[k, LINE : LINE + 4], out.blocks[k]
+            write_block(own, out.pairs[k], before, after, line, x, work, block)
+            out.whole[k] = 1
 
 
 @inlined
@@ -267,6 +242,7 @@ def _finish_group(own: Pairs, work: FloatArray, out: Response, first: int, end: 
                 )
         nearest, ends = min(nearest, gaps[_MIDDLE]), min(ends, gaps[_BEFORE], gaps[_AFTER])
         if middle == 0.0:
+            out.whole[k] = 2
             _write_tangent(own, out.pairs[k], gaps, numbers)
     if middle == 0.0:
         return

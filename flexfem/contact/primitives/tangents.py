@@ -7,8 +7,8 @@ The tangent of a pair is
 
 k the slope, n the normal, c the force over the distance, and v_m the changes of the closest points
 (``turning``). It is the Hessian of the potential for equilibria. For steps k is the slope of the
-difference quotient, and c = 0 far from the solution, where masses outweigh the rest or forces are
-too large; near it see ``steps.turn_forces``.
+difference quotient, and c = 0; near a solution the whole derivative takes its place, see
+``steps.turn_forces``.
 """
 
 import numpy as np
@@ -64,6 +64,18 @@ def _turned(
     return total
 
 
+@inlined
+def _add_whole(
+    block: FloatArray, rows: IntArray, scale: float, steps: FloatArray, sums: FloatArray
+) -> None:
+    """Add ``scale`` times a matrix (144,) applied to the steps of four points."""
+    for p in range(12):
+        change = 0.0
+        for q in range(12):
+            change += block[12 * p + q] * steps[rows[q // 3], q % 3]
+        sums[rows[p // 3], p % 3] += scale * change
+
+
 @kernel
 def add_actions(
     pairs: Memory, response: Memory, scale: float, steps: FloatArray, sums: FloatArray
@@ -73,6 +85,9 @@ def add_actions(
     moved, way = np.empty(3), np.empty(3)
     for k in range(own.count[0]):
         numbers, rows = own.numbers[k], paired.points[own.pairs[k]]
+        if own.whole[k] == 1:
+            _add_whole(own.blocks[k], rows, scale, steps, sums)
+            continue
         bend, approach = scale * numbers[BEND], 0.0
         for a in range(3):
             moved[a] = 0.0
@@ -105,6 +120,10 @@ def blocks_into(response: Memory, scale: float, blocks: FloatArray) -> None:
     for k in range(own.count[0]):
         numbers = own.numbers[k]
         slope, bend = scale * numbers[SLOPE], scale * numbers[BEND]
+        if own.whole[k] == 1:
+            for p in range(144):
+                blocks[k, p // 12, p % 12] = scale * own.blocks[k, p]
+            continue
         for i in range(4):
             w = numbers[WEIGHTS + i]
             for a in range(3):

@@ -1,12 +1,21 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Impulses of a constrained system: ``M W + G^T m = -r`` and ``G W = 0``.
 
-G has the gradients of the constraint equations alone: springs and dampers exert no impulses. The
-mass matrix hardly changes in the nodes' own axes, so its factors are kept, those of the start, and
-the solution is refined by residuals with the exact mass matrix.
+G has the gradients of the constraint equations alone: springs and dampers exert no impulses.
+
+Damped impulses have ``M + h C`` in the place of M, with the linear damping C of elements, in a step
+of size h: it spreads impulses at single nodes before the step is over. Schemes with ``rho_inf < 1``
+have a part of W in the rates that they go on with; that of the masses alone, by their damping,
+would strain the body in the next step, with energy from nowhere. In a linear mode of frequency w it
+grows without bounds with ``h w``, to hundreds of times the energy of a thin shell that falls; that
+of damped impulses is of the size of the work of the contact.
+
+The mass matrix hardly changes in the nodes' own axes, so its factors are kept, those of the start,
+those with damping as well, and the solution is refined by residuals with the exact matrix.
 """
 
-from math import isfinite
+from dataclasses import replace
+from math import inf, isfinite
 
 import numpy as np
 
@@ -14,7 +23,7 @@ from flexfem._types import FloatArray
 from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.linear.tangent import TangentSolver
-from flexfem.system.mechanics import END_POINT
+from flexfem.system.mechanics import END_POINT, VISCOUS
 from flexfem.system.system import MASS, System
 
 __all__ = ["Impulse"]
@@ -27,21 +36,32 @@ _TOLERANCE, _ACCEPTED, _SWEEPS = 1e-11, 1e-8, 25
 class Impulse:
     """Solver for the jumps of velocities and the constraints' share of impulses."""
 
-    def __init__(self, system: System) -> None:
-        """Store the system; masses are factorised at the first call."""
-        self._system = system
+    def __init__(self, system: System, *, damped: bool = False) -> None:
+        """Store the system; masses are factorised at the first call (collective).
+
+        Args:
+            system: the system.
+            damped: True to spread impulses by the damping of elements.
+        """
+        self._system, self._damped = system, damped and system.viscous()
+        self._mechanics, self._shifts = (VISCOUS if self._damped else END_POINT), MASS
         self._kept: FrozenSolver | None = None
         self._tangent: TangentSolver | None = None
 
-    def solve(self) -> FloatArray | None:
+    def solve(self, h: float = 0.0) -> FloatArray | None:
         """Solve for the blocks' residuals r; rows are evaluated at the trial state (collective).
 
         Equations of the rows are replaced.
+
+        Args:
+            h: size of the step, s, in which damping spreads impulses; 0 for accelerations.
 
         Returns:
             Multipliers m (r,), and ``-W`` in the blocks' steps; None if masses are singular.
         """
         system, rows = self._system, self._system.constraints
+        if self._damped:
+            self._shifts = replace(MASS, velocity=h)
         right = [part.block.owned_residual.copy() for part in system.parts]
         rigid = rows.rigid
         rows.multipliers[:] = 0.0
@@ -74,7 +94,7 @@ class Impulse:
         """
 
         def solve() -> bool:
-            multipliers = self.solve()
+            multipliers = self.solve(h)
             if multipliers is not None:
                 means[:] = multipliers * self._system.constraints.rigid
             return multipliers is not None
@@ -101,10 +121,10 @@ class Impulse:
         system, kept = self._system, self._factors(fresh)
         for part, own in zip(system.parts, right, strict=True):
             part.block.owned_residual[:] = own
-        success, change, _ = kept.step(MASS, system.present)
+        success, change, _ = kept.step(self._shifts, system.present)
         if not success:
             return None
-        multipliers = -change
+        multipliers, last = -change, inf
         if kept.exact:
             return multipliers
         for _ in range(_SWEEPS):
@@ -119,12 +139,15 @@ class Impulse:
                 return multipliers
             if not isfinite(correction):
                 return None
+            if correction >= last:
+                break
+            last = correction
         return multipliers if correction <= _ACCEPTED * size else None
 
     def _defects(self, right: list[FloatArray], multipliers: FloatArray) -> FloatArray:
         """Residuals of the blocks, left there, and values (r,) of the rows (collective)."""
         system, rows = self._system, self._system.constraints
-        END_POINT.multiply_mass(system, -1.0)
+        self._mechanics.multiply_mass(system, -1.0, self._shifts)
         for part, own in zip(system.parts, right, strict=True):
             part.block.owned_residual[:] += own
         system.add_constraint_forces(multipliers)
@@ -135,9 +158,14 @@ class Impulse:
     def _factors(self, fresh: bool) -> FrozenSolver:
         """Solver with the factors of the masses at the start, or of the trial state."""
         if self._kept is None:
-            self._kept = FrozenSolver.of_masses(self._system)
+            self._kept = (
+                FrozenSolver(self._system, self._mechanics) if self._damped
+                else FrozenSolver.of_masses(self._system)
+            )  # fmt: skip
         if fresh:
-            self._kept.factor(MASS)
+            self._kept.factor(self._shifts)
+        elif self._damped:
+            self._kept.use(self._shifts, self._system.present)
         return self._kept
 
     def _direct(self, right: list[FloatArray]) -> FloatArray | None:
@@ -146,7 +174,7 @@ class Impulse:
         if self._tangent is None:
             self._tangent = TangentSolver(system)
         system.counters.mass_factorizations += 1
-        self._tangent.assemble(MASS)
+        self._tangent.assemble(self._shifts, mechanics=self._mechanics)
         zeros = np.zeros(system.constraints.size)
         if not (self._tangent.factor() and self._tangent.solve(right, zeros)):
             return None

@@ -11,7 +11,8 @@ smooth part s is the step of the scheme without them, all residuals being those 
 whole increment its accelerations are ``a(n) - W/(2 beta h)``, so that the equations of the step are
 the usual ones with ``b J^T F``, ``b = (1 - alpha_m)/(1 - alpha_f)/(2 beta)``, and multipliers ``l_s
 + b L``. W is found once the iteration has converged. For ``rho_inf = 1`` the work of F is the
-change of the kinetic energy, exactly.
+change of the kinetic energy, exactly. Where elements have damping C, ``M + h C`` takes the place of
+M in W, see ``impulse``; the equations of the step remain.
 
 While all rows are within their limits, steps are those of the scheme without them; one at whose end
 a row is beyond is solved again.
@@ -69,7 +70,8 @@ class Split(EndPoint):
 
     def __init__(self, system: System, forces: Sequence[Unilateral]) -> None:
         """Store the forces of the system, which act by impulses from now on."""
-        self._system, self._forces, self._impulse = system, forces, Impulse(system)
+        self._system, self._forces = system, forces
+        self._impulse = Impulse(system, damped=True)
         self._h, self._weight, self._start = 1.0, 1.0, system.time
         self._plain = self._holding = False  # a step without forces; some in the accepted state
         self.acting = False
@@ -289,7 +291,7 @@ class Split(EndPoint):
         for forces in self._forces:
             forces.add_means(shifts)
             forces.read_means(shifts, self._means)
-        found = self._impulse.solve()
+        found = self._impulse.solve(self._h)
         rows.multipliers[:] = multipliers
         if found is None:
             return Status.SINGULAR

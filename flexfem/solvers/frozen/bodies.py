@@ -31,8 +31,8 @@ __all__ = ["Bodies", "FlexibleBodies", "KeptFactor", "RigidBodies"]
 #: call.
 _ALONE = 600
 #: Nodes from one to the next that are loaded together for compliances of nodes: what one does at
-#: another is small in a step of a motion.
-_APART = 8
+#: another is small in a step of a motion; next nodes whose motions are kept.
+_APART, _BESIDE = 10, 4
 
 
 @dataclass(frozen=True)
@@ -80,12 +80,14 @@ class KeptFactor:
     """Factors of the flexible bodies of a part for one step size, one for each piece.
 
     ``solvers`` solve with them for the steps; ``nodes`` are the arrays of ``Mechanics.origin`` from
-    which they were computed; ``direct`` is True if there are no responses, see :class:`Bodies`;
+    which they were computed; ``products`` multiply with the matrices, where these are kept, from
+    steps to right-hand sides; ``direct`` is True if there are no responses, see :class:`Bodies`;
     ``near`` has the compliances of nodes once they are found.
     """
 
     factors: list[Factor]
     solvers: list[Callable[[], None]]
+    products: list[Callable[[], None] | None]
     direct: bool
     responses: FloatArray
     compliances: FloatArray
@@ -128,8 +130,8 @@ class RigidBodies:
         return regular
 
     def of_nodes(self) -> FloatArray:
-        """Compliances (n_owned, 6, 6) of the bodies."""
-        return self._inverses
+        """Compliances (n_owned, 1, 6, 6) of the bodies."""
+        return self._inverses[:, np.newaxis]
 
     def respond(self, y: FloatArray) -> None:
         """See :meth:`Bodies.respond`."""
@@ -219,6 +221,7 @@ class FlexibleBodies:
         """Store new factors of some pieces, and the nodal arrays from which they were computed."""
         for k, factor in factors.items():
             self._kept.factors[k], self._kept.solvers[k] = factor, self._solver(k, factor)
+            self._kept.products[k] = self._product(k, factor)
             for name, values in origin.items():
                 self._kept.nodes[name][self.pieces[k].nodes] = values[self.pieces[k].nodes]
 
@@ -232,13 +235,22 @@ class FlexibleBodies:
         nodes = {name: values.copy() for name, values in origin.items()}
         solvers = [self._solver(k, factor) for k, factor in enumerate(factors)]
         compliances = np.zeros(len(group.own.compliances))
-        return KeptFactor(factors, solvers, direct, responses, compliances, nodes, [])
+        products = [self._product(k, factor) for k, factor in enumerate(factors)]
+        return KeptFactor(factors, solvers, products, direct, responses, compliances, nodes, [])
 
     def _solver(self, k: int, factor: Factor) -> Callable[[], None]:
         """Solve with the factors of piece ``k``, see :meth:`solve`."""
         if self._whole:
             return factor.solver(self._right, self.group.part.block.owned_step)
         return factor.solver(self.pieces[k].right, self.pieces[k].solution)
+
+    def _product(self, k: int, factor: Factor) -> Callable[[], None] | None:
+        """Multiply with the matrix of piece ``k``, see :meth:`add_product`."""
+        if not (factor.kept and self._chained):
+            return None
+        if self._whole:
+            return factor.multiplier(self.group.part.block.owned_step, self._right)
+        return factor.multiplier(self.pieces[k].solution, self.pieces[k].right)
 
     def _factor(self, piece: Piece) -> Factor:
         """Factors of a piece of the matrix."""
@@ -297,20 +309,22 @@ class FlexibleBodies:
         y[held[:, 0], held[:, 1]] = self.group.part.block.owned_step[self._ends]
 
     def of_nodes(self) -> FloatArray | None:
-        """Compliances (n_owned, w, w) of nodes, about; None if they are not along lines.
+        """Motions (n_owned, k, w, w) of nodes and the next ones by loads; None if not along lines.
 
-        Joints are left out (collective).
+        Columns are those of loads. They are about right; joints are left out (collective).
         """
         if self._chained and not self._kept.near:
             block, width, right = self.group.part.block, self.group.part.block.width, self._right
             most = self._system.comm.allreduce(min(block.owned, _APART), op=MPI.MAX)
-            found = np.zeros((block.owned, width, width))
+            found = np.zeros((block.owned, 1 + _BESIDE, width, width))
             for first in range(most):
                 for i in range(width):
                     right[:] = 0.0
                     right[first::_APART, i] = 1.0
                     self.solve()
-                    found[first::_APART, :, i] = block.owned_step[first::_APART]
+                    for k in range(1 + _BESIDE):
+                        moved = block.owned_step[first + k :: _APART]
+                        found[first::_APART, k, :, i][: len(moved)] = moved
             self._kept.near.append(found)
         return self._kept.near[0] if self._chained else None
 
@@ -326,6 +340,28 @@ class FlexibleBodies:
             piece.right[:] = right[piece.nodes]
             solve()
             step[piece.nodes] = piece.solution
+
+    def add_product(self, factor: float) -> bool:
+        """Add ``factor`` times the matrices of the factors, times the steps, to the residual.
+
+        False, and nothing is added, where they are not kept or may be out of date: of bodies that
+        are not along lines.
+        """
+        products = self._kept.products
+        if self.split or not all(products):
+            return False
+        block = self.group.part.block
+        residual, step = block.owned_residual, block.owned_step
+        for piece, multiply in zip(self.pieces, products, strict=True):
+            assert multiply is not None
+            if self._whole:
+                multiply()
+                residual += factor * self._right
+                continue
+            piece.solution[:] = step[piece.nodes]
+            multiply()
+            residual[piece.nodes] += factor * piece.right
+        return True
 
     def use(self, kept: KeptFactor) -> None:
         """Use factors that were computed before."""

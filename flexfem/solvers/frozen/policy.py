@@ -2,6 +2,7 @@
 """Modified Newton policies: when bodies are refactorised, and steps refined."""
 
 from collections.abc import Callable
+from math import inf
 
 import numpy as np
 
@@ -36,6 +37,10 @@ _RELAX = 0.2
 #: Contraction up to which the multipliers' system is kept within a step, and, for refined steps,
 #: their size up to which it is kept, m or rad, or their motion alone, whatever the forces are.
 _WELL, _NEAR, _STILL = 0.02, 0.01, 1e-4
+#: Error of the kept matrices of bodies in contact, relative to the step, above which they are
+#: renewed before the next step, if all corrections of so many steps had it: refinement needs more
+#: sweeps than that is worth. Stresses of impacts come and go within a step.
+_STALE, _OLD = 0.1, 2
 #: Number of tolerances below which the second step is no measure of the contraction: rotations of
 #: stiff directions are of second order in the first step, and vanish in the third.
 _CLOSE = 100.0
@@ -47,6 +52,7 @@ class _Attempt:
     Attributes:
         refine: True to correct steps by the exact tangent's action.
         defect: relative error of the frozen operator in the last refined step.
+        stale: least of that of the kept matrices alone, beside contacts.
     """
 
     def __init__(
@@ -58,19 +64,24 @@ class _Attempt:
         Iterations stop at ``tolerance``; ``refine`` and ``defect`` are those of the last step.
         """
         self._frozen, self._slow, self._limit, self._tolerance = frozen, slow, limit, tolerance
-        self.refine, self.defect = refine, defect
+        self.refine, self.defect, self.stale = refine, defect, inf
         self._keep_interface, self._renewed = False, 0.0
         self._touched = self._cut = False
+        frozen.secants.forget()
         self._refined: Refined | None = None
 
     def step(self, shifts: Shifts, strains: PartStrains) -> tuple[bool, FloatArray]:
         """See ``LinearStep``."""
-        success, change, self._refined = self._frozen.step(
+        frozen = self._frozen
+        success, change, self._refined = frozen.step(
             shifts, strains, keep_interface=self._keep_interface,
-            refine=self.refine and not self._cut,
+            refine=self.refine and not self._cut, contraction=frozen.secants.contraction,
         )  # fmt: skip
         if self._refined is not None:
             self.defect = self._refined.defect
+            self.stale = min(self.stale, self._refined.stale)
+        if success and frozen.sprung and not self._cut and frozen.system.repels:
+            change = -frozen.secants.improve(-change)
         return success, change
 
     def observe(
@@ -91,6 +102,8 @@ class _Attempt:
         """
         frozen, tolerance = self._frozen, self._tolerance
         self._cut = part < 1.0
+        if self._cut:
+            frozen.secants.forget()
         self._touched = self._touched or frozen.sprung
         if self.refine:
             near = size <= _NEAR or motion <= _STILL
@@ -133,7 +146,7 @@ class FrozenPolicy:
         self._frozen = FrozenSolver(system, mechanics)
         self._again: SolveAgain = self._frozen.again
         # initial values of the next step
-        self._refine, self._defect, self._failed = False, 0.0, False
+        self._refine, self._defect, self._stale, self._failed = False, 0.0, 0, False
 
     @property
     def tolerance(self) -> float:
@@ -152,6 +165,9 @@ class FrozenPolicy:
             # a restarted run computes them again, with initial strains of its own time
             frozen.factor(shifts, self._system.accepted_strains())
             self._refine = False  # plain steps may do again
+        elif self._stale >= _OLD and self.slow is not None and not self._system.timed:
+            frozen.factor(shifts, self._system.accepted_strains())
+            self._stale = 0
         self._failed = False
         attempt = _Attempt(
             frozen, self.slow, self.limit, self._options.tolerance, self._refine, self._defect
@@ -161,12 +177,14 @@ class FrozenPolicy:
             frozen.again,
         )  # fmt: skip
         self._refine, self._defect = attempt.refine, attempt.defect
+        self._stale = self._stale + 1 if _STALE < attempt.stale < inf else 0
         if status is Status.OK:
             self._refine = self._refine and self._defect > _RELAX * self.limit
             return status
-        if frozen.rubbing:
-            return status
-        self._system.counters.fallbacks += 1
+        system = self._system
+        if frozen.rubbing or (frozen.sprung and system.repels and not system.thin):
+            return status  # not for want of factors: smaller steps are the remedy
+        system.counters.fallbacks += 1
         self._failed = True  # its factors would fail in the next step, too
         restart()
         self._again = self._fallback.again
@@ -181,6 +199,7 @@ class FrozenPolicy:
         own = {
             "refine": np.array([float(self._refine), self._defect]),
             "failed": np.array([float(self._failed)]),
+            "stale": np.array([float(self._stale)]),
         }
         return self._frozen.state() | State(own, optional=frozenset(own))
 
@@ -194,6 +213,8 @@ class FrozenPolicy:
             )
         if "failed" in state.values:
             self._failed = bool(state.values["failed"][0])
+        if "stale" in state.values:
+            self._stale = int(state.values["stale"][0])
 
 
 class AutoPolicy(FrozenPolicy):

@@ -9,7 +9,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.solvers.frozen.vectors import StepVectors
 from flexfem.solvers.linear.gmres import minimal_residual
-from flexfem.system.mechanics import Mechanics
+from flexfem.system.mechanics import KeptAction, Mechanics
 from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = ["Refined", "Refinement"]
@@ -17,8 +17,10 @@ __all__ = ["Refined", "Refinement"]
 #: A refined step solves the linearised equations to this relative accuracy, in at most so many
 #: sweeps of action and solve.
 _INNER, _SWEEPS = 0.02, 8
-#: The same with contacts, whose own tangents are not more accurate.
-_INNER_CONTACTS = 0.05
+#: With contacts the accuracy follows the contraction of the iteration, squared, within bounds:
+#: as they open and close more is of no use, and near the end each iteration has the search for
+#: contacts beside its solves (Eisenstat, Walker, SIAM J. Sci. Comput. 17 (1996) 16-32).
+_INNER_CONTACTS = 1e-3, 0.05
 
 
 @dataclass(frozen=True)
@@ -30,19 +32,32 @@ class Refined:
         exact: True if the step solves the linearised equations, so that fresh factors would not
             help.
         missed: Error of the frozen operator, a vector of this rank.
+        stale: Part of it that is that of kept matrices alone, without contacts; 0 if these are not
+            used, see ``Refinement``.
     """
 
     defect: float
     exact: bool
     missed: FloatArray
+    stale: float = 0.0
 
 
 class Refinement:
     """Corrections of frozen steps by the action of the consistent tangent."""
 
-    def __init__(self, system: System, mechanics: Mechanics, vectors: StepVectors) -> None:
-        """Store the system whose equations ``mechanics`` are solved, and its vectors."""
+    def __init__(
+        self, system: System, mechanics: Mechanics, vectors: StepVectors, kept: KeptAction,
+        plain: Callable[[FloatArray], FloatArray],
+    ) -> None:  # fmt: skip
+        """Store the system whose equations ``mechanics`` are solved, and its vectors.
+
+        With barriers, ``kept`` is the action of the frozen matrices in sweeps that these are
+        accurate enough for; the error of a step is always that of the exact tangent. ``plain`` is
+        the frozen solve without contacts.
+        """
+        self._plain = plain
         self._system, self._mechanics, self._vectors = system, mechanics, vectors
+        self._kept = kept if system.repels else None
 
     def correct(
         self,
@@ -50,6 +65,7 @@ class Refinement:
         strains: PartStrains,
         correction: FloatArray,
         solve: Callable[[FloatArray], FloatArray],
+        contraction: float = 1.0,
     ) -> tuple[FloatArray, Refined]:
         """Correct the last frozen step (collective).
 
@@ -60,6 +76,7 @@ class Refinement:
                 their steps and the residuals of this solve.
             solve: frozen solve for a correction of the steps: blocks' steps for their residuals and
                 given values (r,) of the rows; returns the multipliers' correction.
+            contraction: of the last iteration.
 
         Returns:
             The multipliers' correction, after that of the blocks' steps, and a :class:`Refined`.
@@ -72,20 +89,50 @@ class Refinement:
             multipliers = vectors.put(vector)
             for part in system.parts:
                 part.block.residual[:] = 0.0
-            mechanics.subtract_tangent(system, shifts, hessians, strains)
+            mechanics.subtract_tangent(system, shifts, hessians, strains, kept)
             system.add_constraint_forces(-multipliers)
             return -vectors.collect(solve(rows.yielding(multipliers)))
 
         solution = vectors.collect(correction)
         # residual of the linearised equations
         system.add_constraint_forces(correction)
-        mechanics.subtract_tangent(system, shifts, hessians, strains)
+        kept, change = self._kept, 0.0
+        if kept is not None:
+            change = self._change(shifts, strains, kept)
+        mechanics.subtract_tangent(system, shifts, hessians, strains, kept)
         yielding = rows.yielding(solution[vectors.sizes[-1] :])
         residual = vectors.collect(solve(rows.values + yielding))
-        inner = _INNER_CONTACTS if system.contacts else _INNER
+        inner = _INNER
+        if system.contacts:
+            least = _INNER_CONTACTS[0] if system.repels else _INNER_CONTACTS[1]
+            inner = min(max(contraction**2, least), _INNER_CONTACTS[1])
         size, missed = np.sqrt(vectors.squares(solution, residual)).tolist()
+        if kept is not None and change * missed > inner * size * size:
+            kept = None
         more, exact = minimal_residual(
             apply, residual, missed, vectors.products, inner * size, _SWEEPS
         )
         multipliers = vectors.put(solution + more)
-        return -multipliers, Refined(missed / size if size > 0.0 else 0.0, exact, residual)
+        over = 1.0 / size if size > 0.0 else 0.0
+        return -multipliers, Refined(over * missed, exact, residual, over * change)
+
+    def _change(self, shifts: Shifts, strains: PartStrains, kept: KeptAction) -> float:
+        """Norm of what the frozen matrices miss of the last step, without contacts (collective).
+
+        It is added to the residuals: the kept action is that of the exact tangent then.
+        """
+        system, vectors = self._system, self._vectors
+        blocks = [part.block for part in system.parts]
+        before = [(block.residual.copy(), block.owned_step.copy()) for block in blocks]
+        for block in blocks:
+            block.residual[:] = 0.0
+        strained = zip(system.parts, strains, strict=True)
+        for part, own in strained:
+            if kept(part, 1.0):
+                self._mechanics.add_own_action(system, part, shifts, -1.0, own)
+        missed = [block.residual.copy() for block in blocks]
+        correction = self._plain(np.zeros(system.constraints.size))
+        (square,) = vectors.squares(vectors.collect(correction))
+        for block, (residual, step), change in zip(blocks, before, missed, strict=True):
+            block.residual[:], block.owned_step[:] = residual + change, step
+        return float(np.sqrt(square))

@@ -31,16 +31,19 @@ from flexfem.layout.tangent_request import TangentRequest
 from flexfem.solvers.frozen.bodies import FlexibleBodies, KeptFactor, RigidBodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
 from flexfem.solvers.frozen.refine import Refined, Refinement
+from flexfem.solvers.frozen.secants import Secants
 from flexfem.solvers.frozen.stiff_rows import StiffRows
 from flexfem.solvers.frozen.vectors import StepVectors
 from flexfem.system.mechanics import END_POINT, Mechanics
-from flexfem.system.system import MASS, PartStrains, Shifts, System
+from flexfem.system.system import MASS, BlockPart, PartStrains, Shifts, System
 
 __all__ = ["FrozenSolver", "Worst"]
 
 #: Number of step sizes whose factors are kept, the latest used: each needs the memory of all
 #: factors.
 _KEPT = 6
+#: Contraction of an iteration from which on the contacts are those of the last one, about.
+_ALIKE = 0.1
 #: Part of the squared error of the frozen operator above which a body is one of the worst.
 _SHARE = 0.01
 
@@ -80,6 +83,7 @@ class FrozenSolver:
         shifts: factors of the scheme of the factors in use, None before the first factorisation.
         keepable: True if factors of the multipliers' system may serve several iterations.
         correction: (r,) of the multipliers, of the last solve.
+        secants: acceleration of the iteration of a step.
     """
 
     def __init__(self, system: System, mechanics: Mechanics = END_POINT) -> None:
@@ -99,8 +103,9 @@ class FrozenSolver:
         self._nothing = self.correction = np.zeros(0)
         self._bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
         self._vectors = StepVectors(system)
-        self._refinement = Refinement(system, mechanics, self._vectors)
+        self._refinement = Refinement(system, mechanics, self._vectors, self._add_kept, self._solve)
         self._stiff = StiffRows(system, self._vectors)
+        self.secants = Secants(self._vectors)
 
     @classmethod
     def of_masses(cls, system: System) -> "FrozenSolver":
@@ -252,7 +257,7 @@ class FrozenSolver:
 
     def step(
         self, shifts: Shifts, strains: PartStrains, *, keep_interface: bool = False,
-        refine: bool = False,
+        refine: bool = False, contraction: float = 1.0,
     ) -> tuple[bool, FloatArray, Refined | None]:  # fmt: skip
         """One Newton step from the evaluated residuals (collective).
 
@@ -262,6 +267,7 @@ class FrozenSolver:
             keep_interface: True to keep the factors of the multipliers' system.
             refine: True to correct the step by the exact tangent's action; residuals are
                 overwritten.
+            contraction: of the last iteration, by which steps of contacts are refined.
 
         Returns:
             Success, the step of the multipliers (r,) - both it and the blocks' steps are to be
@@ -272,16 +278,21 @@ class FrozenSolver:
         if not (keep_interface or self._factor_interface(shifts)):
             return False, np.zeros(rows.size), None
         for contacts in self.system.contacts:
-            self._stiff.take(contacts.rows(), shifts, self._compliances)
+            alike = contraction < _ALIKE
+            self._stiff.take(contacts.rows(), shifts, self._compliances, alike=alike)
         correction, refined = self._with_springs(self._solve(rows.values), refine=refine), None
         if refine:
             correction, refined = self._refinement.correct(
-                shifts, strains, correction, self._solve_beyond
+                shifts, strains, correction, self._solve_beyond, contraction
             )
         return True, -correction, refined
 
+    def _add_kept(self, part: BlockPart, factor: float) -> bool:
+        """See ``KeptAction``."""
+        return any(one.add_product(factor) for one in self._flexible if one.group.part is part)
+
     def _compliances(self, block: FrameBlock) -> FloatArray | None:
-        """Compliances (n_owned, w, w) of the nodes of a block, about; None if unknown."""
+        """Motions (n_owned, k, w, w) of nodes of a block and the next ones; None if unknown."""
         bodies = next(one for one in self._bodies if one.group.part.block is block)
         return bodies.of_nodes()
 

@@ -14,24 +14,20 @@ are no more of them than springs, and the last solves need none. Directions and 
 by ``1 / sqrt(c + 1/D)``, c a typical compliance of the rows, since slopes differ by decades.
 
 Many springs, such as those of a heap of ropes, would need as many directions. With the compliances
-C of single nodes, ``J C J^T + D^-1`` is sparse: it is factorised, on each rank for its own springs,
-and its inverse times the motions that are left is the next direction. It has the springs that push
-the same node, and is off where they push neighbours.
+C of nodes and between neighbours, ``J C J^T + D^-1`` is sparse: it is factorised, on each rank for
+its own springs, and its inverse times the motions that are left is the next direction.
 """
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import TYPE_CHECKING, Protocol
+from typing import Protocol
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.solvers.frozen.vectors import StepVectors
 from flexfem.system.system import Shifts, System
-
-if TYPE_CHECKING:
-    from scipy.sparse import csc_array
 
 __all__ = ["SpringRows", "StiffRows"]
 
@@ -39,16 +35,20 @@ __all__ = ["SpringRows", "StiffRows"]
 Solve = Callable[[FloatArray], FloatArray]
 #: Motions (c,) for forces (c,) of springs alone, a direction with a number.
 Respond = Callable[[FloatArray, int], FloatArray]
-#: Compliances (n_owned, w, w) of the nodes of a block, about; None if unknown, on all ranks.
+#: Motions (n_owned, k, w, w) of the nodes of a block and of the k - 1 next ones for loads on these
+#: nodes, about; None if unknown, on all ranks.
 NodeCompliances = Callable[[FrameBlock], FloatArray | None]
+#: Rows, columns and values of a matrix, (k,) each.
+Triplets = tuple[IntArray, IntArray, FloatArray]
 #: Next direction (c,) for motions (c,) that are left.
 Direct = Callable[[FloatArray], FloatArray]
 
 #: Largest number of directions; stiffness over that of the frozen operator below which springs are
 #: soft: GMRES with the exact tangent needs no help with them.
 _MOST, _SOFT = 100, 20.0
-#: Number of springs on all ranks from which they are coupled by the compliances of nodes.
-_MANY = 40
+#: Number of springs on all ranks from which they are coupled by the compliances of nodes, and up to
+#: which the matrix of one rank is dense.
+_MANY, _DENSE = 8, 120
 #: Relative error of the springs' forces: whether a stiff contact opens depends on small parts of
 #: its force, and what is left keeps Newton's method from an end.
 _ACCURACY = 1e-2
@@ -81,10 +81,11 @@ class SpringRows(Protocol):
         """Blocks on which they act, by kind; empty if their coupling is unknown, on all ranks."""
         ...
 
-    def coupled(self, compliances: Mapping[int, FloatArray]) -> "csc_array":
-        """Sparse ``J C J^T`` of this rank's springs (collective).
+    def coupled(self, compliances: Mapping[int, FloatArray]) -> Triplets:
+        """Rows, columns, values of ``J C J^T`` of this rank's springs, to be summed (collective).
 
-        C are compliances (n_owned, w, w) of nodes, by the kind of their block.
+        C are compliances (n_owned, k, w, w) of nodes, and between them and the k - 1 next ones, by
+        the kind of their block.
         """
         ...
 
@@ -110,26 +111,39 @@ class StiffRows:
         """Allocate the responses."""
         self._system, self._vectors = system, vectors
         self.active = self.soft = self.rub = False
+        self._forces: _Forces | None = None
         self._values = np.zeros(system.constraints.size)
         # of the directions, in pages that are used as they come
         self._responses = np.empty((_MOST if system.contacts else 0, len(vectors)))
 
-    def take(self, rows: SpringRows, shifts: Shifts, near: NodeCompliances) -> None:
-        """Use springs for the next solves, none for a matrix without stiffness (collective)."""
+    def take(
+        self, rows: SpringRows, shifts: Shifts, near: NodeCompliances, *, alike: bool = False
+    ) -> None:
+        """Use springs for the next solves, none for a matrix without stiffness (collective).
+
+        If they are ``alike`` those of the last call, their coupling is kept where it can.
+        """
+        last = self._forces if alike and self.active else None
         self.active = False
         scale = shifts.scale * shifts.stiffness
         if scale == 0.0:
             return
         slopes = scale * rows.slopes
-        count = self._vectors.sum(np.array([float(np.count_nonzero(slopes))]))[0]
+        others = last is None or not last.coupled or last.size != len(slopes)
+        count, changed = self._vectors.sum(
+            np.array([float(np.count_nonzero(slopes)), float(others)])
+        )  # fmt: skip
         if count:
             self.active, self.rub = True, rows.rub
             self._forces = _Forces(rows, slopes, self._vectors)
-            if count >= _MANY:
+            if count >= _MANY and changed == 0.0 and last is not None:
+                self._forces.couple_as(last)
+            elif count >= _MANY:
                 self._couple(near)
 
     def _couple(self, near: NodeCompliances) -> None:
         """Couple the springs by the compliances of nodes, if these are known (collective)."""
+        assert self._forces is not None
         rows = self._forces.rows
         found = {kind: near(block) for kind, block in rows.blocks.items()}
         known = {kind: one for kind, one in found.items() if one is not None}
@@ -150,6 +164,7 @@ class StiffRows:
         Returns:
             That with the springs.
         """
+        assert self._forces is not None
         kept = [part.block.residual.copy() for part in self._system.parts]
         solution = self._vectors.collect(correction)
         parts = self._forces.solve(
@@ -163,6 +178,7 @@ class StiffRows:
 
     def _respond(self, solve: Solve, forces: FloatArray, number: int) -> FloatArray:
         """Motions (c,) for forces (c,) of the springs alone; stores the response by its number."""
+        assert self._forces is not None
         rows = self._forces.rows
         for part in self._system.parts:
             part.block.residual[:] = 0.0
@@ -201,30 +217,39 @@ class _Forces:
     def _inverse(self) -> FloatArray:
         return self._inverses[: self._count, : self._count]
 
-    def couple(self, compliance: "csc_array") -> None:
-        """Use an approximate sparse ``J B^-1 J^T`` of this rank's springs from now on."""
-        from scipy.sparse import dia_array
-        from scipy.sparse.linalg import splu
+    @property
+    def coupled(self) -> bool:
+        """True if their coupling is known."""
+        return self._direct is not None
 
-        size = len(self._slopes)
-        whole = compliance + dia_array((self._compliance[np.newaxis], [0]), shape=(size, size))
+    @property
+    def size(self) -> int:
+        """Number of springs of this rank."""
+        return len(self._slopes)
+
+    def couple_as(self, last: "_Forces") -> None:
+        """Use the coupling of other springs that are about the same."""
+        self._direct, self._scaling, self.soft = last._direct, last._scaling, False
+
+    def couple(self, compliances: Triplets) -> None:
+        """Use an approximate sparse ``J B^-1 J^T`` of this rank's springs from now on."""
+        size, self.soft = len(self._slopes), False
+        every = np.arange(size)
+        i, j = (np.concatenate([one, every]) for one in compliances[:2])
+        values = np.concatenate([compliances[2], self._compliance])
+        own = i == j
+        diagonal = np.bincount(i[own], values[own], minlength=size)
         # compliances of nodes may be negative in a wild state
-        diagonal = np.maximum(whole.diagonal(), self._compliance)
-        self._scaling = scaling = 1.0 / np.sqrt(diagonal)
-        scaled = dia_array((scaling[np.newaxis], [0]), shape=(size, size))
-        self.soft = False
+        self._scaling = scaling = 1.0 / np.sqrt(np.maximum(diagonal, self._compliance))
         if not size:
             self._direct = np.copy
             return
+        values *= scaling[i] * scaling[j]
         try:
-            factors = splu(
-                (scaled @ whole @ scaled).tocsc(), permc_spec="MMD_AT_PLUS_A",
-                diag_pivot_thresh=0.0, options={"SymmetricMode": True},
-            )  # fmt: skip
-        except RuntimeError:  # singular there: each spring for itself
-            self._direct = lambda left: scaling * (scaling * left)
-            return
-        self._direct = lambda left: scaling * factors.solve(scaling * left)
+            inverted = (_dense if size <= _DENSE else _sparse)(size, (i, j, values))
+        except (RuntimeError, np.linalg.LinAlgError):  # singular there: each spring for itself
+            inverted = np.copy
+        self._direct = lambda left: scaling * inverted(scaling * left)
 
     def solve(self, respond: Respond, *, leave_soft: bool) -> FloatArray:
         """Parts of the responses in that to the springs' forces, for the blocks' steps.
@@ -294,3 +319,25 @@ class _Forces:
         """Norms of vectors (c,) over all ranks."""
         squares = self._sum(np.array([vector @ vector for vector in vectors]))
         return [float(norm) for norm in np.sqrt(squares)]
+
+
+def _dense(size: int, entries: Triplets) -> Direct:
+    """Solve with a small symmetric matrix of entries that add up."""
+    i, j, values = entries
+    whole = np.bincount(size * i + j, values, minlength=size * size).reshape(size, size)
+    inverse = np.linalg.inv(whole)
+    return lambda right: inverse @ right
+
+
+def _sparse(size: int, entries: Triplets) -> Direct:
+    """Solve with a large one."""
+    from scipy.sparse import coo_array
+    from scipy.sparse.linalg import splu
+
+    i, j, values = entries
+    matrix = coo_array((values, (i, j)), shape=(size, size)).tocsc()
+    factors = splu(
+        matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
+    )  # fmt: skip
+    solve: Direct = factors.solve
+    return solve

@@ -54,6 +54,11 @@ class StepVectors:
         count = self.sizes[-1]
         return self.sum(rows[:, :count] @ vector[:count])
 
+    def gram(self, rows: FloatArray) -> FloatArray:
+        """Inner products (k, k) of rows (k, n): the blocks' parts, over all ranks (collective)."""
+        own = rows[:, : self.sizes[-1]]
+        return self.sum(own @ own.T)
+
     def sum(self, values: FloatArray) -> FloatArray:
         """Sum over all ranks, in place (collective)."""
         if self._system.comm.size > 1:

@@ -38,10 +38,16 @@ SolveAgain = Callable[[FloatArray], bool]
 #: Steps growing by more than this beyond both before them mean divergence: one may be small because
 #: it was not solved for accurately.
 _DIVERGENCE = 2.0
+#: Corrections larger than this many times the first one that contacts cut short mean divergence, if
+#: more than so many of them are: contacts that close make one of them in a step that converges.
+_WILD, _TAMED = 10.0, 1
 #: Multiple of the tolerance below which growing steps are round-off.
 _NOISE = 10.0
 #: Part of the tolerance below which changes of contact forces are round-off of positions.
 _ROUND_OFF = 1e-5
+#: Part of corrections that contacts let pass, and number of smaller ones, one after the other,
+#: after which there is no hope: each keeps a part of the gaps, and leads to the next.
+_STUCK, _TRIALS = 0.1, 5
 #: Ratio of these changes above which they are round-off, too, and the largest such ones, in parts
 #: of those that end an iteration.
 _STAGNATION, _ALIKE = 0.5, 1e4
@@ -98,7 +104,8 @@ def iterate(
             elements only; the others have the present ones.
     """
     rows, strains = system.constraints, system.accepted_strains(thin=thin)
-    previous, before, change_of_forces = inf, inf, inf
+    first = previous = before = change_of_forces = inf
+    wild = stuck = 0
     for iteration in range(1, options.max_iterations + 1):
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
@@ -124,8 +131,15 @@ def iterate(
             observe(iteration, size, sizes[0], contraction, moved.part, strains)
         if converged:
             return Status.OK
+        stuck = stuck + 1 if moved.part < _STUCK else 0
+        if stuck >= _TRIALS:
+            return Status.NOT_CONVERGED
         grows = size > max(_DIVERGENCE * max(previous, before), _NOISE * options.tolerance)
         if grows and moved.part == 1.0 and sizes[3] <= 1.0:
+            return Status.DIVERGED
+        first = size if iteration == 1 else first
+        wild += moved.part < 1.0 and size > max(_WILD * first, _NOISE * options.tolerance)
+        if wild > _TAMED:
             return Status.DIVERGED
         previous, before = size, previous
     return Status.NOT_CONVERGED

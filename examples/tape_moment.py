@@ -6,7 +6,7 @@ Then the section flattens and snaps, and from there on the moment stays the same
 the fold takes the radius of the section, and its moment is (1 + nu) D times the section's angle
 (Wuest 1954; Seffen, Pellegrino 1999, "Deployment dynamics of tape springs").
 
-Run: ``python examples/tape_spring.py`` (two minutes), then ``flexfem view results/tape_spring``;
+Run: ``python examples/tape_moment.py`` (two minutes), then ``flexfem view results/tape_moment``;
 ``--smoke`` for the stiffness at the start alone.
 """
 
@@ -34,7 +34,7 @@ def build(cells: tuple[int, int], angle: Callable[[float], float]) -> ff.Model:
     """The tape between two caps, one of which slides; each is turned by half of an angle (rad)."""
     u = np.linspace(-0.5, 0.5, cells[0] + 1) * LENGTH
     v = np.linspace(-0.5, 0.5, cells[1] + 1) * ANGLE
-    model = ff.Model("tape_spring", surface=ff.SurfaceMesh.grid("tape", u, v, tape))
+    model = ff.Model("tape_moment", surface=ff.SurfaceMesh.grid("tape", u, v, tape))
     section = ff.ShellSection.isotropic(THICK, COPPER)
     model.add(ff.Shell("tape", section, element="director", damping=3e-3))
     for side, sign in (("left", 1.0), ("right", -1.0)):
@@ -78,9 +78,9 @@ def main(*, smoke: bool) -> None:
     if smoke:
         return
     options = ff.RunOptions(dt=4e-3, t_end=TIME, rho_inf=0.3, quiet=True, every=2,
-                            output="results/tape_spring")  # fmt: skip
+                            output="results/tape_moment")  # fmt: skip
     history = ff.simulate(
-        build((36, 6), ff.SmoothStep(0.0, TIME, 0.0, FOLDED)), options, case="tape_spring"
+        build((36, 6), ff.SmoothStep(0.0, TIME, 0.0, FOLDED)), options, case="tape_moment"
     ).history
     folded = -history["turn_my"][len(history["t"]) // 2 :]
     print(f"it snaps at {-history['turn_my'].min():.3f} N m; folded {folded.mean():.4f} N m, "
