@@ -8,10 +8,13 @@ Run from the source tree, on a quiet machine::
     python tests/benchmarks/contact_peers.py --peers-python VENV/bin/python   # where the peers are
 
 Scenes are a sheet that lands flat, a break shot of balls and boxes, and a rope over a cylinder
-(``contact_scenes.py``). The peers are optional, ``pip install mujoco exudyn drake``; those that are
-missing are named. Each run is a process of its own with one thread. What a program cannot do is
-left out: Drake has no shells, and its rope of rigid links failed; ``ipctk`` is a library of
-distances and barriers, without bodies and steps in time. The rope is no case of flexfem yet.
+(``contact_scenes.py``). The peers are optional, ``pip install mujoco exudyn drake`` or the extra
+``peers``; those that are missing are named. Each run is a process of its own with one thread. What
+a program cannot do is left out: Drake has no shells, and its rope of rigid links failed; ``ipctk``
+is a library of distances and barriers, without bodies and steps in time. At the end stands the
+fastest run of each program whose error is not larger than some: the ratio of forces of the rope,
+and of the sheet and the balls the energy made or lost, where none is, or the depth over their size
+if it is more.
 """
 
 import argparse
@@ -30,7 +33,7 @@ SCENES = {"sheet_landing": Sheet(), "billiards": Break(), "capstan": Capstan()}
 PROGRAMS = {"flexfem": "flexfem", "mujoco": "mujoco", "exudyn": "exudyn", "drake": "pydrake"}
 #: Settings in which they run the scenes, explained in ``contact_*.py``.
 SETTINGS = {
-    "flexfem": {"sheet_landing": ("shipped",), "billiards": ("shipped",)},
+    "flexfem": dict.fromkeys(SCENES, ("shipped",)),
     "mujoco": {
         "sheet_landing": ("default", "elastic"),
         "billiards": ("default", "elastic"),
@@ -43,6 +46,8 @@ SETTINGS = {
     },
     "drake": {"billiards": ("lagged", "sap")},
 }
+#: Relative errors at which times are compared.
+ERRORS = (0.3, 0.1, 0.03, 0.01)
 COLUMNS = ("made", "lost", "momentum", "depth", "force", "seconds")
 HEAD = (
     "| scene | program | step ms | energy made | lost | momentum | depth mm | ratio | s a second |"
@@ -86,6 +91,28 @@ def line(scene: str, name: str, step: float, found: dict[str, float] | str) -> s
     return f"{begin} {' | '.join(cells)} |"
 
 
+def error(scene: str, found: dict[str, float]) -> float:
+    """Relative error of a run."""
+    if scene == "capstan":
+        return abs(found["force"] / Capstan().exact - 1.0)
+    size = Sheet().thickness if scene == "sheet_landing" else 2.0 * Break().radius
+    return max(found["made"], abs(found["lost"]), found["depth"] / size)
+
+
+def fastest(runs: list[tuple[str, str, dict[str, float]]]) -> str:
+    """Table of seconds of the fastest run of each scene and program, by the largest error."""
+    head = " | ".join(f"error {largest:g}" for largest in ERRORS)
+    lines = [f"| scene | program | {head} |", "|---" * (2 + len(ERRORS)) + "|"]
+    for scene, program in dict.fromkeys((scene, program) for scene, program, _ in runs):
+        own = [found for *which, found in runs if which == [scene, program]]
+        cells = []
+        for largest in ERRORS:
+            seconds = [found["seconds"] for found in own if error(scene, found) <= largest]
+            cells.append(f"{min(seconds):.2g}" if seconds else "")
+        lines.append(f"| {scene} | {program} | {' | '.join(cells)} |")
+    return "\n".join(lines)
+
+
 def main() -> None:
     """Command line."""
     parser = argparse.ArgumentParser(description=__doc__)
@@ -104,6 +131,7 @@ def main() -> None:
     for name in set(args.programs.split(",")) - set(there):
         print(f"missing: {name}")
     print(f"ratio of the capstan: exactly {Capstan().exact:.4f}\n{HEAD}\n{'|---' * 9}|", flush=True)
+    runs = []
     for scene in args.scenes.split(","):
         for program in there:
             for setting in SETTINGS[program].get(scene, ()):
@@ -111,6 +139,9 @@ def main() -> None:
                     run = (scene, program, setting, step)
                     found = measured(python[program], args.limit, *run)
                     print(line(scene, f"{program} {setting}", float(step), found), flush=True)
+                    if not isinstance(found, str):
+                        runs.append((scene, program, found))
+    print(f"\nSeconds of a processor for a simulated one:\n{fastest(runs)}")
 
 
 if __name__ == "__main__":

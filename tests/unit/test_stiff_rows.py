@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Closed contacts beside kept factors: their rows, their forces, and no factorisation for them."""
 
+from types import SimpleNamespace
+
 from mpi4py import MPI
 
 import numpy as np
@@ -183,3 +185,15 @@ def test_many_contacts_are_coupled_by_the_compliances_of_nodes(
     assert counters.fallbacks == 0
     # what the iteration leaves; another solution is off by 1e-4
     np.testing.assert_allclose(frames, other, rtol=0.0, atol=1e-8)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("dense", [0, 2])
+@pytest.mark.parametrize("coupling", [[[1.0, 1.0], [1.0, 1.0]], [[-1.0, 0.0], [0.0, 1.0]]])
+def test_springs_with_wild_couplings_end_no_run(coupling, dense, monkeypatch):
+    """Singular, as of a rope that is flung in steps of 5 ms, and negative ones."""
+    monkeypatch.setattr(stiff_rows, "_DENSE", dense)
+    made = stiff_rows._Forces(None, np.full(2, 1e300), SimpleNamespace(sum=lambda values: values))
+    i, j = np.divmod(np.arange(4), 2)
+    made.couple((i, j, np.ravel(coupling)))
+    assert np.isfinite(made._direct(np.ones(2))).all()

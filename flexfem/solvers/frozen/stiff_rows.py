@@ -287,12 +287,16 @@ class _Forces:
         values = np.concatenate([compliances[2], self._compliance])
         own = i == j
         diagonal = np.bincount(i[own], values[own], minlength=size)
-        self._scaling = scaling = 1.0 / np.sqrt(diagonal)
+        # compliances of nodes may be negative in a wild state
+        self._scaling = scaling = 1.0 / np.sqrt(np.maximum(diagonal, self._compliance))
         if not size:
             self._direct = np.copy
             return
         values *= scaling[i] * scaling[j]
-        inverted = (_dense if size <= _DENSE else _sparse)(size, (i, j, values))
+        try:
+            inverted = (_dense if size <= _DENSE else _sparse)(size, (i, j, values))
+        except (RuntimeError, np.linalg.LinAlgError):  # singular there: each spring for itself
+            inverted = np.copy
         self._direct = lambda left: scaling * inverted(scaling * left)
 
     def solve(self, respond: Respond, recall: Recall, *, leave_soft: bool) -> FloatArray:
