@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Geometry of the cases of contact, and what they refuse."""
 
+import inspect
 import math
 from itertools import pairwise
 
@@ -104,3 +105,41 @@ def test_rope_is_knotted() -> None:
 def test_ropes_that_may_overlap_are_refused() -> None:
     with pytest.raises(ValueError, match=r"spacing must be above 0.045.* 2 degrees .* got 0.1 and"):
         built("rope_heap", tilt=2.0, spacing=0.04)
+
+
+def test_moments_of_a_tape_spring_are_those_of_theory() -> None:
+    case = load_case("tape_spring")
+    theory = case.build.__globals__["moment_of_long_tape"]
+    radius, angle, thick, young, nu = 0.015, 0.4, 1e-4, 131e9, 0.3
+    found = theory(np.array([1e-2, 1e3]), radius, angle, thick, young, nu)
+    # at first a beam of a shallow section; one of another width by 1 % is stiffer by 5 %
+    beam = young * thick * (radius * angle) ** 5 / (720.0 * radius**2) + young * (
+        radius * angle * thick**3 / 12.0
+    )
+    assert found[0] / 1e-2 == pytest.approx(beam, rel=1e-3)
+    # then a strip that is flat across and bent as a plate; without its stiffness across, 0.91
+    plate = young * thick**3 / (12.0 * (1.0 - nu**2))
+    assert found[1] == pytest.approx(radius * angle * plate * (1e3 + nu / radius), rel=0.02)
+
+
+def test_results_of_a_tape_spring_are_those_of_its_history() -> None:
+    case = load_case("tape_spring")
+    values = {option.name: option.default for option in case.options}
+    t = np.linspace(0.0, 1.0, 11)
+    whole = math.radians(values["fold"])
+    angle = whole * np.minimum(t / 0.5, 1.0)
+    history = {
+        "t": t, "angle": angle, "gap": np.where(t > 0.45, 1e-4, 5e-4),
+        "turn_my": np.where(t > 0.45, -9.0, -0.02), "contact_closed": 1.0 * (t > 0.45),
+        "energy_kinetic": 0.1 * (t > 0.7), "energy_strain": 0.03 * np.abs(angle),
+    }  # fmt: skip
+    history["turn_my"][1] = -0.5
+    names = inspect.signature(case.results).parameters
+    found = case.results(history, **{name: values[name] for name in names if name in values})
+    # the drive's moment once layers touch is no peak of the tape
+    assert found["peak_moment"] == 0.5
+    assert found["fold_moment"] == pytest.approx(0.03)
+    assert found["least_gap"] == 1e-4
+    # kinetic energy that comes from nowhere
+    assert found["energy_made"] == pytest.approx(0.1 / (0.03 * abs(whole)))
+    assert found["steady_moment"] == pytest.approx(0.02994, rel=1e-3)

@@ -50,6 +50,7 @@ def test_a_sheet_that_lands_flat_makes_no_energy(dt: float) -> None:
             np.testing.assert_allclose(found[name], alone[name], rtol=0.0, atol=1e-9 * scale)
 
 
+@pytest.mark.serial
 def test_damping_of_a_thin_shell_makes_no_energy_in_impacts() -> None:
     """Velocities of single nodes by impulses alone make eleven times the energy of motion here."""
     u = np.linspace(0.0, 0.05, 3)
@@ -65,7 +66,7 @@ def test_damping_of_a_thin_shell_makes_no_energy_in_impacts() -> None:
     total = energy(found := ff.simulate(model, options).history)
     # the criterion of energy; made by impulses of masses alone: 11.5
     assert (total.max() - total[0]) / found["energy_kinetic"][0] < 1e-6
-    # there has been an impact
+    # there has been an impact: a sheet that falls freely has no strains
     assert found["energy_strain"].max() > 0.1 * total[0]
 
 
