@@ -238,7 +238,7 @@ class Carriers:
         """
         for kind, one in self.by_kind.items():
             own = np.ascontiguousarray(of_nodes[kind][:, 0])
-            compliances = own.reshape(len(own), -1)
+            compliances = own.reshape(len(own), own.shape[1] * own.shape[2])
             compliances_into(one.block.nodes.memory, one.own.memory, compliances, out)
         self.bring(out)
 

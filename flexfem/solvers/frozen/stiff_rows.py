@@ -56,6 +56,8 @@ _MOST, _SOFT = 100, 20.0
 #: Number of springs on all ranks from which they are coupled by the compliances of nodes, and up to
 #: which the matrix of one rank is dense.
 _MANY, _DENSE = 8, 120
+#: Ratio of slopes up to which springs are alike.
+_LIKE = 3.0
 #: Relative error of the springs' forces: whether a stiff contact opens depends on small parts of
 #: its force, and what is left keeps Newton's method from an end.
 _ACCURACY = 1e-2
@@ -151,7 +153,7 @@ class StiffRows:
         if scale == 0.0:
             return
         slopes = scale * rows.slopes
-        others = last is None or not last.coupled or last.size != len(slopes)
+        others = last is None or not last.like(slopes)
         count, changed = self._vectors.sum(
             np.array([float(np.count_nonzero(slopes)), float(others)])
         )  # fmt: skip
@@ -259,10 +261,12 @@ class _Forces:
         """True if their coupling is known."""
         return self._direct is not None
 
-    @property
-    def size(self) -> int:
-        """Number of springs of this rank."""
-        return self._here
+    def like(self, slopes: FloatArray) -> bool:
+        """True if the coupling is known, and about that of springs with other slopes (c,)."""
+        own = self._slopes
+        if self._direct is None or len(own) != len(slopes):
+            return False
+        return bool(((slopes <= _LIKE * own) & (own <= _LIKE * slopes)).all())
 
     def follow(self, earlier: "_Forces") -> None:
         """Begin with the directions of earlier forces, if their rows are known."""
