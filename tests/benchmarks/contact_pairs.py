@@ -45,7 +45,8 @@ def chosen(pairs: Pairs, these: np.ndarray) -> Pairs:
     counts = np.add.reduceat(these, pairs.starts[:-1])
     names = ("kind", "points", "weight", "touch", "dhat", "kappa")
     starts = np.concatenate([[0], np.cumsum(counts[counts > 0])])
-    return Pairs(**{name: getattr(pairs, name)[these] for name in names}, starts=starts)
+    given = {name: getattr(pairs, name)[these] for name in names}
+    return Pairs(**given, starts=starts, keys=pairs.keys[counts > 0])
 
 
 def main() -> None:

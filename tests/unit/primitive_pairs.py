@@ -23,7 +23,7 @@ def alone(kind, touch=0.1, dhat=0.5):
     weight = np.linspace(0.5, 2.0, m)
     return Pairs(
         kind=kind, points=points, weight=weight, touch=np.full(m, touch), dhat=np.full(m, dhat),
-        kappa=np.full(m, 3.0), starts=np.arange(m + 1),
+        kappa=np.full(m, 3.0), starts=np.arange(m + 1), keys=np.arange(m),
     )  # fmt: skip
 
 

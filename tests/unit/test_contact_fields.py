@@ -246,6 +246,7 @@ def test_a_sphere_is_a_point_with_a_radius():
     other = Pairs(
         kind=other.kind, points=other.points, weight=found.pairs.weight, touch=other.touch,
         dhat=other.dhat, kappa=found.pairs.kappa, starts=other.starts,
+        keys=other.keys,
     )  # fmt: skip
 
     def vertices(x):

@@ -39,6 +39,7 @@ def one(pairs, k):
     return Pairs(
         kind=pairs.kind[at], points=pairs.points[at], weight=pairs.weight[at],
         touch=pairs.touch[at], dhat=pairs.dhat[at], kappa=pairs.kappa[at], starts=np.arange(2),
+        keys=pairs.keys[at],
     )  # fmt: skip
 
 

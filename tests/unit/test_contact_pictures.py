@@ -26,17 +26,18 @@ AWAY = TURN @ [40.0, 20.0, -2.0]
 
 
 def model() -> tuple[ff.Model, ff.RigidPlane]:
-    """A sheet above a tilted plane, a roller without end, a bowl on a body and two-sided plate."""
-    made = ff.Model("obstacles", surface=sheet("cloth", 3, 1.0, (0.0, 0.0, 1.0)))
-    steel = ff.Material(2e8, 0.3, 1000.0)
-    made.add(ff.Shell("cloth", ff.ShellSection.isotropic(1e-3, steel)))
+    """Sheets above a tilted plane, a roller without end, a bowl on a body and two-sided plate."""
+    sheets = [sheet(name, 3, 1.0, (0.0, 0.0, z)) for name, z in (("cloth", 1.0), ("net", 2.0))]
+    made = ff.Model("obstacles", surface=ff.SurfaceMesh.join(sheets))
+    section = ff.ShellSection.isotropic(1e-3, ff.Material(2e8, 0.3, 1000.0))
+    made.add(*(ff.Shell(name, section) for name in ("cloth", "net")))
     made.add(ff.RigidBody("arm", 1.0, (1.0, 1.0, 1.0), position=(1.0, 0.0, 0.0)))
     plane = ff.RigidPlane(ff.Ground(AWAY, TURN))
     bowl = ff.RigidSphere(ff.Marker("arm", offset=CENTRE), RADIUS, inside=True)
     roller = ff.RigidCylinder(ff.Ground((2.0, 0.0, -9.0)), 0.1)
     plate = ff.RigidMesh(ff.Ground(), mesh=sheet("plate", 3, 0.5, (0, 0, 0)), two_sided=True)
     made.add(ff.Contact("first", "cloth", surfaces=(plane, bowl)))
-    made.add(ff.Contact("second", "cloth", surfaces=(plane, roller, plate)))
+    made.add(ff.Contact("second", "net", surfaces=(plane, roller, plate)))
     return made, plane
 
 

@@ -159,7 +159,7 @@ class StiffRows:
         )  # fmt: skip
         if count:
             self.active, self.rub = True, rows.rub
-            self._forces = _Forces(rows, slopes, self._vectors)
+            self._forces = _Forces(rows, slopes, self._vectors, rows.keys)
             if count >= _MANY and changed == 0.0 and last is not None:
                 self._forces.couple_as(last)
             elif not (count >= _MANY and self._couple(self._forces, near)) and earlier:
@@ -228,8 +228,12 @@ class _Forces:
         soft: True if they are not much stiffer than the frozen operator.
     """
 
-    def __init__(self, rows: SpringRows, slopes: FloatArray, vectors: StepVectors) -> None:
-        self.rows, self._here, self._keys = rows, len(slopes), rows.keys
+    def __init__(
+        self, rows: SpringRows, slopes: FloatArray, vectors: StepVectors,
+        keys: IntArray | None = None,
+    ) -> None:  # fmt: skip
+        """Begin without directions; rows with ``keys`` (c,) may be known in the next iteration."""
+        self.rows, self._here, self._keys = rows, len(slopes), keys
         self._sum = vectors.sum
         self._typical, self._scaling, self.soft = 1.0, np.zeros(0), True
         self._direct: Direct | None = None

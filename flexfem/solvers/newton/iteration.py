@@ -48,9 +48,10 @@ _ROUND_OFF = 1e-5
 #: Part of corrections that contacts let pass, and number of smaller ones, one after the other,
 #: after which there is no hope: each keeps a part of the gaps, and leads to the next.
 _STUCK, _TRIALS = 0.1, 5
-#: Ratio of these changes above which they are round-off, too, and the largest such ones, in parts
-#: of those that end an iteration.
-_STAGNATION, _ALIKE = 0.5, 1e4
+#: Ratio of these changes above which they are round-off, too, the largest such ones, in parts of
+#: those that end an iteration, and their number, one after the other: accelerated corrections may
+#: be longer than those before them once.
+_STAGNATION, _ALIKE, _TWICE = 0.5, 1e4, 2
 
 
 @dataclass(frozen=True)
@@ -105,7 +106,7 @@ def iterate(
     """
     rows, strains = system.constraints, system.accepted_strains(thin=thin)
     first = previous = before = change_of_forces = inf
-    wild = stuck = 0
+    wild = stuck = stagnant = 0
     for iteration in range(1, options.max_iterations + 1):
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
@@ -120,8 +121,8 @@ def iterate(
         if not (isfinite(sizes[0]) and isfinite(sizes[1])):
             return Status.DIVERGED
         size = max(sizes[0], sizes[1])
-        stagnates = _STAGNATION * change_of_forces < sizes[3] <= _ALIKE
-        settled = sizes[3] <= 1.0 or size <= _ROUND_OFF * options.tolerance or stagnates
+        stagnant = stagnant + 1 if _STAGNATION * change_of_forces < sizes[3] <= _ALIKE else 0
+        settled = sizes[3] <= 1.0 or size <= _ROUND_OFF * options.tolerance or stagnant >= _TWICE
         change_of_forces = sizes[3]
         converged = size <= options.tolerance and moved.part == 1.0 and settled
         contraction = size / previous if previous > 0.0 else 0.0
