@@ -30,7 +30,7 @@ from flexfem.core.state import State
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.solvers.frozen.bodies import FlexibleBodies, KeptFactor, RigidBodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
-from flexfem.solvers.frozen.refine import Refined, Refinement
+from flexfem.solvers.frozen.refine import KeptOperator, Refined, Refinement
 from flexfem.solvers.frozen.secants import Secants
 from flexfem.solvers.frozen.stiff_rows import StiffRows
 from flexfem.solvers.frozen.vectors import StepVectors
@@ -103,7 +103,7 @@ class FrozenSolver:
         self._nothing = self.correction = np.zeros(0)
         self._bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
         self._vectors = StepVectors(system)
-        self._refinement = Refinement(system, mechanics, self._vectors, self._add_kept, self._solve)
+        self._refinement = Refinement(system, mechanics, self._vectors)
         self._stiff = StiffRows(system, self._vectors)
         self.secants = Secants(self._vectors)
 
@@ -290,8 +290,9 @@ class FrozenSolver:
             self._stiff.take(contacts.rows(), shifts, self._compliances, alike=alike)
         correction, refined = self._with_springs(self._solve(rows.values), refine=refine), None
         if refine:
+            kept = KeptOperator(self._add_kept, self._solve, self._solve_beyond)
             correction, refined = self._refinement.correct(
-                shifts, strains, correction, self._solve_beyond, contraction
+                shifts, strains, correction, kept, contraction
             )
         return True, -correction, refined
 
