@@ -17,8 +17,6 @@ from flexfem.lie import so3
 from flexfem.research.equations.run.simulate import simulate_equations
 from flexfem.research.equations.vector_equations import DRIVER, Motion, Picture, VectorEquations
 
-pytestmark = [pytest.mark.three_ranks]
-
 GRAVITY = 9.81
 
 
@@ -163,6 +161,7 @@ def test_constraints_hold_and_multipliers_are_those_of_the_pendulum(matrix: str)
         assert tension[0] == pytest.approx(64.0 + GRAVITY, rel=1e-4)
 
 
+@pytest.mark.three_ranks
 def test_rotations_as_coordinates() -> None:
     momenta = []
     for dt in (0.02, 0.01):
@@ -177,6 +176,7 @@ def test_rotations_as_coordinates() -> None:
         assert 3.0 < momenta[0] / momenta[1] < 5.0
 
 
+@pytest.mark.three_ranks
 def test_restart_goes_on_as_if_nothing_had_been(shared_tmp_path: Path) -> None:
     common: dict[str, Any] = {"dt": 5e-3, "iteration_matrix": "updated"}
     whole = run(Pendulum, t_end=0.2, output=shared_tmp_path / "whole", **common)
@@ -201,6 +201,7 @@ def test_restart_goes_on_as_if_nothing_had_been(shared_tmp_path: Path) -> None:
     assert (folder / "rod.pvd").read_text().count("timestep") == 5
 
 
+@pytest.mark.three_ranks
 def test_failure_keeps_what_was_computed(shared_tmp_path: Path) -> None:
     out = run(lambda: Pendulum(end=0.101), dt=0.01, t_end=0.2, output=shared_tmp_path)
     # the last half of a step that still works is 0.100 to 0.10094
@@ -230,6 +231,7 @@ def test_options_without_meaning_are_refused(options: Any, message: str) -> None
         run(Oscillator, dt=0.1, t_end=1.0, **options)
 
 
+@pytest.mark.three_ranks
 def test_inconsistent_start_is_refused() -> None:
     class Off(Pendulum):
         def start(self) -> tuple[Any, Any]:

@@ -15,7 +15,6 @@ from flexfem.layout.numbered_model import NumberedModel
 from flexfem.system.build import build
 from flexfem.system.system import MASS, Shifts
 
-pytestmark = pytest.mark.three_ranks
 COMM = MPI.COMM_WORLD
 
 
@@ -154,6 +153,7 @@ def test_forces_and_matrices_are_derivatives_of_the_energy(name):
     np.testing.assert_allclose(everywhere(s, s.block.owned_residual), action, atol=1e-9)
 
 
+@pytest.mark.three_ranks
 @pytest.mark.parametrize("name", BODIES)
 def test_a_rigid_motion_has_no_forces_and_its_momenta(name):
     """The axes of the nodes rotate with the body; masses are those of the shape."""
@@ -197,6 +197,7 @@ class Cable(ff.UFLBody):
     family = CableFamily
 
 
+@pytest.mark.three_ranks
 def test_a_family_of_the_user_has_a_block_of_its_own():
     """It follows those of the package, and its bodies are joined and probed like theirs."""
     model = ff.Model("two")
