@@ -64,6 +64,8 @@ class AcceptedForces:
         self._span, self._end = span, end
         self._frozen: FrozenSolver | None = None
         self._inverted = True  # masses of bodies are regular
+        # of the rows at the last factorisation of their system
+        self._compliance, self._coupling = np.zeros((2, 0))
         kinds = system.constraints.elastic[:, 0]
         self._laws = self._any(np.any(kinds != LawKind.RIGID))
         self._turning = any(part.elements is None for part in system.parts)  # rigid bodies
@@ -170,13 +172,19 @@ class AcceptedForces:
             if not whole:
                 yielding = rows.values + rows.yielding(rows.multipliers - start)
                 values = np.where(rigid, gaps, yielding)
-            keep = self._turning and not self._laws
+            keep = self._turning and not (self._laws and self._any(self._yield_otherwise()))
             found = start + self._solve(right, -values, gradients, keep)
             if not self._rubbing or laws_settled(self._system, found):
                 break
             rows.multipliers[:] = found
             self._evaluate()
         return found
+
+    def _yield_otherwise(self) -> np.bool_:
+        """True if laws of this rank have other derivatives than at the last factorisation."""
+        rows = self._system.constraints
+        same = np.array_equal(rows.compliance, self._compliance)
+        return np.bool_(not (same and np.array_equal(rows.coupling, self._coupling)))
 
     def _solve(
         self, right: list[FloatArray], values: FloatArray, gradients: FloatArray, keep: bool
@@ -195,6 +203,8 @@ class AcceptedForces:
                 part.block.owned_residual[:] = forces
             own = rows.step_jacobian.copy()
             rows.step_jacobian[:] = gradients
+            if not keep:
+                self._compliance, self._coupling = rows.compliance.copy(), rows.coupling.copy()
             self._inverted, found = self._kept().constrain(MASS, values, keep, rows.mean_forces)
             rows.step_jacobian[:] = own
             if self._inverted:
