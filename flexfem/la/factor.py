@@ -22,9 +22,6 @@ _LARGE = 6000
 class Factor:
     """LU factors of a matrix of dense blocks.
 
-    Attributes:
-        kept: True if the matrix is kept beside its factors, see :meth:`multiplier`.
-
     When no rank couples to another (bodies are whole), every rank factorises its own part. With
     PETSc's blocked LU a solve of small bodies streams the factors once and sends nothing; MUMPS
     factorises large ones, and those that are distributed; small ones of these on every rank.
@@ -50,12 +47,13 @@ class Factor:
         if taken_whole(self._matrix):
             self._whole = WholeMatrix(self._matrix)
             self._matrix = self._whole.update(self._matrix)
-        self.kept = False
+        # the caller's is overwritten by the next one
+        self._product = matrix.copy() if chained and not local else None
         self._pc.create(comm=self._matrix.comm)
         self._pc.setType(PETSc.PC.Type.LU)
         if local and (chained or largest <= _LARGE):
             self._matrix.setBlockSize(width)
-            self._matrix, self.kept = self._matrix.convert("baij", PETSc.Mat()), True
+            self._matrix = self._product = self._matrix.convert("baij", PETSc.Mat())
             # minimum degree fills surfaces less than any order of their nodes
             self._pc.setFactorOrdering("natural" if chained else "qmd")
         else:
@@ -63,6 +61,11 @@ class Factor:
         self._pc.setOperators(self._matrix)
         self._pc.setUp()
         self._factor = self._pc.getFactorMatrix()
+
+    @property
+    def kept(self) -> bool:
+        """True if the matrix is kept beside its factors, see :meth:`multiplier`."""
+        return self._product is not None
 
     @property
     def entries(self) -> int:
@@ -97,13 +100,14 @@ class Factor:
     def multiplier(self, vector: FloatArray, product: FloatArray) -> Callable[[], None]:
         """Multiply with the matrix that was factorised, from one array to another, as solutions.
 
-        Only where it is ``kept``.
+        Only where it is ``kept``; collective unless the factors are local.
         """
-        assert self.kept
+        assert self._product is not None
         vectors = (
-            PETSc.Vec().createWithArray(self._rows(x), comm=self._comm) for x in (vector, product)
+            PETSc.Vec().createWithArray(self._rows(x), comm=self._product.comm)
+            for x in (vector, product)
         )
-        return partial(self._matrix.mult, *vectors)
+        return partial(self._product.mult, *vectors)
 
     def _rows(self, array: FloatArray) -> FloatArray:
         """The numbers of an array in one row, in its own memory."""

@@ -345,10 +345,10 @@ class FlexibleBodies:
         """Add ``factor`` times the matrices of the factors, times the steps, to the residual.
 
         False, and nothing is added, where they are not kept or may be out of date: of bodies that
-        are not along lines.
+        are not along lines (collective if a body is on several ranks).
         """
         products = self._kept.products
-        if self.split or not all(products):
+        if not all(products):
             return False
         block = self.group.part.block
         residual, step = block.owned_residual, block.owned_step
