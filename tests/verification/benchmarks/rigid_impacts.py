@@ -93,7 +93,7 @@ def dropped(part: float, dt: float) -> list[Result]:
         Result(case, "rest after, s", end, "t1 (1 + e)/(1 - e)", rest, mesh, 3e-2),
         # what is left of the motion
         Result(case, "force at rest, N", GRAVITY, "m g", history["touch_fz"][-1], mesh, still),
-        # means over steps, of forces that settle to 1e-8; without what restitution takes twice as much
+        # means over steps of forces that settle to 1e-8; without restitution twice as much
         Result(case, "impulse of the ground, N s", change, "momentum", impulse, mesh, 1e-8),
         Result(case, "rejected steps", 0.0, "no cut steps", cut, mesh, 0.5),
     ]
