@@ -103,7 +103,7 @@ def wait_for(condition: Callable[[], bool], process: subprocess.Popen[str]) -> N
 
 
 @pytest.mark.slow
-def test_killed_at_random_moments(
+def test_killed_at_a_random_moment(
     tmp_path: Path, environment: dict[str, str], command_line: Callable[..., list[str]],
     run: Callable[..., subprocess.CompletedProcess[str]], rng: np.random.Generator,
 ) -> None:  # fmt: skip
