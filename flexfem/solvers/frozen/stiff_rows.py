@@ -131,13 +131,14 @@ class StiffRows:
         self._system, self._vectors = system, vectors
         self.active = self.soft = self.rub = False
         self._forces: _Forces | None = None
+        self._again = False  # directions of the last forces may serve again
         self._values = np.zeros(system.constraints.size)
         # of the directions, in pages that are used as they come
         self._responses = np.empty((_MOST if system.contacts else 0, len(vectors)))
 
     def forget(self) -> None:
         """Let no direction serve again: factors change, or a step begins."""
-        self.active, self._forces = False, None
+        self._again = False
 
     def take(
         self, rows: SpringRows, shifts: Shifts, near: NodeCompliances, *, alike: bool = False
@@ -146,7 +147,7 @@ class StiffRows:
 
         If they are ``alike`` those of the last call, their coupling is kept where it can.
         """
-        earlier = self._forces
+        earlier = self._forces if self._again else None
         last = earlier if alike and self.active else None
         self.active = False
         scale = shifts.scale * shifts.stiffness
@@ -158,7 +159,7 @@ class StiffRows:
             np.array([float(np.count_nonzero(slopes)), float(others)])
         )  # fmt: skip
         if count:
-            self.active, self.rub = True, rows.rub
+            self.active, self.rub, self._again = True, rows.rub, True
             self._forces = _Forces(rows, slopes, self._vectors, rows.keys)
             if count >= _MANY and changed == 0.0 and last is not None:
                 self._forces.couple_as(last)
