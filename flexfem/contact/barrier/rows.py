@@ -10,12 +10,10 @@ from flexfem.contact.barrier.grouped import GroupedPairs
 from flexfem.contact.barrier.spins import Spins
 from flexfem.contact.carriers import Carriers, Points
 from flexfem.contact.dissipation.coupling import couple, couple_next
+from flexfem.contact.tangent_entries import Triplets
 from flexfem.core.nodes.frame_block import FrameBlock
 
 __all__ = ["GroupRows"]
-
-#: Rows, columns and values of a matrix, each (k,).
-Triplets = tuple[IntArray, IntArray, FloatArray]
 
 
 class GroupRows:
