@@ -112,6 +112,11 @@ class GeneralizedAlpha(Integrator):
         """Factor of the mean forces of a step in its equations, see ``integrators.split.step``."""
         return _weight(self.rho_inf)
 
+    @property
+    def carried(self) -> float:
+        """Factor in them of what accepted accelerations lack, see ``split.stiff_damping``."""
+        return self.weight - self.gamma / (2.0 * self.beta)
+
     def prepare(self, system: System) -> None:
         """See :meth:`Integrator.prepare`."""
         self.split = Split.of(system)
@@ -152,7 +157,7 @@ class GeneralizedAlpha(Integrator):
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """See :meth:`Integrator.solve`."""
         laws, start, split = step_laws(self.rho_inf, h), system.time, self.split
-        if split is not None and not split.begin(h, self.weight):
+        if split is not None and not split.begin(h, self.weight, self.carried):
             return Status.SINGULAR
         equations = self._equations(h)
         system.set_time(start + h)

@@ -201,6 +201,8 @@ class System:
             jump.
         prediction: the best kind of prediction for the last step.
         modal_dampers: dampers of modes, None without any or where nothing moves.
+        withheld: work, J, that damping does not take although velocities tell so, on this rank, by
+            schemes whose accelerations lack a part of it, see ``integrators.split``.
         row_forces: computes forces of all rows (r,) for :meth:`reported_forces` (collective); None
             if those of the rows are reported.
     """
@@ -233,6 +235,7 @@ class System:
         self._factors = np.ones(len(self._loads))
         self.counters = Counters()
         self.time = self.lead = 0.0
+        self.withheld = 0.0
         self.prediction = Prediction.VELOCITY
         self.modal_dampers: ModalDampers | None = None
         self.row_forces: Callable[[], FloatArray] | None = None

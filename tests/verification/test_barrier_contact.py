@@ -69,6 +69,38 @@ def test_damping_of_a_thin_shell_makes_no_energy_in_impacts() -> None:
     assert found["energy_strain"].max() > 0.1 * total[0]
 
 
+@pytest.mark.serial
+def test_damping_does_not_change_where_a_beam_rests_on_a_contact() -> None:
+    """Damping has no force at rest, and takes what the energies have lost before."""
+    mesh = ff.LineMesh.straight({"beam": np.array([[0.0, 0.0, 6e-3], [0.5, 0.0, 6e-3]])}, 4)
+    section = ff.Section.circle(0.01, ff.Material(1e9, 0.3, 1000.0))
+    found = []
+    for damping, rho_inf in ((1e-2, 0.5), (5e-2, 1.0)):
+        model = ff.Model("rest", mesh=mesh)
+        ball = ff.RigidSphere(ff.Ground((0.5, 0.0, -5e-3)), 5e-3)
+        model.add(
+            ff.Beam("beam", section, damping=damping),
+            ff.Rigid("clamp", ff.Ground((0.0, 0.0, 6e-3)), ff.Marker("beam", 0.0)),
+            ff.Gravity((0.0, 0.0, -9.81)),
+            ff.Contact("support", "beam", surfaces=ball, law="barrier"),
+            ff.ContactProbe("at", "support"),
+            ff.EnergyProbe(),
+        )
+        options = ff.RunOptions(dt=2e-3, t_end=0.6, rho_inf=rho_inf, quiet=True)
+        history = ff.simulate(model, options).history
+        # at rest: it hangs by 6e-3 J at first
+        assert history["energy_kinetic"][-1] < 1e-12
+        # steps before the rest are not exact; impulses with forces of damping at rest: 0.5 and 0.6
+        lost = history["energy_dissipation"][-1]
+        assert abs(history["energy_balance"][-1]) < 0.05 * lost
+        found.append((history["energy_strain"][-1], history["at_fz"][-1]))
+    # such impulses let the beam sag by a half more with the second damping
+    np.testing.assert_allclose(found[0], found[1], rtol=1e-5)
+    # 3/8 of the weight are borne by a support that does not yield
+    weight = 1000.0 * np.pi * 0.005**2 * 0.5 * 9.81
+    assert 0.36 * weight < found[0][1] < 0.38 * weight
+
+
 def tumbling() -> ff.Model:
     model = ff.Model("tumbling")
     inertia = 0.01 * np.eye(3)

@@ -4,11 +4,8 @@
 G has the gradients of the constraint equations alone: springs and dampers exert no impulses.
 
 Damped impulses have ``M + h C`` in the place of M, with the linear damping C of elements, in a step
-of size h: it spreads impulses at single nodes before the step is over. Schemes with ``rho_inf < 1``
-have a part of W in the rates that they go on with; that of the masses alone, by their damping,
-would strain the body in the next step, with energy from nowhere. In a linear mode of frequency w it
-grows without bounds with ``h w``, to hundreds of times the energy of a thin shell that falls; that
-of damped impulses is of the size of the work of the contact.
+of size h: it spreads impulses at single nodes before the step is over. That is a part of a scheme
+(``stiff_damping``).
 
 The mass matrix hardly changes in the nodes' own axes, so its factors are kept, those of the start,
 those with damping as well, and the solution is refined by residuals with the exact matrix.
@@ -43,8 +40,8 @@ class Impulse:
             system: the system.
             damped: True to spread impulses by the damping of elements.
         """
-        self._system, self._damped = system, damped and system.viscous()
-        self._mechanics, self._shifts = (VISCOUS if self._damped else END_POINT), MASS
+        self._system, self.damped = system, damped and system.viscous()
+        self._mechanics, self._shifts = (VISCOUS if self.damped else END_POINT), MASS
         self._kept: FrozenSolver | None = None
         self._tangent: TangentSolver | None = None
 
@@ -60,7 +57,7 @@ class Impulse:
             Multipliers m (r,), and ``-W`` in the blocks' steps; None if masses are singular.
         """
         system, rows = self._system, self._system.constraints
-        if self._damped:
+        if self.damped:
             self._shifts = replace(MASS, velocity=h)
         right = [part.block.owned_residual.copy() for part in system.parts]
         rigid = rows.rigid
@@ -159,12 +156,12 @@ class Impulse:
         """Solver with the factors of the masses at the start, or of the trial state."""
         if self._kept is None:
             self._kept = (
-                FrozenSolver(self._system, self._mechanics) if self._damped
+                FrozenSolver(self._system, self._mechanics) if self.damped
                 else FrozenSolver.of_masses(self._system)
             )  # fmt: skip
         if fresh:
             self._kept.factor(self._shifts)
-        elif self._damped:
+        elif self.damped:
             self._kept.use(self._shifts, self._system.present)
         return self._kept
 

@@ -12,7 +12,7 @@ whole increment its accelerations are ``a(n) - W/(2 beta h)``, so that the equat
 the usual ones with ``b J^T F``, ``b = (1 - alpha_m)/(1 - alpha_f)/(2 beta)``, and multipliers ``l_s
 + b L``. W is found once the iteration has converged. For ``rho_inf = 1`` the work of F is the
 change of the kinetic energy, exactly. Where elements have damping C, ``M + h C`` takes the place of
-M in W, see ``impulse``; the equations of the step remain.
+M in W, and the accepted accelerations are those that damping leaves, see ``stiff_damping``.
 
 While all rows are within their limits, steps are those of the scheme without them; one at whose end
 a row is beyond is solved again.
@@ -38,13 +38,14 @@ from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.integrators.split.impulse import Impulse
+from flexfem.integrators.split.stiff_damping import StiffDamping
 from flexfem.integrators.split.unilateral import (
     Unilateral,
     UnilateralContacts,
     UnilateralRows,
 )
 from flexfem.system.mechanics import EndPoint
-from flexfem.system.system import Shifts, System
+from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = ["Split"]
 
@@ -54,6 +55,7 @@ class Split(EndPoint):
 
     Attributes:
         acting: True if there were forces in the last step that was solved.
+        kicking: True if velocities have changed by impulses in it.
     """
 
     @classmethod
@@ -72,9 +74,10 @@ class Split(EndPoint):
         """Store the forces of the system, which act by impulses from now on."""
         self._system, self._forces = system, forces
         self._impulse = Impulse(system, damped=True)
-        self._h, self._weight, self._start = 1.0, 1.0, system.time
+        self._damping = StiffDamping(system) if self._impulse.damped else None
+        self._h, self._spread, self._weight, self._start = 1.0, 1.0, 1.0, system.time
         self._plain = self._holding = False  # a step without forces; some in the accepted state
-        self.acting = False
+        self.acting = self.kicking = False
         # impulses of rows, those of forces over the step and those of restitution, over h
         self._means, self._pulls = np.zeros((2, system.constraints.size))
         self._jumps = [np.zeros_like(part.block.step) for part in system.parts]
@@ -91,13 +94,17 @@ class Split(EndPoint):
         self._rubbing: bool = comm.allreduce(bool(len(rows.coupled)), op=MPI.LOR)
         rows.split, self._apart = True, rows.unilateral
 
-    def begin(self, h: float, weight: float) -> bool:
+    def begin(self, h: float, weight: float, carried: float) -> bool:
         """Start a step of size ``h`` (s) from the accepted state; False if masses are singular.
 
-        Collective. In the equations the forces are multiplied by ``weight``.
+        Collective. In the equations the forces are multiplied by ``weight``, and what accepted
+        accelerations lack of damping by ``carried``: b and c of ``stiff_damping``.
         """
         self._h, self._weight, self._start = h, weight, self._system.time
-        self._plain = self._system.constraints.slack and not self._touching
+        self._spread = h * (2.0 - (1.0 + carried) / weight)
+        if self._damping is not None:
+            self._damping.begin(carried)
+        self._plain = self._system.constraints.slack and not (self._touching or self._lacking)
         return self._plain or self._begin()
 
     def _begin(self) -> bool:
@@ -128,13 +135,15 @@ class Split(EndPoint):
         for forces in self._forces:
             forces.add_pressing()
             forces.read_pressing(impulses)
-        found = self._impulse.solve()
+        found = self._impulse.solve(self._h)
         if found is None:
             return False
         impulses += found * rows.rigid
         for part in system.parts:
             part.block.owned_step[:] *= -1.0
             part.block.slow()
+        if self._damping is not None:
+            self._damping.leave(self._h)
         system.reset()
         system.interface.update()
         rows.impulses += impulses
@@ -228,6 +237,17 @@ class Split(EndPoint):
         other = bool(change > _ALIKE * size)
         return comm.allreduce(other, op=MPI.LOR) if comm.size > 1 else other
 
+    def evaluate(self, system: System, shifts: Shifts, strains: PartStrains | None = None) -> None:
+        """See :class:`EndPoint`."""
+        super().evaluate(system, shifts, strains)
+        if self._damping is not None:
+            self._damping.give_back(shifts.scale)
+
+    @property
+    def _lacking(self) -> bool:
+        """True if accepted accelerations lack a part of damping."""
+        return self._damping is not None and self._damping.lacking
+
     def evaluate_rows(self, system: System, shifts: Shifts) -> None:
         """See :class:`EndPoint`."""
         super().evaluate_rows(system, shifts)
@@ -256,14 +276,17 @@ class Split(EndPoint):
         return self._steady
 
     def state(self) -> State:
-        """Impulses of the last step, by which the next one is predicted."""
+        """Impulses of the last step, by which the next one is predicted, and what it is to do."""
         blocks = [part.block.name for part in self._system.parts]
         rows = {name: {"jumps": own} for name, own in zip(blocks, self._last_jumps, strict=True)}
-        return State({"steady": np.array([float(self._steady)])}, rows)
+        own = State({"steady": np.array([float(self._steady)])}, rows)
+        return own if self._damping is None else own | self._damping.state()
 
     def restore(self, state: State) -> None:
         """Restore a result of :meth:`state`."""
         self._steady = bool(state.values["steady"][0])
+        if self._damping is not None:
+            self._damping.restore(state)
         for part, now, last in zip(
             self._system.parts, self._jumps, self._last_jumps, strict=True
         ):  # fmt: skip
@@ -283,15 +306,19 @@ class Split(EndPoint):
         """Find the impulses of a step that has been solved (collective)."""
         system, rows = self._system, self._system.constraints
         self._means[:] = self._pulls[:] = 0.0
-        if not self.acting:
+        self.kicking = self.acting or self._lacking
+        if not self.kicking:
             return Status.OK
         multipliers = rows.multipliers.copy()
         self.evaluate_rows(system, shifts)
-        self._clear()
+        if self._damping is not None:
+            self._damping.lead(self._h, self._weight)
+        else:
+            self._clear()
         for forces in self._forces:
             forces.add_means(shifts)
             forces.read_means(shifts, self._means)
-        found = self._impulse.solve(self._h)
+        found = self._impulse.solve(self._spread)
         rows.multipliers[:] = multipliers
         if found is None:
             return Status.SINGULAR
@@ -322,7 +349,7 @@ class Split(EndPoint):
         rows = self._system.constraints
         rows.entering[:] = rows.forces
         np.divide(rows.multipliers, shifts.scale, out=rows.forces)
-        if self.acting:
+        if self.kicking:
             rows.forces -= self._weight * self._means
         np.copyto(rows.forces, 0.0, where=self._apart)
         rows.span += self._h
@@ -342,6 +369,8 @@ class Split(EndPoint):
         nodes by whole turns, unless they last.
         """
         system = self._system
+        if self._damping is not None:
+            self._damping.end(self._h, acting=self.acting)
         if self._plain:
             return
         if not self.acting:

@@ -112,7 +112,7 @@ class EnergyMeter:
         self._chosen = ChosenBodies(system, model, bodies)
         self.whole = bodies is None
         self.latest = np.zeros(6)
-        self._lost = sum(contacts.lost for contacts in system.contacts)
+        self._lost = self._lost_beside()
         self._loads = [
             (forces, part.block, None if mask.all() else mask)
             for i, part in enumerate(system.parts)
@@ -178,7 +178,7 @@ class EnergyMeter:
         self._work += 0.5 * h * (before.power + self._state.power)
         if self._timed:
             self._work += self._heat(before, self._state)
-        self._dissipation += self._loss(before, self._state, h) + self._contact_loss()
+        self._dissipation += self._loss(before, self._state, h) + self._loss_beside()
         self._let_gravity_grow()
         stored = self._stored(self._state.sprung)
         balance = float(stored.sum()) - self._work + self._dissipation - self._initial
@@ -308,10 +308,16 @@ class EnergyMeter:
         mean = 0.5 * (before.elastic + after.elastic)
         return -float(np.einsum("m,mi,mi->", self._weights, mean, change))
 
-    def _contact_loss(self) -> float:
-        """Energy dissipated by contacts since the last call, zero unless all bodies are chosen."""
-        before, self._lost = self._lost, sum(contacts.lost for contacts in self._system.contacts)
+    def _loss_beside(self) -> float:
+        """Energy dissipated by contacts since the last call, less what damping has not taken.
+
+        Zero unless all bodies are chosen.
+        """
+        before, self._lost = self._lost, self._lost_beside()
         return self._lost - before if self.whole else 0.0
+
+    def _lost_beside(self) -> float:
+        return sum(contacts.lost for contacts in self._system.contacts) - self._system.withheld
 
     def _mean_force(self, before: _State, after: _State) -> FloatArray:
         """(r,) mean forces of all rows over a step."""
