@@ -25,9 +25,10 @@ from flexfem.system.system import MASS, System
 
 __all__ = ["Impulse"]
 
-#: Largest relative correction of velocities at which refinement ends, the error that is accepted,
-#: and the number of corrections before masses are factorised anew.
-_TOLERANCE, _ACCEPTED, _SWEEPS = 1e-11, 1e-8, 25
+#: Largest relative correction of velocities at which refinement ends, with damping, where no energy
+#: is to be kept, as well, the error that is accepted, and the number of corrections before masses
+#: are factorised anew.
+_TOLERANCE, _DAMPED_TOLERANCE, _ACCEPTED, _SWEEPS = 1e-11, 1e-9, 1e-8, 25
 
 
 class Impulse:
@@ -122,6 +123,7 @@ class Impulse:
         if not success:
             return None
         multipliers, last = -change, inf
+        tolerance = _DAMPED_TOLERANCE if self.damped else _TOLERANCE
         if kept.exact:
             return multipliers
         for _ in range(_SWEEPS):
@@ -132,7 +134,7 @@ class Impulse:
             for part, steps in zip(system.parts, before, strict=True):
                 part.block.owned_step[:] += steps
             size = system.largest_step()
-            if correction <= _TOLERANCE * size:
+            if correction <= tolerance * size:
                 return multipliers
             if not isfinite(correction):
                 return None
