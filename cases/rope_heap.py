@@ -19,7 +19,9 @@ energy_balance`` (J).
 
 Expected: the gap stays positive whatever the step is, and the energy never rises above that of the
 start, ``energy_gained`` of the results (J): with the defaults by 1e-14 J. At rest the ground bears
-the weight, ``weight`` of the results (N): 9.83 N at 1.5 s with 9.25 N. Without damping
+the weight, ``weight`` of the results (N), 9.25 N: ``last_force``, the mean of the last tenth of the
+time, is 9.5 N, and still goes up and down between 6 and 46 N. Of 3.3 J that are dissipated until
+then the balance misses 0.02 J. Without damping
 ``--integrator energy_momentum --rho-inf 1`` keeps the energy, to 4e-8 J within 0.4 s in which 2.3 J
 become kinetic; with generalized-alpha it is up to 0.1 J below and 0.02 J above that of the start,
 as steps do not resolve the vibrations along ropes.
@@ -101,12 +103,13 @@ def results(
 ) -> dict[str, float]:  # fmt: skip
     """Least gap, most energy over that of the start, and what the ground bears in the end."""
     weight = ropes * 0.25 * math.pi * diameter**2 * length * density * gravity
+    last = history["t"] >= 0.9 * history["t"][-1]
     energy = history["energy_kinetic"] + history["energy_strain"] + history["energy_gravity"]
     return {
         "least_gap": float(history["contact_gap"].min()),
         "energy_gained": float((energy - energy[0]).max()),
         "weight": weight,
-        "last_force": float(history["contact_fz"][-1]),
+        "last_force": float(history["contact_fz"][last].mean()),
         "last_height": float(history["height"][-1]),
     }
 
