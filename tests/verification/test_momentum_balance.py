@@ -197,6 +197,7 @@ def test_crane_of_the_readme():
     assert max(_missed(model, history, "of_load", ("hook",))) < 4e-4
 
 
+@pytest.mark.serial
 def test_contact_forces():
     """A sheet that falls on a table: what the table's foot carries, and what the sheet feels."""
     errors = []

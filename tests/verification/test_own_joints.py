@@ -156,9 +156,10 @@ def shaken(**shaker: float) -> ff.Model:
     return model
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "integrator",
-    ["generalized_alpha", pytest.param("energy_momentum", marks=pytest.mark.serial)],
+    ["generalized_alpha", "energy_momentum"],
 )
 def test_a_drive_works_on_the_spring_that_it_moves(integrator: str) -> None:
     """Against the equation of motion, with the energy that the damper takes as a third unknown."""
@@ -179,6 +180,7 @@ def test_a_drive_works_on_the_spring_that_it_moves(integrator: str) -> None:
     assert np.abs(found["energy_balance"]).max() < 1e-4
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("shaker", [{}, {"damping": 0.0}, {"damping": 0.0, "backlash": 0.01}])
 def test_no_spurious_energy_is_seen_without_a_probe(shaker: dict[str, float]) -> None:
     outcome = ff.simulate(shaken(**shaker), ff.RunOptions(dt=5e-4, t_end=0.5, quiet=True))
