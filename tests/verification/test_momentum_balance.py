@@ -164,7 +164,6 @@ def test_mixed_mechanism(element):
         assert fine < 0.33 * coarse, probe
 
 
-@pytest.mark.three_ranks
 def test_mixed_mechanism_on_ranks():
     """Forces, momenta and energies of the mixed mechanism are the same on any number of ranks."""
     options = {"dt": 2e-3, "t_end": 0.012, "tolerance": 1e-11, "split_above": 2}

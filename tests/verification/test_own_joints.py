@@ -98,7 +98,6 @@ def test_loads_and_places_at_rest() -> None:
     assert moved.mean() == pytest.approx(0.5 * THRUST / 2e5, abs=2e-7)
 
 
-@pytest.mark.three_ranks
 def test_motions_on_all_ranks_and_after_a_restart(shared_tmp_path: Path) -> None:
     """Energy taken by drag, springs and stops is in the balance; a restart repeats the rest."""
     options: dict[str, Any] = {"dt": 5e-4, "quiet": True, "tolerance": 1e-10, "split_above": 2}

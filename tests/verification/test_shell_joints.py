@@ -93,7 +93,6 @@ def test_driven_chain_on_any_number_of_ranks():
         assert np.abs(h["energy_balance"]).max() < 0.01 * np.abs(h["energy_work"]).max()
 
 
-@pytest.mark.three_ranks
 def test_hinge_line_is_a_line_of_shared_nodes():
     """Shells that share the nodes of a line need no joint: an independent way to the same hinge."""
     joined = _two((4, 2), (4, 2))
@@ -339,7 +338,7 @@ def _grommets(formulation: str) -> ff.Model:
 @pytest.mark.parametrize(
     "formulation",
     [
-        pytest.param("nurbs", marks=pytest.mark.three_ranks),
+        "nurbs",
         pytest.param("se3", marks=pytest.mark.serial),
     ],
 )

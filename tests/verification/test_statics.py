@@ -130,7 +130,6 @@ def test_deformed_beam_turned_as_a_whole() -> None:
             np.testing.assert_allclose(kept, kept[0], atol=1e-10)
 
 
-@pytest.mark.three_ranks
 def test_both_ways_of_stepping_meet() -> None:
     """Load steps and arc length end at the same equilibrium, in one step or in many."""
     ends = []
