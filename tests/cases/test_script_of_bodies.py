@@ -92,7 +92,7 @@ def test_a_script_of_the_user_runs_on_all_ranks_and_from_checkpoints(
     assert whole["touch_closed"].max() > 3.0
     assert abs(whole["energy_balance"]).max() <= 0.01
     checkpoint = min((tmp_path / "one").rglob("*.h5"))
-    table = history(3, "three", "--restart", checkpoint)
+    table = history(2, "two", "--restart", checkpoint)
     count = len(table["t"])
     assert count == len(whole["t"]) - 60
     for column, values in whole.items():
@@ -102,6 +102,6 @@ def test_a_script_of_the_user_runs_on_all_ranks_and_from_checkpoints(
         )
     for name in ("energy_lines", "energy_triangles"):
         assert (tmp_path / "one" / f"{name}.pvd").is_file()
-        texts = [file.read_bytes() for file in (tmp_path / "three" / name).glob("*.vtu")]
+        texts = [file.read_bytes() for file in (tmp_path / "two" / name).glob("*.vtu")]
         assert all(b'Name="energy"' in text for text in texts)
         assert texts

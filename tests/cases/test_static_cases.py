@@ -41,8 +41,8 @@ for run, (name, argv) in runs.items():
 
 @pytest.fixture(scope="module")
 def folders(run: Callable[..., Any], tmp_path_factory: pytest.TempPathFactory) -> dict[int, Path]:
-    """Folders of all runs on one, two and three ranks."""
-    made = {ranks: tmp_path_factory.mktemp(f"ranks{ranks}") for ranks in (1, 2, 3)}
+    """Folders of all runs on one and two ranks."""
+    made = {ranks: tmp_path_factory.mktemp(f"ranks{ranks}") for ranks in (1, 2)}
     for ranks, folder in made.items():
         script = folder / "all_runs.py"
         script.write_text(ALL_RUNS)
@@ -67,14 +67,13 @@ def test_smoke_run_leaves_complete_results(case: str, folders: dict[int, Path]) 
 
 
 @pytest.mark.parametrize("case", [*CASES, "path"])
-def test_same_history_on_any_number_of_ranks(case: str, folders: dict[int, Path]) -> None:
-    one, *others = (read_history(folder / case / "history.csv") for folder in folders.values())
-    for other in others:
-        assert list(other) == list(one)
-        largest = max(np.abs(values).max() for values in one.values())
-        for column, values in one.items():
-            # rounding of sums over ranks; a ghost left out changes everything
-            np.testing.assert_allclose(other[column], values, atol=1e-9 * largest)
+def test_same_history_on_two_ranks(case: str, folders: dict[int, Path]) -> None:
+    one, two = (read_history(folder / case / "history.csv") for folder in folders.values())
+    assert list(two) == list(one)
+    largest = max(np.abs(values).max() for values in one.values())
+    for column, values in one.items():
+        # rounding of sums over ranks; a ghost left out changes everything
+        np.testing.assert_allclose(two[column], values, atol=1e-9 * largest)
 
 
 def test_critical_points_are_reported(folders: dict[int, Path]) -> None:

@@ -110,7 +110,6 @@ def test_steady_states_are_those_of_the_motion() -> None:
     assert min(damped["collective_flap_1_damping"]) > 0.2
 
 
-@pytest.mark.three_ranks
 def test_ranks() -> None:
     case = load_case("turbine")
     values, _ = case.prepare(SMALL)

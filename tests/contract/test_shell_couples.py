@@ -117,7 +117,7 @@ def test_tangent_and_action_by_differences(
     [
         pytest.param("rotation_free", 1.0, marks=pytest.mark.serial),
         pytest.param("director", 1.0, marks=pytest.mark.serial),
-        pytest.param("rotation_free", 0.25, marks=pytest.mark.three_ranks),
+        ("rotation_free", 0.25),
         pytest.param("director", 0.25, marks=pytest.mark.three_ranks),
     ],
 )

@@ -17,13 +17,14 @@ _BLOCK = 512
 
 
 def each_kind[T](kinds: Iterable[T], *on_ranks: T) -> list[Any]:
-    """Parameters of a test of all kinds on one process, and of the named ones on three ranks, too.
+    """Parameters of a test of all kinds on one process, and of the named ones on two ranks, too.
 
     What one rank refuses it refuses for all, so that one kind of each way to do so is enough.
     """
-    several, one = pytest.mark.three_ranks, pytest.mark.serial
     assert set(on_ranks) <= set(kinds)
-    return [pytest.param(kind, marks=several if kind in on_ranks else one) for kind in kinds]
+    return [
+        kind if kind in on_ranks else pytest.param(kind, marks=pytest.mark.serial) for kind in kinds
+    ]
 
 
 def seal(path: Path) -> None:

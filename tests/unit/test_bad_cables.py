@@ -173,7 +173,6 @@ def warnings_of(model: ff.Model, dt: float, t_end: float) -> list[str]:
     return texts
 
 
-@pytest.mark.three_ranks
 def test_a_cable_that_leaves_its_sheave_is_told() -> None:
     """A load that is thrown over the sheave: the cable comes off it; one that hangs does not."""
     assert warnings_of(over(), 2e-3, 0.1) == []
@@ -186,7 +185,6 @@ def test_a_cable_that_leaves_its_sheave_is_told() -> None:
     )
 
 
-@pytest.mark.three_ranks
 def test_a_cable_that_turns_too_far_in_a_step_is_told() -> None:
     """A wheel whose cable goes round more than two radians a step cannot be followed."""
     model = ff.Model("fast")

@@ -153,7 +153,14 @@ def test_roll_up_to_a_circle_needs_the_end_moment_only(one_beam):
     np.testing.assert_allclose(beam.gather(beam.residual()), expected, atol=1e-11)
 
 
-@pytest.mark.parametrize(("shape", "damping"), [("straight", 0.03), ("arc", 0.0), ("helix", 0.03)])
+@pytest.mark.parametrize(
+    ("shape", "damping"),
+    [
+        pytest.param("straight", 0.03, marks=pytest.mark.serial),
+        pytest.param("arc", 0.0, marks=pytest.mark.serial),
+        ("helix", 0.03),
+    ],
+)
 def test_compiled_loops_equal_dolfinx_assembly(one_beam, shape, damping, rng):
     """Residual and both tangents of the same forms, assembled by DOLFINx on its own mesh."""
     beam = one_beam(SHAPES[shape], SECTION, damping)

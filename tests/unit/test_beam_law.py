@@ -77,6 +77,7 @@ SECTION = ff.Section.general(law=LAW, inertia=INERTIA)
 # --- derivatives ---------------------------------------------------------------------------------
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("shape", SHAPES)
 @pytest.mark.parametrize("moving", [True, False], ids=["moving", "stiffness"])
 def test_tangent_and_action_are_the_derivative_of_the_residual(one_beam, shape, moving, rng):
@@ -150,6 +151,7 @@ def test_viscous_power_is_that_of_the_potential(one_beam, rng):
 # --- the linear law ------------------------------------------------------------------------------
 
 
+@pytest.mark.serial
 def test_linear_law_reproduces_the_section(one_beam, rng):
     root = rng.normal(size=(6, 6))
     D = root @ root.T + 6.0 * np.eye(6)

@@ -17,7 +17,6 @@ STEEL = ff.Material(2.1e11, 0.3, 7850.0)
 COARSE = {"size": 0.03}
 
 
-@pytest.mark.three_ranks
 def test_a_connecting_rod_and_its_bores() -> None:
     rod = ff.build_body_mesh("connecting_rod", length=0.4, **COARSE)
     assert {"rod", "big_end", "small_end"} == set(rod.groups)

@@ -160,7 +160,7 @@ def assert_whole(folder: Path, step: int) -> None:
     assert Checkpoint(folder / "c.h5", COMM).header == {"step": step}
 
 
-@pytest.mark.parametrize("limit", each_kind((0, 100, 600, 5000, 40000), 100, 40000))
+@pytest.mark.parametrize("limit", each_kind((0, 100, 600, 5000, 40000), 40000))
 def test_full_disk_leaves_the_former_checkpoint(limit: int, shared_tmp_path: Path) -> None:
     """A limit on the size of files stands for a full disk."""
     path = shared_tmp_path / "c.h5"

@@ -57,7 +57,6 @@ def test_same_motion_on_any_number_of_ranks():
         assert alone["touch_penetration"].max() > 0.1 * THICK
 
 
-@pytest.mark.three_ranks
 def test_tangents_are_the_derivatives_of_the_forces():
     simulation, _ = moved(dropped(friction=0.3, damping=1e-4), 12, split_above=3)
     simulation.system.contacts[0].time += 1e-4

@@ -59,6 +59,7 @@ def column(history, name):
     return np.stack([history[f"{name}{a}"] for a in "xyz"])
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("floating", [False, True])
 def test_drop_keeps_the_momenta(floating):
     # through the centre and without friction: the ball does not spin, which schemes in time
@@ -127,7 +128,6 @@ def test_same_motion_on_any_number_of_ranks(shape, options):
         assert alone["touch_penetration"].max() > 0.1 * THICK
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize(("shape", "options"), KINDS)
 def test_tangents_are_the_derivatives_of_the_forces(shape, options):
     simulation, _ = moved(thrown(shape, friction=0.3, damping=1e-4, **options), 12)
@@ -156,6 +156,7 @@ def press(shape, nodes=9, element="rotation_free"):
     return outcome.history
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("shape", SHAPES)
 def test_punch_feels_the_contact_force(shape):
     history = press(shape)

@@ -27,8 +27,10 @@ def impact(*, low=(0.0, 0.0, 0.0), tilt=0.0, speed=(0.0, 0.0, -1.0), against="lo
     return model
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("friction", [0.0, 0.3])
+@pytest.mark.parametrize(
+    "friction",
+    [pytest.param(0.0, marks=pytest.mark.serial), pytest.param(0.3, marks=pytest.mark.three_ranks)],
+)
 def test_same_motion_on_any_number_of_ranks(friction):
     model = impact(friction=friction, speed=(0.5, 0.2, -1.0))
     alone = same_on_ranks(model, 20, tolerance=1e-10)
@@ -36,7 +38,6 @@ def test_same_motion_on_any_number_of_ranks(friction):
         assert alone["touch_penetration"].max() > 1e-5
 
 
-@pytest.mark.three_ranks
 def test_tangents_are_the_derivative_of_the_forces():
     simulation, _ = moved(impact(friction=0.3, damping=1e-4, speed=(0.5, 0.2, -1.0)), 4)
     simulation.system.contacts[0].time += 1e-4

@@ -158,6 +158,7 @@ def falling(*more: Any) -> ff.Model:
     return model
 
 
+@pytest.mark.serial
 def test_energy_from_nowhere_is_told_without_a_probe() -> None:
     """Steps of 20 ms do not resolve the impact, steps of 0.2 ms do; a probe tells it alone."""
     (line,) = warned(falling(), 2e-2, 0.4, rho_inf=1.0)
@@ -261,6 +262,7 @@ def busy() -> ff.Model:
     return model
 
 
+@pytest.mark.serial
 def test_work_of_loads_and_drives_is_that_of_the_energy_probe() -> None:
     """To a per cent, by changes of what is driven here and by rates of the sides there.
 

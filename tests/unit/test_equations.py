@@ -161,7 +161,6 @@ def test_constraints_hold_and_multipliers_are_those_of_the_pendulum(matrix: str)
         assert tension[0] == pytest.approx(64.0 + GRAVITY, rel=1e-4)
 
 
-@pytest.mark.three_ranks
 def test_rotations_as_coordinates() -> None:
     momenta = []
     for dt in (0.02, 0.01):

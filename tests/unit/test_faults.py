@@ -117,8 +117,8 @@ LINES = {
     "action": 'Event "passes": act (…): ValueError: two lines',
     "probe": 'Probe "own": function must return 2 numbers, got shape (1,), from shown (…)',
 }
-#: Tried on three ranks as well: a load, a law that is sampled, an action, and a probe.
-ON_THREE = ("amplitude", "sampled", "action", "probe")
+#: Tried on three ranks as well: a load, and a probe.
+ON_THREE = ("amplitude", "probe")
 
 
 def assert_told(line: str, what: str) -> None:

@@ -158,7 +158,6 @@ def test_deflection(direction, tmp_path):
     np.testing.assert_allclose(np.delete(found, direction), 0.0, atol=1e-3)
 
 
-@pytest.mark.three_ranks
 def test_motion_of_a_flexible_arm(tmp_path):
     """It starts as its rigid twin does, with consistent joints, and continues in the same way."""
     start = {"configuration": {"hip": 0.5, "knee": -0.7}, "rates": {"hip": 1.5, "knee": 2.0}}

@@ -123,7 +123,6 @@ def _strips() -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
 def test_bodies_that_changed_are_renewed_alone(monkeypatch):
     """Their compliances are those of fresh factors of all bodies, and the motion is the same."""
     monkeypatch.setattr(frozen_bodies, "_ALONE", 30)
@@ -158,6 +157,7 @@ def test_bodies_that_changed_are_renewed_alone(monkeypatch):
         np.testing.assert_allclose(column, fresh.history[name], rtol=0.0, atol=1e-7)
 
 
+@pytest.mark.serial
 def test_compression_that_comes_and_goes_is_not_kept(monkeypatch):
     """Factors of a moment of compression are worse than those without it."""
     counts = []

@@ -15,7 +15,7 @@ pytestmark = pytest.mark.serial
 @pytest.mark.parametrize("module", MODULES)
 def test_damaged_files_are_read_or_refused(module: str) -> None:
     """In a process of its own, which has a gigabyte and may end by a signal."""
-    arguments = ["-m", "tests.fuzz_readers", "--module", module, "--inputs", "600", "--seed", "11"]
+    arguments = ["-m", "tests.fuzz_readers", "--module", module, "--inputs", "300", "--seed", "11"]
     run = subprocess.run(
         [sys.executable, *arguments],
         cwd=Path(__file__).parents[2],

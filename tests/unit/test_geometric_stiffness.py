@@ -89,7 +89,7 @@ def _bent(formulation: str) -> ff.Model:
     return model
 
 
-@pytest.mark.parametrize("formulation", ["se3", "nurbs"])
+@pytest.mark.parametrize("formulation", [pytest.param("se3", marks=pytest.mark.serial), "nurbs"])
 def test_bent_beams_move_alike_in_other_numbers_of_iterations(formulation):
     outcomes = {
         matrix: ff.simulate(

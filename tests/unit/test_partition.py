@@ -132,7 +132,6 @@ def check_steps(system: object) -> None:
     np.testing.assert_array_equal(interface.steps, np.repeat(expected[:, np.newaxis], 6, axis=1))
 
 
-@pytest.mark.three_ranks
 def test_summary_counts_the_multipliers_between_ranks() -> None:
     """Every order gives the same motion, and says how many multipliers lie between ranks.
 

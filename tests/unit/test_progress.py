@@ -18,8 +18,6 @@ from flexfem.io import progress, read_history
 from flexfem.launch import Interrupted
 from flexfem.options import progress_kind
 
-pytestmark = pytest.mark.three_ranks
-
 COMM = MPI.COMM_WORLD
 STIFFNESS = 400.0
 

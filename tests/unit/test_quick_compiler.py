@@ -23,7 +23,7 @@ from flexfem.kernels.ffcx_options import quick_compiler
 
 forms = beam_forms(True)
 with quick_compiler() if sys.argv[1] == "quick" else nullcontext():
-    code, _ = compile_ufl_objects([forms.residual, forms.inertia], get_options(), namespace="beam")
+    code, _ = compile_ufl_objects([forms.residual], get_options(), namespace="beam")
 sys.stdout.write(code[1])
 """
 

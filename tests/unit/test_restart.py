@@ -224,13 +224,16 @@ MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "heated": (heated, {"dt": 2e-3, "t_end": 0.072, "split_above": 1, "tolerance": 1e-10}),
     "index2": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "stabilized_index2"}),
 }
+#: Not restarted on ranks here: three of them are in ``tests/cases/test_restart_runs.py``.
+ON_ONE = ("sliding", "sheet", "heated", "energy", "index2")
 #: What is kept of the iteration matrix, "auto" as "frozen", is the same for all models but that of
 #: steps of other sizes and of rows that come and go.
 RUNS = [
-    *((name, "auto") for name in MODELS),
-    *(("bouncing", policy) for policy in ("frozen", "updated")),
+    *((name, "auto") for name in MODELS if name not in ON_ONE),
+    *(pytest.param(name, "auto", marks=pytest.mark.serial) for name in ON_ONE),
     *(
-        pytest.param("slider_crank", policy, marks=pytest.mark.serial)
+        pytest.param(name, policy, marks=pytest.mark.serial)
+        for name in ("bouncing", "slider_crank")
         for policy in ("frozen", "updated")
     ),
 ]
@@ -404,6 +407,7 @@ def test_stopped_run_goes_on(shared_tmp_path: Path) -> None:
         np.testing.assert_allclose(*path, rtol=0.01)
 
 
+@pytest.mark.serial
 def test_other_table_in_the_folder_is_left_alone(shared_tmp_path: Path) -> None:
     run = options("driven", shared_tmp_path / "a", checkpoint_every=9, t_end=0.018)
     ff.simulate(driven(), run)
@@ -504,6 +508,7 @@ def test_last_digits_of_a_model_do_not_count(shared_tmp_path: Path) -> None:
     assert ff.simulate(pendulum(np.nextafter(1.0, 0.0)), again).status == "ok"
 
 
+@pytest.mark.serial
 def test_iteration_matrix_and_tolerance_may_change(shared_tmp_path: Path) -> None:
     run = options("driven", shared_tmp_path, checkpoint_every=9, t_end=0.018, tolerance=1e-9)
     ff.simulate(driven(), run)

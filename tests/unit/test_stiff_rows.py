@@ -65,7 +65,6 @@ def _random_steps(system, h: float) -> None:
         part.block.step[:, : part.block.width] = steps[:, : part.block.width]
 
 
-@pytest.mark.three_ranks
 def test_rows_are_the_derivatives_of_the_gaps():
     simulation, _ = moved(between(), 3)
     system = simulation.system
@@ -97,7 +96,6 @@ def test_rows_are_the_derivatives_of_the_gaps():
     assert MPI.COMM_WORLD.allreduce(work) == pytest.approx(expected, rel=1e-11)
 
 
-@pytest.mark.three_ranks
 def test_steps_solve_the_equations_with_the_springs(monkeypatch):
     monkeypatch.setattr(stiff_rows, "_ACCURACY", 1e-10)
     simulation, _ = moved(between(), 3)

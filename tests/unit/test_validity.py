@@ -41,7 +41,6 @@ def warned(outcome: Any) -> list[str]:
     return [line for line in lines if "it bends by" in line or "away from where" in line]
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize("frame", ["near", "mean_axes"])
 def test_a_linear_body_that_bends_far(frame: str) -> None:
     options = ff.StaticOptions(quiet=True)
@@ -53,7 +52,6 @@ def test_a_linear_body_that_bends_far(frame: str) -> None:
         assert bent == pytest.approx(1.5 * 0.25, rel=0.02)
 
 
-@pytest.mark.three_ranks
 def test_motions_say_so_too() -> None:
     """A force that acts at once bends twice as far; it is seen in the steps that are looked at."""
     motion = ff.RunOptions(dt=1e-3, t_end=0.03, quiet=True)

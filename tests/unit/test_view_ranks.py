@@ -15,13 +15,12 @@ from flexfem.io.view.reading import Choice
 from tests.unit.swing import hoist, mechanism
 from tests.unit.unpacked import Unpacked, farthest
 
-pytestmark = pytest.mark.three_ranks
-
 #: Two steps of 16 bits over a motion through 1 m: another rounding; a node of another rank that is
 #: missing, or in another place, is off by an element, 0.25 m.
 TOLERANCE = 1e-4
 
 
+@pytest.mark.three_ranks
 def test_page_is_the_same_on_any_ranks(shared_tmp_path: Path) -> None:
     comm = MPI.COMM_WORLD
     options = {"dt": 0.02, "t_end": 0.1, "every": 1, "quiet": True}

@@ -13,8 +13,6 @@ from flexfem.io.vtu.reader import Grid, read_index, read_pieces
 from flexfem.options import FIELDS
 from tests.unit.swing import mechanism
 
-pytestmark = pytest.mark.three_ranks
-
 #: Whatever is chosen: numbers and axes, from which pages draw.
 ALWAYS = {"body", "joint", "section", "e1", "e2", "e3"}
 

@@ -29,7 +29,7 @@ def sheet_above_ground() -> ff.Model:
     return model
 
 
-@pytest.mark.parametrize("dt", [1e-3, pytest.param(5e-3, marks=pytest.mark.three_ranks)])
+@pytest.mark.parametrize("dt", [pytest.param(1e-3, marks=pytest.mark.serial), 5e-3])
 def test_a_sheet_that_lands_flat_makes_no_energy(dt: float) -> None:
     found, alone = (
         run_undamped(sheet_above_ground(), dt, 0.03, comm).history
@@ -186,6 +186,7 @@ def hammer() -> ff.Model:
     return model
 
 
+@pytest.mark.serial
 def test_independent_coordinates_meet_the_same_barrier() -> None:
     found, other = (
         run_undamped(hammer(), 1e-3, 0.02, MPI.COMM_WORLD, integrator=name).history

@@ -81,7 +81,6 @@ def _swing(comm: MPI.Comm, **more: object) -> dict[str, np.ndarray]:
     return outcome.history
 
 
-@pytest.mark.three_ranks
 def test_any_number_of_ranks_gives_the_same_motion():
     found = _swing(COMM, split_above=2)
     alone = _swing(MPI.COMM_SELF)

@@ -227,7 +227,7 @@ def test_a_belt_that_carries_a_moment(sense: float, moment: float) -> None:
 
 @pytest.mark.parametrize(
     "sense",
-    [pytest.param(1.0, id="open"), pytest.param(-1.0, id="crossed", marks=pytest.mark.three_ranks)],
+    [pytest.param(1.0, id="open", marks=pytest.mark.serial), pytest.param(-1.0, id="crossed")],
 )
 def test_a_belt_keeps_the_ratio_over_turns(sense: float) -> None:
     """Wheels that start at speeds in the ratio of their radii keep them, and the preload."""
@@ -243,6 +243,7 @@ def test_a_belt_keeps_the_ratio_over_turns(sense: float) -> None:
     np.testing.assert_allclose(found["back_tension"], 100.0, atol=1e-7)
 
 
+@pytest.mark.serial
 def test_a_restart_knows_the_turns_of_a_belt(shared_tmp_path: Any) -> None:
     """After five turns; a restart that counts from zero again would tear the belt."""
     run = {"dt": 2e-3, "quiet": True, "output": shared_tmp_path, "checkpoint_every": 400}
@@ -254,6 +255,7 @@ def test_a_restart_knows_the_turns_of_a_belt(shared_tmp_path: Any) -> None:
     np.testing.assert_allclose(found["there_tension"], 100.0, atol=1e-7)
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("sense", [1.0, -1.0], ids=["open", "crossed"])
 def test_a_chain_is_a_belt_that_does_not_stretch(sense: float) -> None:
     """Its wheels turn as one inertia, ``I (1 + (r1 / r2)^2)``; one of its parts is redundant."""
@@ -343,7 +345,6 @@ def test_a_hanging_cable_of_the_closed_form() -> None:
     assert found["energy_strain"][-1] == pytest.approx(-depth, rel=1e-7)
 
 
-@pytest.mark.three_ranks
 def test_a_body_swings_on_hanging_cables() -> None:
     """Energy stays, and modes at rest are those of differences of the end forces."""
     model = hung(6.5, 3e3)

@@ -58,7 +58,6 @@ def atwood(**cable: Any) -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
 def test_atwoods_machine_with_a_wheel_that_has_inertia() -> None:
     """``a = (m1 - m2) g / (m1 + m2 + I/r^2)``, and two tensions that turn the wheel."""
     found = run(atwood(tension_only=False), 1e-3, 0.4)
@@ -70,6 +69,7 @@ def test_atwoods_machine_with_a_wheel_that_has_inertia() -> None:
     np.testing.assert_allclose(found["right_tension"][1:], M2 * (G + a), rtol=1e-9)
 
 
+@pytest.mark.serial
 def test_atwoods_machine_with_an_elastic_cable() -> None:
     """The same on average with a stiff cable; its energy stays."""
     found = run(atwood(axial_stiffness=1e6), 1e-3, 0.4)
@@ -108,6 +108,7 @@ def tackle(hand: float, load: float, **cable: Any) -> ff.Model:
     return model
 
 
+@pytest.mark.serial
 def test_block_and_tackle_multiplies_the_force_by_its_falls() -> None:
     """The load rises by a quarter of what the hand sinks: ``a = (4 m - M) g / (16 m + M)``."""
     m, load = 2.0, 5.0
@@ -160,7 +161,8 @@ def hauled(t: float) -> float:
     return 2.0 - 0.3 * t - 0.05 * np.sin(3.0 * t)
 
 
-@pytest.mark.parametrize("damping", [pytest.param(0.0, marks=pytest.mark.serial), 40.0])
+@pytest.mark.serial
+@pytest.mark.parametrize("damping", [0.0, 40.0])
 def test_a_load_swings_on_a_cable_that_is_hauled_in(damping: float) -> None:
     """Against the equations of a mass on an elastic pendulum of changing rest length.
 
@@ -212,6 +214,7 @@ def rubbing(
     return model
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("masses", [(3.0, 1.5), (1.5, 3.0)], ids=["down", "up"])
 def test_a_cable_slides_over_a_sheave_with_friction(masses: tuple[float, float]) -> None:
     """Euler and Eytelwein: the falling side pulls ``exp(mu pi)`` times as much as the other."""
@@ -282,7 +285,6 @@ def test_a_cable_through_an_eyelet_rubs_by_the_angle_it_has_there() -> None:
     np.testing.assert_allclose(found["at_x"], exact[0], atol=2e-4)
 
 
-@pytest.mark.three_ranks
 def test_a_restart_knows_the_angles_at_eyelets(shared_tmp_path: Path) -> None:
     """The angle of the first step after it is that of the state, not that of the start."""
     given = {"dt": 1e-3, "quiet": True}
@@ -295,7 +297,9 @@ def test_a_restart_knows_the_angles_at_eyelets(shared_tmp_path: Path) -> None:
     assert again["at_x"][-1] == pytest.approx(whole["at_x"][-1], abs=1e-12)
 
 
-@pytest.mark.parametrize("speed", [-0.4, 0.4], ids=["up", "down"])
+@pytest.mark.parametrize(
+    "speed", [pytest.param(-0.4, marks=pytest.mark.serial), 0.4], ids=["up", "down"]
+)
 def test_a_winch_pulls_against_the_friction_of_a_sheave(speed: float) -> None:
     """A load that is hauled up at a constant speed, or let down, over a quarter of a turn."""
     mass, friction = 3.0, 0.2
@@ -328,6 +332,7 @@ def test_a_winch_pulls_against_the_friction_of_a_sheave(speed: float) -> None:
     assert np.abs(found["energy_balance"]).max() < 1e-6
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("integrator", ["stabilized_index2", "independent_coordinates"])
 def test_other_integrators_know_sheaves(integrator: str) -> None:
     """The tackle moves as it does with the generalised-alpha scheme."""

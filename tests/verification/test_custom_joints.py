@@ -113,6 +113,7 @@ def test_functions_move_as_joints_of_the_package_do(policy: str) -> None:
     np.testing.assert_allclose(states[1], states[0], rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.serial
 def test_energy_balance_holds_the_work_of_functions() -> None:
     """The work of functions is that of forces, what other springs store is strain energy."""
     found = []
@@ -151,6 +152,7 @@ def _block(friction: ff.JointFriction | None, slide: ff.Prismatic) -> float:
     return float(positions(simulation)[0, 0])
 
 
+@pytest.mark.serial
 def test_constant_function_is_the_coefficient() -> None:
     ways = []
     for coefficient in (0.3, lambda speed: 0.3):
@@ -159,6 +161,7 @@ def test_constant_function_is_the_coefficient() -> None:
     assert ways[1] == pytest.approx(ways[0], rel=1e-9)
 
 
+@pytest.mark.serial
 def test_stribeck_curve_slows_a_block_down() -> None:
     """Against the integral of ``dv/dt = -mu(v) g`` by small steps of the fourth order."""
     slide = ff.Prismatic("slide", GROUND, ff.Marker("block"), axis=(1.0, 0.0, 0.0))

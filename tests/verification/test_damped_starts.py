@@ -4,7 +4,6 @@
 from mpi4py import MPI
 
 import numpy as np
-import pytest
 
 import flexfem as ff
 
@@ -15,7 +14,6 @@ def run(model: ff.Model, comm: MPI.Intracomm, **options) -> dict:
     return found.history
 
 
-@pytest.mark.three_ranks
 def test_a_bent_beam_that_is_let_go_gains_nothing() -> None:
     """A rod, straight without stress, starts as three quarters of a circle, much damped."""
     angle = np.linspace(0.0, 1.5 * np.pi, 13)

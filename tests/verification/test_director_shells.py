@@ -32,7 +32,7 @@ def free_roof(**options):
     return model
 
 
-@pytest.mark.parametrize("mass", ["lumped", "consistent"])
+@pytest.mark.parametrize("mass", [pytest.param("lumped", marks=pytest.mark.serial), "consistent"])
 def test_free_flight_keeps_momenta(mass):
     outcome = ff.simulate(free_roof(mass=mass), ff.RunOptions(dt=2e-3, t_end=0.1, split_above=6))
     assert outcome.status == "ok"
@@ -111,6 +111,7 @@ def test_roof_on_diaphragms():
         assert sag == pytest.approx(0.3008, rel=0.006)
 
 
+@pytest.mark.serial
 def test_lines_held_along_an_axis_slide_and_turn_about_it():
     """A curved shell on lines held along z that flies and spins in the plane."""
     surface = ff.SurfaceMesh.grid("roof", np.linspace(-0.5, 0.5, 3), [0.0, 0.4, 0.8], roof)

@@ -356,7 +356,8 @@ def test_chain_is_the_same_with_all_policies_and_ranks():
     np.testing.assert_allclose(tips[0], alone, rtol=1e-9)
 
 
-@pytest.mark.parametrize("rho_inf", [0.5, pytest.param(1.0 / 3.0, marks=pytest.mark.serial)])
+@pytest.mark.serial
+@pytest.mark.parametrize("rho_inf", [0.5, 1.0 / 3.0])
 def test_dissipation_never_adds_energy(rho_inf):
     """``E + chi/4 (Dr M Dr + De K De)`` falls in every step, also in steps of different sizes."""
     model = _links()
@@ -603,6 +604,7 @@ def test_tangent(make, rho_inf):
     np.testing.assert_allclose((found[0][1] - found[1][1]) / (2 * eps), exact, atol=1e-7, rtol=1e-6)
 
 
+@pytest.mark.serial
 def test_what_it_does_not_do_is_refused():
     model = _mechanism("Revolute")
     model.add(ff.JointFriction("rub", model.joints[0], force=1.0))

@@ -43,8 +43,9 @@ def _times(outcome) -> np.ndarray:
     return np.array([event["t"] for event in outcome.summary["events"]])
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("integrator", SCHEMES)
-@pytest.mark.parametrize("policy", ["auto", pytest.param("updated", marks=pytest.mark.serial)])
+@pytest.mark.parametrize("policy", ["auto", "updated"])
 def test_bouncing_ball(integrator, policy):
     for dt in (0.05, 0.03):
         options = RunOptions(
@@ -169,7 +170,9 @@ def test_a_locked_slider_loses_the_energy_of_the_plastic_impact(integrator, dt):
         np.testing.assert_allclose(outcome.history["at_x"][after], 0.5037, atol=5e-9)
 
 
-@pytest.mark.parametrize("policy", ["auto", "frozen", "updated"])
+@pytest.mark.parametrize(
+    "policy", ["auto", *(pytest.param(p, marks=pytest.mark.serial) for p in ("frozen", "updated"))]
+)
 def test_locks_beside_flexible_bodies(policy):
     """All ranks do the same, and the bodies' factors outlive the event."""
     options = RunOptions(dt=0.01, t_end=0.6, iteration_matrix=policy, tolerance=1e-9)
@@ -190,7 +193,10 @@ def _kick(t: float) -> float:
 
 @pytest.mark.parametrize(
     "integrator",
-    [pytest.param("generalized_alpha", marks=pytest.mark.three_ranks), "stabilized_index2"],
+    [
+        "generalized_alpha",
+        pytest.param("stabilized_index2", marks=pytest.mark.serial),
+    ],
 )
 def test_any_number_of_ranks_gives_the_same_events(integrator):
     """Error control, an event and a flexible body; each rank alone against all together."""

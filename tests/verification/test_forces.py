@@ -92,7 +92,6 @@ def assert_alike(found: Any, wanted: Any, tolerance: float) -> None:
         np.testing.assert_allclose(found[name], wanted[name], atol=tolerance * scale, err_msg=name)
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize(
     "integrator",
     ["generalized_alpha", pytest.param("stabilized_index2", marks=pytest.mark.serial)],
@@ -130,7 +129,6 @@ def test_derivatives_of_users_are_those_of_differences() -> None:
     np.testing.assert_allclose(law_derivatives(own, *given, np.zeros(0)), wanted, atol=1e-5)
 
 
-@pytest.mark.three_ranks
 def test_statics() -> None:
     """It finds where springs hold the load, which a force without stiffness would not."""
     options = ff.StaticOptions(load_steps=1, stabilise=True, quiet=True)
@@ -150,7 +148,11 @@ def test_relaxation() -> None:
 
 
 @pytest.mark.parametrize(
-    "start", [pytest.param("rest", marks=pytest.mark.three_ranks), "equilibrium"]
+    "start",
+    [
+        pytest.param("rest", marks=pytest.mark.three_ranks),
+        pytest.param("equilibrium", marks=pytest.mark.serial),
+    ],
 )
 def test_modes(start: str) -> None:
     """Frequencies and damping; a stiffness or damper left out changes them by more than 1 %."""
@@ -194,9 +196,10 @@ def exact_place(t: np.ndarray) -> np.ndarray:
     return np.array([1.0 + (expm(A * time) @ (0.0, 0.0, 0.0, 1.0))[0] for time in t])
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "integrator",
-    ["generalized_alpha", pytest.param("independent_coordinates", marks=pytest.mark.serial)],
+    ["generalized_alpha", "independent_coordinates"],
 )
 def test_a_hydraulic_cylinder_is_stiff(integrator: str) -> None:
     """With steps that resolve its vibration of 173 rad/s, and with ones that do not.

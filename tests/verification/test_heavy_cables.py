@@ -288,7 +288,6 @@ def crane() -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
 def test_a_heavy_rope_on_flexible_booms(shared_tmp_path: Path) -> None:
     """The same on all ranks, with the balance of the energies, also through a restart."""
     given = {"dt": 2e-3, "tolerance": 1e-10, "quiet": True}

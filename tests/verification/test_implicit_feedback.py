@@ -53,7 +53,6 @@ def gains_of(t: float, y: np.ndarray) -> float:
     return PROPORTIONAL * (TARGET - y[0]) - DERIVATIVE * y[1]
 
 
-@pytest.mark.three_ranks
 def test_gains_act_as_a_spring_and_a_damper() -> None:
     """On a node of 1e-5 kg m^2 and with a step at which forces of the last step grow without bound.
 

@@ -160,7 +160,6 @@ def test_shell_of_quadrilaterals_in_millimetres(shared_tmp_path) -> None:
         assert imported["z"][-1] > 1e-3
 
 
-@pytest.mark.three_ranks
 def test_solid_of_an_abaqus_file_in_millimetres(shared_tmp_path) -> None:
     from dolfinx import mesh
 

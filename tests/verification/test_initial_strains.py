@@ -88,7 +88,6 @@ def _arc(elements: int, angle: float) -> np.ndarray:
     return radius * np.stack([np.sin(turn), 0.0 * turn, 1.0 - np.cos(turn)], axis=1)
 
 
-@pytest.mark.three_ranks
 def test_an_arc_meshed_straight_is_the_curved_mesh() -> None:
     """Without load it becomes the arc by itself, and under loads it moves as that one does."""
     angle, load = 1.3, ff.PointForce("f", TIP, (20.0, 60.0, -90.0))

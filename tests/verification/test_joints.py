@@ -226,7 +226,6 @@ def test_block_sticks_on_an_incline(policy):
     )
 
 
-@pytest.mark.three_ranks
 def test_friction_between_two_bodies_brings_them_to_one_speed():
     """Constant force on two bodies: after v m/(2 F) seconds both move at half the speed."""
     slider = ff.Prismatic("slider", ff.Marker("one"), ff.Marker("two"), axis=X)
@@ -376,7 +375,6 @@ def test_generic_joint_stops_at_its_limits():
     np.testing.assert_allclose(seen[:, 1:], 0.0, atol=1e-12)
 
 
-@pytest.mark.three_ranks
 def test_link_with_hinge_and_ball():
     """A bob on an inclined link: a plane pendulum, whatever turns and pulls across the plane."""
     axis, down = np.array([0.0, 0.6, 0.8]), np.array([0.0, -0.8, 0.6])

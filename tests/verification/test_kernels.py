@@ -63,7 +63,7 @@ def assert_same(found: Any, expected: Any, tolerance: float) -> None:
 
 
 @ELEMENTS
-@pytest.mark.parametrize("law", [False, pytest.param(True, marks=pytest.mark.three_ranks)])
+@pytest.mark.parametrize("law", [pytest.param(False, marks=pytest.mark.serial), True])
 def test_motions(element: str, law: bool) -> None:
     options = {"dt": 1e-3, "t_end": 0.04, "tolerance": 1e-11, "quiet": True}
     fast = ff.simulate(flag(element, law=law), ff.RunOptions(**options), comm=MPI.COMM_SELF)

@@ -59,7 +59,7 @@ MODELS: dict[str, Callable[..., ff.Model]] = {
     [
         pytest.param("se3", marks=pytest.mark.serial),
         pytest.param("nurbs", marks=pytest.mark.serial),
-        pytest.param("rotation_free", marks=pytest.mark.three_ranks),
+        "rotation_free",
         pytest.param("director", marks=pytest.mark.serial),
     ],
 )

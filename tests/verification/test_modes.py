@@ -58,8 +58,7 @@ def _shapes(modes):
     return np.concatenate(parts, axis=1)
 
 
-@pytest.mark.three_ranks
-@pytest.mark.parametrize("spin", [0.0, 20.0])
+@pytest.mark.parametrize("spin", [0.0, pytest.param(20.0, marks=pytest.mark.three_ranks)])
 @pytest.mark.parametrize(("damping", "dense"), [(0.0, 0), (2e-4, 100)])
 def test_any_number_of_ranks_gives_the_same_modes(spin, damping, dense, monkeypatch):
     from mpi4py import MPI
@@ -123,7 +122,7 @@ def _free_eigenvalues(linearization):
 
 
 @pytest.mark.parametrize(
-    "accuracy", [1e-10, pytest.param(1e-6, marks=pytest.mark.three_ranks), 1e-3]
+    "accuracy", [1e-6, *(pytest.param(a, marks=pytest.mark.serial) for a in (1e-10, 1e-3))]
 )
 def test_soft_blades_have_their_modes_whatever_the_accuracy(accuracy, monkeypatch):
     """Bending far below the stiffest motion: 0, 0 and 22.5 rad/s where the shift hides it."""
@@ -280,7 +279,7 @@ def test_whirls_are_followed_through_zero_frequency_in_turning_axes(sign):
     assert np.abs(outcome.history["forward_1_damping"]).max() < 1e-9
 
 
-@pytest.mark.parametrize("spin", [pytest.param(4.0, marks=pytest.mark.three_ranks), -4.0])
+@pytest.mark.parametrize("spin", [4.0, pytest.param(-4.0, marks=pytest.mark.serial)])
 def test_spinning_rods_stretch_as_they_should(spin, shared_tmp_path):
     """``r'' + k^2 r = 0, r(0) = 0, r'(L) = 1``, k^2 = spin^2 rho A/EA: r = sin(kx)/(k cos kL)."""
     straight, section = _straight_beam(), ff.Section.general((80.0,) * 3 + (1.0,) * 3, (1.0,) * 6)

@@ -120,7 +120,6 @@ def test_sheet_on_a_barrier_bounces_on_its_curvature():
         assert squares == pytest.approx(3 * [6.0 * k * (1.0 - q) / q**4 / 3.0], rel=1e-7)
 
 
-@pytest.mark.three_ranks
 def test_errors_of_equilibria_are_found_and_mended(monkeypatch):
     """A blade that spins and sags: frequencies about a state found too roughly are off."""
     from flexfem.simulation import modes

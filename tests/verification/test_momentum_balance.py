@@ -164,7 +164,6 @@ def test_mixed_mechanism(element):
         assert fine < 0.33 * coarse, probe
 
 
-@pytest.mark.three_ranks
 def test_mixed_mechanism_on_ranks():
     """Forces, momenta and energies of the mixed mechanism are the same on any number of ranks."""
     options = {"dt": 2e-3, "t_end": 0.012, "tolerance": 1e-11, "split_above": 2}
@@ -197,6 +196,7 @@ def test_crane_of_the_readme():
     assert max(_missed(model, history, "of_load", ("hook",))) < 4e-4
 
 
+@pytest.mark.serial
 def test_contact_forces():
     """A sheet that falls on a table: what the table's foot carries, and what the sheet feels."""
     errors = []

@@ -72,7 +72,6 @@ def _pendulum() -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
 def test_mixture_of_laws_whole_and_split():
     histories = []
     for split_above, policy in ((4000, "auto"), (1, "auto"), (1, "updated")):

@@ -76,7 +76,11 @@ def _run(model, comm=COMM, **more):
 
 
 @pytest.mark.parametrize(
-    "policy", [pytest.param("frozen", marks=pytest.mark.three_ranks), "updated"]
+    "policy",
+    [
+        pytest.param("frozen", marks=pytest.mark.three_ranks),
+        pytest.param("updated", marks=pytest.mark.serial),
+    ],
 )
 def test_any_number_of_ranks_gives_the_same_motion(policy):
     """Also with beams in pieces on several ranks, against bodies in one piece on this one."""

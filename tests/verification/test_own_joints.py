@@ -98,7 +98,6 @@ def test_loads_and_places_at_rest() -> None:
     assert moved.mean() == pytest.approx(0.5 * THRUST / 2e5, abs=2e-7)
 
 
-@pytest.mark.three_ranks
 def test_motions_on_all_ranks_and_after_a_restart(shared_tmp_path: Path) -> None:
     """Energy taken by drag, springs and stops is in the balance; a restart repeats the rest."""
     options: dict[str, Any] = {"dt": 5e-4, "quiet": True, "tolerance": 1e-10, "split_above": 2}
@@ -156,9 +155,10 @@ def shaken(**shaker: float) -> ff.Model:
     return model
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     "integrator",
-    ["generalized_alpha", pytest.param("energy_momentum", marks=pytest.mark.serial)],
+    ["generalized_alpha", "energy_momentum"],
 )
 def test_a_drive_works_on_the_spring_that_it_moves(integrator: str) -> None:
     """Against the equation of motion, with the energy that the damper takes as a third unknown."""
@@ -179,6 +179,7 @@ def test_a_drive_works_on_the_spring_that_it_moves(integrator: str) -> None:
     assert np.abs(found["energy_balance"]).max() < 1e-4
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("shaker", [{}, {"damping": 0.0}, {"damping": 0.0, "backlash": 0.01}])
 def test_no_spurious_energy_is_seen_without_a_probe(shaker: dict[str, float]) -> None:
     outcome = ff.simulate(shaken(**shaker), ff.RunOptions(dt=5e-4, t_end=0.5, quiet=True))

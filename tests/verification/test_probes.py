@@ -112,6 +112,7 @@ def _cantilever(*things, damping: float = 0.0) -> ff.Model:
     return model
 
 
+@pytest.mark.serial
 def test_cantilever_root_reaction_balances_static_load():
     """Steps much longer than the periods, with annihilation, end in equilibrium."""
     force = np.array([0.0, 0.006, -0.01])
@@ -172,6 +173,7 @@ def test_turn_since_the_start_does_not_depend_on_axes():
         assert abs(history["own"][0]) > 0.1
 
 
+@pytest.mark.serial
 def test_impulses_change_momenta():
     """Root reaction and loads, integrated, are the change of both momenta."""
     force = np.array([0.1, 0.3, -0.5])
@@ -290,6 +292,7 @@ def test_a_spring_that_is_cut_stores_nothing():
     assert np.ptp(history["energy_dissipation"][cut]) == 0.0
 
 
+@pytest.mark.serial
 def test_a_weight_that_grows_has_done_work():
     """A beam that bends as its weight grows: half the weight times the sag, and no balance left."""
     model = _cantilever(ff.Gravity((0.0, 0.0, -G)), ff.EnergyProbe(), ff.MomentumProbe("p"))
@@ -319,6 +322,7 @@ def test_loss_grows_with_numerical_dissipation():
     assert losses[-1] < 1.0
 
 
+@pytest.mark.serial
 def test_damped_oscillator():
     """Mass on spring and damper: what the damper took is the energy that is gone."""
     m, k, c, x0 = 2.0, 200.0, 4.0, 0.1
@@ -402,6 +406,7 @@ def test_flying_spaghetti_gains_the_work_of_its_loads():
         assert np.log2(errors[0] / errors[1]) >= 1.5
 
 
+@pytest.mark.serial
 def test_drive_of_a_slider_crank_does_the_work():
     """A crank turned by a law of time: its moment times its rate is what the bodies gain."""
     model = ff.Model("crank")

@@ -62,7 +62,8 @@ TIP = ("tip_x", "tip_y", "tip_z")
 
 
 @pytest.mark.parametrize(
-    "damping", [pytest.param("accelerated", marks=pytest.mark.three_ranks), "viscous", "kinetic"]
+    "damping",
+    ["accelerated", *(pytest.param(d, marks=pytest.mark.serial) for d in ("viscous", "kinetic"))],
 )
 def test_cantilever_is_that_of_newtons_method(damping: str) -> None:
     static = ff.solve_static(cantilever(), ff.StaticOptions(quiet=True))
@@ -78,7 +79,7 @@ def test_cantilever_is_that_of_newtons_method(damping: str) -> None:
         np.testing.assert_allclose(ends(outcome, *names), ends(static, *names), atol=2e-4)
 
 
-@pytest.mark.three_ranks
+@pytest.mark.serial
 @pytest.mark.parametrize("masses", ["stiffness", "scaled"])
 def test_clamped_plate_is_that_of_newtons_method(masses: str) -> None:
     static = ff.solve_static(plate(), ff.StaticOptions(quiet=True))
@@ -167,7 +168,7 @@ def sheet(triangles: float = 0.0, **contact: Any) -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
+@pytest.mark.serial
 def test_contact_carries_the_weight() -> None:
     outcome = relax(sheet(), tolerance=1e-6, step_tolerance=1e-7)
     static = ff.solve_static(sheet(), ff.StaticOptions(load_steps=2, stabilise=True, quiet=True))
@@ -223,7 +224,12 @@ def test_contacts_go_on_from_a_checkpoint(shared_tmp_path: Path) -> None:
 
 @pytest.mark.three_ranks
 @pytest.mark.parametrize(
-    ("damping", "triangles"), [("accelerated", 0.0), ("viscous", 0.0), ("accelerated", 0.05)]
+    ("damping", "triangles"),
+    [
+        pytest.param("accelerated", 0.0, marks=pytest.mark.serial),
+        pytest.param("viscous", 0.0, marks=pytest.mark.serial),
+        ("accelerated", 0.05),
+    ],
 )
 def test_ranks_take_the_same_way(damping: str, triangles: float) -> None:
     """One shell over all ranks against itself on one: free fall, contact, renewed masses.

@@ -93,7 +93,6 @@ def test_driven_chain_on_any_number_of_ranks():
         assert np.abs(h["energy_balance"]).max() < 0.01 * np.abs(h["energy_work"]).max()
 
 
-@pytest.mark.three_ranks
 def test_hinge_line_is_a_line_of_shared_nodes():
     """Shells that share the nodes of a line need no joint: an independent way to the same hinge."""
     joined = _two((4, 2), (4, 2))
@@ -123,6 +122,7 @@ def _apart(a: ff.MarkerState, b: ff.MarkerState) -> float:
     return float(np.linalg.norm(a.position - b.position))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("cells", [(3, 5), (5, 3)])
 def test_lines_of_different_meshes(cells):
     """The hinge stays closed, and the strip swings as with matching nodes."""
@@ -254,7 +254,9 @@ def test_hinge_at_a_held_line():
         np.testing.assert_allclose(h["root_z"], 0.0, atol=1e-10)
 
 
-@pytest.mark.parametrize("joint", [ff.HingeLine, ff.ClampedLine])
+@pytest.mark.parametrize(
+    "joint", [ff.HingeLine, pytest.param(ff.ClampedLine, marks=pytest.mark.serial)]
+)
 def test_lines_on_a_body(joint):
     """A strip on a rigid arm that turns: nodes, and slopes where clamped, go along."""
     model = ff.Model("flap", surface=_grid("first", 0.0, (4, 3)))
@@ -334,7 +336,11 @@ def _grommets(formulation: str) -> ff.Model:
 
 
 @pytest.mark.parametrize(
-    "formulation", [pytest.param("nurbs", marks=pytest.mark.three_ranks), "se3"]
+    "formulation",
+    [
+        "nurbs",
+        pytest.param("se3", marks=pytest.mark.serial),
+    ],
 )
 def test_grommets(formulation):
     """Many sliders on one wire, in pieces on the ranks, that pass from element to element."""

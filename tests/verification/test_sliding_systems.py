@@ -220,6 +220,7 @@ def test_nodes_of_linear_elements_give_a_small_kick():
         assert max(at, away) * dt < 0.5 * 2.0 * 1e-3
 
 
+@pytest.mark.serial
 @FORMULATIONS
 def test_slider_that_leaves_its_carrier(formulation, shared_tmp_path):
     """The run fails and says where; what was computed is kept."""
@@ -236,6 +237,7 @@ def test_slider_that_leaves_its_carrier(formulation, shared_tmp_path):
         assert json.loads((shared_tmp_path / "summary.json").read_text())["status"] == found.status
 
 
+@pytest.mark.serial
 @FORMULATIONS
 def test_released_slider_may_leave(formulation):
     """It flies on along the cable's direction, and the run continues."""

@@ -33,7 +33,7 @@ def _solve(**more: object) -> ff.Outcome:
 
 @pytest.mark.parametrize(
     "steps",
-    [{"load_steps": 3}, pytest.param({"arc_length": 0.2}, marks=pytest.mark.three_ranks)],
+    [{"load_steps": 3}, {"arc_length": 0.2}],
     ids=["load", "arc"],
 )
 def test_path_meets_load_factors_and_values_of_columns(steps, shared_tmp_path: Path) -> None:

@@ -130,7 +130,6 @@ def test_deformed_beam_turned_as_a_whole() -> None:
             np.testing.assert_allclose(kept, kept[0], atol=1e-10)
 
 
-@pytest.mark.three_ranks
 def test_both_ways_of_stepping_meet() -> None:
     """Load steps and arc length end at the same equilibrium, in one step or in many."""
     ends = []
@@ -264,6 +263,7 @@ def test_stabilised_search_ends_where_the_start_does() -> None:
         assert abs(outcome.history["tip_z"][-1] + 1.0 + 0.981 / 2e5) <= 1e-9
 
 
+@pytest.mark.serial
 def test_advice_after_a_stabilised_failure_is_not_to_stabilise() -> None:
     model = ff.Model("falling")
     model.add(ff.Gravity((0.0, 0.0, -10.0)), ff.RigidBody("bob", 2.0, (1.0, 1.0, 1.0)))
@@ -393,6 +393,7 @@ def test_loads_that_are_no_numbers() -> None:
         ff.solve_static(cantilever(wrong), ff.StaticOptions(load_steps=10))
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize("held", [False, True])
 def test_stability_beside_a_load_that_follows_counts_as_without_it(held: bool) -> None:
     """Euler's column with a follower load of no size: the determinant's sign must tell the same."""
@@ -414,6 +415,7 @@ def test_stability_beside_a_load_that_follows_counts_as_without_it(held: bool) -
     assert abs(points[0]["t"] / critical - 1.0) <= 3e-3
 
 
+@pytest.mark.serial
 def test_a_value_that_is_not_reached_is_said() -> None:
     """The tip goes to 10/(3 EI): twice that is not on the path, half of it is."""
     model = cantilever(force((0.0, 0.0, 10.0)))

@@ -49,7 +49,6 @@ def cone(s: float) -> ff.Section:
     return ff.Section.circle(0.06 - 0.02 * s, STEEL)
 
 
-@pytest.mark.three_ranks
 def test_a_uniform_table_is_the_constant_section() -> None:
     """Statics and a motion, with gravity and a drive; the section has all couplings."""
     rng = np.random.default_rng(4)

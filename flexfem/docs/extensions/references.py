@@ -8,6 +8,8 @@ other references that lead nowhere are warnings.
 
 import re
 import sys
+from collections import defaultdict
+from functools import cache
 from typing import Any
 
 from sphinx.application import Sphinx
@@ -30,7 +32,8 @@ def _resolve(app: Sphinx, env: Any, node: Any, content: Any) -> Any:
         return None
     target = node["reftarget"]
     objects = env.domains["py"].objects
-    found = [name for name in objects if name.endswith(f".{target}")]
+    last = target.rpartition(".")[2]
+    found = [name for name in _by_end(objects)[last] if name.endswith(f".{target}")]
     if len(found) == 1:
         place = objects[found[0]]
         return make_refnode(
@@ -41,6 +44,20 @@ def _resolve(app: Sphinx, env: Any, node: Any, content: Any) -> Any:
     return content if named_only else None
 
 
+#: Names by their last part, with their number: all are known before the first one is looked for.
+_ENDS: dict[int, dict[str, list[str]]] = {}
+
+
+def _by_end(objects: Any) -> dict[str, list[str]]:
+    """Names of documented objects by their last part."""
+    if len(objects) not in _ENDS:
+        ends = _ENDS[len(objects)] = defaultdict(list)
+        for name in objects:
+            ends[name.rpartition(".")[2]].append(name)
+    return _ENDS[len(objects)]
+
+
+@cache
 def _is_internal(target: str) -> bool:
     """Return True if this is a module of the package, or a name known in one of them."""
     if target in sys.modules and target.startswith("flexfem."):
