@@ -113,9 +113,9 @@ class GeneralizedAlpha(Integrator):
         return _weight(self.rho_inf)
 
     @property
-    def carried(self) -> float:
-        """Factor in them of what accepted accelerations lack, see ``split.stiff_damping``."""
-        return self.weight - self.gamma / (2.0 * self.beta)
+    def unseen(self) -> float:
+        """Share of impulses in the velocities after a step that its equations do not see."""
+        return 1.0 - self.gamma / (2.0 * self.beta)
 
     def prepare(self, system: System) -> None:
         """See :meth:`Integrator.prepare`."""
@@ -157,7 +157,7 @@ class GeneralizedAlpha(Integrator):
     def solve(self, system: System, policy: Policy, h: float) -> Status:
         """See :meth:`Integrator.solve`."""
         laws, start, split = step_laws(self.rho_inf, h), system.time, self.split
-        if split is not None and not split.begin(h, self.weight, self.carried):
+        if split is not None and not split.begin(h, self.weight, self.unseen):
             return Status.SINGULAR
         equations = self._equations(h)
         system.set_time(start + h)

@@ -105,7 +105,7 @@ class IndependentCoordinates(Integrator):
         """See :meth:`Integrator.solve`."""
         assert self._motions is not None
         laws, start, split = step_laws(self.scheme.rho_inf, h), system.time, self.scheme.split
-        if split is not None and not split.begin(h, self.scheme.weight, self.scheme.carried):
+        if split is not None and not split.begin(h, self.scheme.weight, self.scheme.unseen):
             return Status.SINGULAR
         system.interface.update()
         system.constraints.evaluate(laws.shifts.dynamics)
@@ -130,13 +130,12 @@ class IndependentCoordinates(Integrator):
     ) -> Status:
         """Solve a step with impulses, see ``integrators.split.step`` (collective)."""
         scheme, rows = self.scheme, system.constraints
-        velocity = 1.0 - scheme.gamma / (2.0 * scheme.beta)
 
         def kick(block: FrameBlock) -> None:
-            block.kick_rates(h, velocity, -scheme.weight / h)
+            block.kick_rates(h, scheme.unseen, -scheme.weight / h)
 
         status = split.solve(self.shifts(h), step.solve, restart, kick)
-        if status is Status.OK and split.kicking and velocity != 0.0:
+        if status is Status.OK and split.kicking and scheme.unseen != 0.0:
             multipliers = rows.multipliers.copy()
             if not step.rates():
                 status = Status.DIVERGED

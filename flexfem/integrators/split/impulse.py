@@ -11,6 +11,8 @@ The mass matrix hardly changes in the nodes' own axes, so its factors are kept, 
 those with damping as well, and the solution is refined by residuals with the exact matrix.
 """
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 from math import inf, isfinite
 
@@ -23,12 +25,24 @@ from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.mechanics import END_POINT, VISCOUS
 from flexfem.system.system import MASS, System
 
-__all__ = ["Impulse"]
+__all__ = ["Impulse", "zero_increments"]
 
 #: Largest relative correction of velocities at which refinement ends, with damping, where no energy
 #: is to be kept, as well, the error that is accepted, and the number of corrections before masses
 #: are factorised anew.
 _TOLERANCE, _DAMPED_TOLERANCE, _ACCEPTED, _SWEEPS = 1e-11, 1e-9, 1e-8, 25
+
+
+@contextmanager
+def zero_increments(system: System) -> Iterator[None]:
+    """Let derivatives be those along velocities, which they are at increments of zero."""
+    blocks = [part.block for part in system.parts]
+    increments = [block.increment.copy() for block in blocks]
+    for block in blocks:
+        block.increment[:] = 0.0
+    yield
+    for block, own in zip(blocks, increments, strict=True):
+        block.increment[:] = own
 
 
 class Impulse:
@@ -66,15 +80,8 @@ class Impulse:
         rows.leave_out(~rigid)
         rows.step_jacobian[:] = rows.gradients_of(rigid)
         rows.values[:] = rows.coupling[:] = 0.0
-        # masses are derivatives along the increments, which are those of velocities at zero ones
-        blocks = [part.block for part in system.parts]
-        increments = [block.increment.copy() for block in blocks]
-        for block in blocks:
-            block.increment[:] = 0.0
-        found = self._found(right)
-        for block, own in zip(blocks, increments, strict=True):
-            block.increment[:] = own
-        return found
+        with zero_increments(system):
+            return self._found(right)
 
     def restitute(self, contacts: BarrierContacts, h: float, means: FloatArray) -> bool | None:
         """Impulses of restitution at the end of a step of size h, s (collective).

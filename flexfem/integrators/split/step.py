@@ -94,16 +94,16 @@ class Split(EndPoint):
         self._rubbing: bool = comm.allreduce(bool(len(rows.coupled)), op=MPI.LOR)
         rows.split, self._apart = True, rows.unilateral
 
-    def begin(self, h: float, weight: float, carried: float) -> bool:
+    def begin(self, h: float, weight: float, unseen: float) -> bool:
         """Start a step of size ``h`` (s) from the accepted state; False if masses are singular.
 
-        Collective. In the equations the forces are multiplied by ``weight``, and what accepted
-        accelerations lack of damping by ``carried``: b and c of ``stiff_damping``.
+        Collective. In the equations the forces are multiplied by ``weight``, and velocities have
+        the share ``unseen`` of impulses less: b and k of ``stiff_damping``.
         """
         self._h, self._weight, self._start = h, weight, self._system.time
-        self._spread = h * (2.0 - (1.0 + carried) / weight)
+        self._spread = h * (1.0 - unseen / weight)
         if self._damping is not None:
-            self._damping.begin(carried)
+            self._damping.begin(weight - 1.0 + unseen)
         self._plain = self._system.constraints.slack and not (self._touching or self._lacking)
         return self._plain or self._begin()
 

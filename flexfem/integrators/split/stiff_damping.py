@@ -26,6 +26,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.state import State
+from flexfem.integrators.split.impulse import zero_increments
 from flexfem.system.mechanics import VISCOUS
 from flexfem.system.system import GYROSCOPIC, System
 
@@ -45,7 +46,7 @@ class StiffDamping:
         self._forces = [np.zeros_like(part.block.owned_residual) for part in system.parts]
         self._factor, self.lacking = 0.0, False
         self._withheld = False  # forces that are not given back
-        self._rates = self._velocities()
+        self._rates: list[FloatArray] = []  # velocities at the begin of such a step
 
     def begin(self, factor: float) -> None:
         """Begin a step at the accepted state, in whose equations the forces have a factor."""
@@ -56,7 +57,8 @@ class StiffDamping:
     def give_back(self, scale: float) -> None:
         """Add the forces, times a scale, to the blocks' residuals of the step."""
         if self.lacking:
-            self._add(self._factor * scale)
+            for part, own in zip(self._system.parts, self._forces, strict=True):
+                part.block.owned_residual[:] += self._factor * scale * own
 
     def lead(self, h: float, weight: float) -> None:
         """Set the residuals of the impulses of a step of size h, s, without F (collective).
@@ -74,7 +76,7 @@ class StiffDamping:
         Collective. The steps, m/s^2, are impulses over h, s.
         """
         self._damp([part.block.step.copy() for part in self._system.parts], h)
-        self._keep(add=self.lacking)
+        self._keep(and_earlier=self.lacking)
         self.lacking, self._withheld = True, False
 
     def end(self, h: float, *, acting: bool) -> None:
@@ -90,7 +92,7 @@ class StiffDamping:
             self._withheld = False
             return
         self._damp([part.block.acceleration for part in self._system.parts], -h)
-        self._keep(add=False)
+        self._keep()
         self.lacking, self._withheld = acting, not acting
 
     def state(self) -> State:
@@ -120,19 +122,14 @@ class StiffDamping:
 
     def _damp(self, rates: list[FloatArray], factor: float) -> None:
         """Set the residuals to a factor times C times twists (n, 6) of each block (collective)."""
-        blocks = [part.block for part in self._system.parts]
-        increments = [block.increment.copy() for block in blocks]
-        for block, own in zip(blocks, rates, strict=True):
-            block.increment[:], block.step[:] = 0.0, own
-        VISCOUS.multiply_mass(self._system, factor, GYROSCOPIC)
-        for block, own in zip(blocks, increments, strict=True):
-            block.increment[:] = own
+        for part, own in zip(self._system.parts, rates, strict=True):
+            part.block.step[:] = own
+        with zero_increments(self._system):
+            VISCOUS.multiply_mass(self._system, factor, GYROSCOPIC)
 
-    def _keep(self, *, add: bool) -> None:
-        """Store the residuals, or add them to what is stored."""
+    def _keep(self, *, and_earlier: bool = False) -> None:
+        """Store the residuals as the forces, in place of the earlier ones or beside them."""
         for part, own in zip(self._system.parts, self._forces, strict=True):
-            own[:] = part.block.owned_residual + own * add
-
-    def _add(self, factor: float) -> None:
-        for part, own in zip(self._system.parts, self._forces, strict=True):
-            part.block.owned_residual[:] += factor * own
+            if not and_earlier:
+                own[:] = 0.0
+            own[:] += part.block.owned_residual
