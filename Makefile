@@ -1,7 +1,7 @@
 # Every target makes the set-up it needs in .venv; "make help" lists them.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test lint verification bench docs dist check-paraview clean
+.PHONY: help setup run test test-all lint verification bench docs dist check-paraview clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -56,15 +56,19 @@ lint: $(STAMP) ## style, types, architecture
 	$(BIN)/python -m pytest -q tests/test_architecture.py
 
 # Tests compile generated C more often than they need it fast: without optimisation a seventh of the time.
-test: export FLEXFEM_CFLAGS := -O0 -march=native -fno-math-errno
-test: $(STAMP) ## lint, documentation, then all tests on 1 and 2 ranks, some on 3
+test test-all: export FLEXFEM_CFLAGS := -O0 -march=native -fno-math-errno
+test: NOT_SLOW := and not slow
+test: NOT_SLOW_ON_RANKS := and not (slow or slow_on_ranks)
+test: $(STAMP) ## lint, documentation, then tests on 1, 2 and 3 ranks: for every change
+test-all: $(STAMP) ## the same with the tests that are slow: before a release
+test test-all:
 	# the linters leave one core idle: loops that many tests need are compiled beside them
 	@$(MAKE) --no-print-directory -j $(RANKS) compiled-sliding compiled-floating lint docs
 	# what a file's tests share is made once; files as they come, the longest are not the last
-	$(BIN)/python -m pytest -m "not benchmark" -n $(RANKS) --dist loadfile --no-loadscope-reorder \
+	$(BIN)/python -m pytest -m "not benchmark $(NOT_SLOW)" -n $(RANKS) --dist loadfile --no-loadscope-reorder \
 		--ignore tests/test_architecture.py
-	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial)" tests
-	$(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m three_ranks tests
+	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial) $(NOT_SLOW_ON_RANKS)" tests
+	$(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m "three_ranks $(NOT_SLOW_ON_RANKS)" tests
 
 # what two processes of tests would wait for at the same time
 compiled-%: $(STAMP)

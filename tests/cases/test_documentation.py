@@ -86,6 +86,7 @@ def printed(tmp_path_factory: pytest.TempPathFactory) -> dict[str, tuple[str, st
     return dict(zip(EXAMPLES, texts, strict=True))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("name", EXAMPLES)
 def test_examples_run(name: str, printed: dict[str, tuple[str, str]]) -> None:
     assert_printed(EXAMPLES[name], *printed[name])

@@ -93,7 +93,12 @@ def test_killed_run_leaves_readable_results(
 @pytest.mark.parametrize(
     ("ranks", "drive", "reason"),
     [
-        (2, "far", r' at t = 0.007\d* s \(.*RigidBody "bob".*; reduce dt'),
+        pytest.param(
+            2,
+            "far",
+            r' at t = 0.007\d* s \(.*RigidBody "bob".*; reduce dt',
+            marks=pytest.mark.slow,
+        ),
         (1, "nan", r'^PrescribedTranslation "drive": .*not finite'),
     ],
 )
@@ -132,6 +137,7 @@ def test_earlier_results_of_another_model_are_removed(
         assert {file.parent.name for file in tmp_path.rglob("*.vtu")} == series
 
 
+@pytest.mark.slow
 def test_full_disk_is_told_in_one_line(
     tmp_path: Path, environment: dict[str, str], command_line: Callable[..., list[str]]
 ) -> None:

@@ -34,6 +34,7 @@ def folders(run_cases: RunCases, tmp_path_factory: pytest.TempPathFactory) -> di
     return made
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("case", RUNS)
 def test_same_table_on_two_ranks(case: str, folders: dict[int, Path]) -> None:
     tables = []
@@ -132,6 +133,7 @@ def test_mistakes_leave_nothing(
     assert not output.exists()
 
 
+@pytest.mark.slow
 def test_a_mistake_found_by_two_ranks_leaves_nothing(
     run: Callable[..., Any], tmp_path: Path
 ) -> None:

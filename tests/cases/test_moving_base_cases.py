@@ -95,6 +95,7 @@ def test_a_diverging_run_is_cut_off_by_command(
     assert "argument --clip: takes several RESULTS_DIR, got 1" in capsys.readouterr().err
 
 
+@pytest.mark.slow
 def test_one_command_makes_runs_and_their_picture(
     tmp_path: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:

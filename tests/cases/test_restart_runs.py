@@ -59,6 +59,7 @@ def assert_same(folder: Path, reference: Path) -> None:
         assert error <= 1e-9 * max(np.abs(v).max() for v in family), (folder.name, column)
 
 
+@pytest.mark.slow
 def test_other_numbers_of_ranks(tmp_path: Path, run: Callable[..., object]) -> None:
     """1 -> 2 ranks, beams split and whole; the policy's own memory included."""
     script = tmp_path / "stage.py"
@@ -141,9 +142,9 @@ def test_killed_at_a_random_moment(
 @pytest.mark.parametrize(
     ("ranks", "number", "target", "on"),
     [
-        (1, signal.SIGINT, "all", True),
+        pytest.param(1, signal.SIGINT, "all", True, marks=pytest.mark.slow),
         (1, signal.SIGHUP, "all", False),
-        (2, signal.SIGTERM, "last rank", True),
+        pytest.param(2, signal.SIGTERM, "last rank", True, marks=pytest.mark.slow),
     ],
 )
 def test_signals_end_in_order(

@@ -75,6 +75,7 @@ CASE = ff.Case(
 '''
 
 
+@pytest.mark.slow
 def test_a_script_of_the_user_runs_on_all_ranks_and_from_checkpoints(
     tmp_path: Path, run: Run
 ) -> None:

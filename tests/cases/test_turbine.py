@@ -83,6 +83,7 @@ def test_the_energy_of_wind_and_generator_is_in_the_balance() -> None:
     assert (np.diff(history["azimuth"]) > 0.0).all()
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_steady_states_are_those_of_the_motion() -> None:
     """Without gravity, tilt and shear, the rotor comes to the state that the linearisation finds.

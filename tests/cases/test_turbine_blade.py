@@ -31,6 +31,7 @@ def _off(a: np.ndarray, b: np.ndarray) -> float:
     return float(np.sqrt(np.mean((a - b) ** 2) / np.mean(b**2)))
 
 
+@pytest.mark.slow
 def test_the_tip_follows_beamdyn() -> None:
     """To 3 per cent in the mean; a force that pushes upwind, against the prebend, is 9 off."""
     found = {elements: _tip(elements=elements) for elements in (20, 40, 80)}

@@ -151,6 +151,7 @@ def test_viscous_power_is_that_of_the_potential(one_beam, rng):
 # --- the linear law ------------------------------------------------------------------------------
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_linear_law_reproduces_the_section(one_beam, rng):
     root = rng.normal(size=(6, 6))
@@ -279,6 +280,7 @@ for form in (forms.residual, forms.stiffness, forms.inertia, forms.action, law_f
 """
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_second_process_finds_the_compiled_code():
     """FFCx files its code by these signatures."""

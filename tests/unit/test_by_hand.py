@@ -67,6 +67,7 @@ def test_kernels_of_one_name_are_told_apart():
         by_hand(spring)
 
 
+@pytest.mark.slow
 def test_kernels_are_kept_on_disk(tmp_path):
     """The second process compiles nothing."""
     environment = {**os.environ, "NUMBA_CACHE_DIR": str(tmp_path)}

@@ -123,6 +123,7 @@ def made(folder: Path) -> set[str]:
     return {file.name.split("-")[0].split(".")[-1] for file in folder.rglob("*.nbi")}
 
 
+@pytest.mark.slow
 def test_file_of_a_loop_holds_large_functions_that_it_calls(tmp_path):
     values, expected = np.linspace(0.1, 0.7, 6), np.zeros(6)
     large_part(values, expected)
@@ -140,6 +141,7 @@ def test_file_of_a_loop_holds_large_functions_that_it_calls(tmp_path):
     assert run(tmp_path, LARGE).stdout == first  # from the files of its parts
 
 
+@pytest.mark.slow
 def test_files_of_all_loops_hold_what_large_functions_call(tmp_path):
     """The second loop is compiled where its parts came from the file of the first."""
     script = "from tests.unit.test_calls_of_loops import another_way, one_way\nimport numpy as np\n"
@@ -156,6 +158,7 @@ def test_errors_of_large_functions_reach_the_caller():
         by_kind(2, np.zeros(3))
 
 
+@pytest.mark.slow
 def test_functions_on_demand_are_compiled_when_they_are_called(tmp_path):
     script = f"{SCRIPT}print(by_kind(%d, np.zeros(2)))"
     assert run(tmp_path, script % 1).stdout == "1.0\n"

@@ -55,6 +55,7 @@ def test_loops_are_kept_and_nothing_else(tmp_path):
     assert {path.name for path in tmp_path.iterdir()} == {"fall.py", "__pycache__"}
 
 
+@pytest.mark.slow
 def test_faults_are_told(tmp_path):
     """A case that cannot be built, and one that is not there."""
     (tmp_path / "broken.py").write_text(CASE.replace('"stone", 1.0', '"stone", -1.0'))

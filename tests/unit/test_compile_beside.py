@@ -108,6 +108,7 @@ def made(folder: Path) -> set[str]:
     return {file.name.split("-")[0] for file in folder.rglob("*.nbi")}
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("told", [b"", b"flexfem.lie.so3 flexfem.none"])
 def test_usual_loops_come_first_then_those_of_the_modules_that_are_told(short_list, told):
     command = [sys.executable, "-c", RUN, str(short_list), str(os.getpid())]

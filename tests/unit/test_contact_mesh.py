@@ -96,6 +96,7 @@ def test_sheet_inside_of_a_ball_is_refused():
         moved(model, 0)
 
 
+@pytest.mark.slow
 def test_hollow_ball_holds_a_sheet():
     mesh = turned(ball(0.08, 6))
     model = laid(ff.RigidMesh(ff.Ground(), mesh=mesh, inside=True), height=-0.02, stiffness=5e7)

@@ -158,6 +158,7 @@ def falling(*more: Any) -> ff.Model:
     return model
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_energy_from_nowhere_is_told_without_a_probe() -> None:
     """Steps of 20 ms do not resolve the impact, steps of 0.2 ms do; a probe tells it alone."""

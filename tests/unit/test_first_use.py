@@ -195,6 +195,7 @@ def test_smooth_drive_of_a_damped_beam_begins_without_a_force() -> None:
     assert 2.0 < push.max() < 3.0
 
 
+@pytest.mark.slow
 def test_no_equilibrium_is_said_so() -> None:
     """A body on an upright rail has none."""
     model = sliding()

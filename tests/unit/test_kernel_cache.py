@@ -105,6 +105,7 @@ print(sum(so3._exp_loop.stats.cache_misses.values()))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_one_of_two_processes_compiles_a_loop(tmp_path):
     """Both need it at the same moment; without a lock both would compile it."""
@@ -117,6 +118,7 @@ def test_one_of_two_processes_compiles_a_loop(tmp_path):
     assert sorted(int(process.communicate()[0]) for process in both) == [0, 1]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_loops_are_compiled_where_no_lock_can_be_had(tmp_path):
     """As in an image whose folders cannot be written, and on file systems without locks."""
@@ -162,6 +164,7 @@ for loop in (loops._ends, loops._first, loops._second, loops._third):
 """
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_files_that_cannot_be_read_are_written_anew(tmp_path):
     """Numba's own reader ends the program where an older version had classes that are gone."""
@@ -216,6 +219,7 @@ print(_total(np.array([1.0, 2.0]), 2.0), sum(_scaled.stats.cache_hits.values()))
 """
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_subroutines_are_kept_without_machine_code(tmp_path):
     """Nor are they called from Python: what numba would make of them for that takes long."""

@@ -28,6 +28,7 @@ sys.stdout.write(code[1])
 """
 
 
+@pytest.mark.slow
 def test_code_is_that_of_ffcx():
     """FFCx numbers tables in the order of a set: with one seed of hashes it is always the same."""
     environment = {**os.environ, "PYTHONHASHSEED": "0"}

@@ -291,6 +291,7 @@ def test_restarted_run_repeats_the_history(
     assert reference.summary["restarted_at_step"] is None
 
 
+@pytest.mark.slow_on_ranks
 def test_same_folder_goes_on(full: Callable[[str, str], ff.Outcome], shared_tmp_path: Path) -> None:
     """History and fields are cut at the checkpoint and continued, the two last files are kept."""
     reference = full("driven", "auto")
@@ -330,6 +331,7 @@ def test_later_end_keeps_the_instants(shared_tmp_path: Path) -> None:
     np.testing.assert_array_equal(times, [0.1 * k / 7 for k in range(13)])
 
 
+@pytest.mark.slow_on_ranks
 def test_restart_of_a_restart(
     full: Callable[[str, str], ff.Outcome], shared_tmp_path: Path
 ) -> None:
@@ -407,6 +409,7 @@ def test_stopped_run_goes_on(shared_tmp_path: Path) -> None:
         np.testing.assert_allclose(*path, rtol=0.01)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_other_table_in_the_folder_is_left_alone(shared_tmp_path: Path) -> None:
     run = options("driven", shared_tmp_path / "a", checkpoint_every=9, t_end=0.018)
@@ -508,6 +511,7 @@ def test_last_digits_of_a_model_do_not_count(shared_tmp_path: Path) -> None:
     assert ff.simulate(pendulum(np.nextafter(1.0, 0.0)), again).status == "ok"
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_iteration_matrix_and_tolerance_may_change(shared_tmp_path: Path) -> None:
     run = options("driven", shared_tmp_path, checkpoint_every=9, t_end=0.018, tolerance=1e-9)

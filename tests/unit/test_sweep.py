@@ -302,6 +302,7 @@ def test_a_loaded_case_runs_in_this_process(driven: Path) -> None:
     assert not list(driven.parent.glob("results"))
 
 
+@pytest.mark.slow
 def test_a_failed_run_does_not_end_a_sweep(
     driven: Path, capsys: pytest.CaptureFixture[str]
 ) -> None:
@@ -354,6 +355,7 @@ def test_one_sweep_in_a_folder(driven: Path) -> None:
     other.release()
 
 
+@pytest.mark.slow
 def test_an_interrupted_sweep_goes_on_by_the_command_it_shows(driven: Path) -> None:
     """Runs on two ranks write checkpoints when the sweep is interrupted."""
     (driven.parent / "slow").touch()

@@ -50,6 +50,7 @@ def model(*forces: ff.Joint) -> ff.Model:
     return made
 
 
+@pytest.mark.slow_on_ranks
 def test_a_force_is_the_same_as_in_python() -> None:
     """1e-12: histories differ by round-off alone, by 1e-4 with a wrong sign of any term."""
     found = [

@@ -186,6 +186,7 @@ def hammer() -> ff.Model:
     return model
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_independent_coordinates_meet_the_same_barrier() -> None:
     found, other = (

@@ -225,6 +225,7 @@ def test_a_belt_that_carries_a_moment(sense: float, moment: float) -> None:
     assert abs(found["two"][-1]) == pytest.approx(turn, rel=1e-8)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(
     "sense",
     [pytest.param(1.0, id="open", marks=pytest.mark.serial), pytest.param(-1.0, id="crossed")],
@@ -243,6 +244,7 @@ def test_a_belt_keeps_the_ratio_over_turns(sense: float) -> None:
     np.testing.assert_allclose(found["back_tension"], 100.0, atol=1e-7)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_a_restart_knows_the_turns_of_a_belt(shared_tmp_path: Any) -> None:
     """After five turns; a restart that counts from zero again would tear the belt."""
@@ -255,6 +257,7 @@ def test_a_restart_knows_the_turns_of_a_belt(shared_tmp_path: Any) -> None:
     np.testing.assert_allclose(found["there_tension"], 100.0, atol=1e-7)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 @pytest.mark.parametrize("sense", [1.0, -1.0], ids=["open", "crossed"])
 def test_a_chain_is_a_belt_that_does_not_stretch(sense: float) -> None:

@@ -69,6 +69,7 @@ def test_atwoods_machine_with_a_wheel_that_has_inertia() -> None:
     np.testing.assert_allclose(found["right_tension"][1:], M2 * (G + a), rtol=1e-9)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_atwoods_machine_with_an_elastic_cable() -> None:
     """The same on average with a stiff cable; its energy stays."""
@@ -108,6 +109,7 @@ def tackle(hand: float, load: float, **cable: Any) -> ff.Model:
     return model
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_block_and_tackle_multiplies_the_force_by_its_falls() -> None:
     """The load rises by a quarter of what the hand sinks: ``a = (4 m - M) g / (16 m + M)``."""
@@ -161,6 +163,7 @@ def hauled(t: float) -> float:
     return 2.0 - 0.3 * t - 0.05 * np.sin(3.0 * t)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 @pytest.mark.parametrize("damping", [0.0, 40.0])
 def test_a_load_swings_on_a_cable_that_is_hauled_in(damping: float) -> None:
@@ -214,6 +217,7 @@ def rubbing(
     return model
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 @pytest.mark.parametrize("masses", [(3.0, 1.5), (1.5, 3.0)], ids=["down", "up"])
 def test_a_cable_slides_over_a_sheave_with_friction(masses: tuple[float, float]) -> None:
@@ -234,6 +238,7 @@ def test_a_cable_slides_over_a_sheave_with_friction(masses: tuple[float, float])
     assert np.abs(found["energy_balance"]).max() < 1e-6 * lost
 
 
+@pytest.mark.slow_on_ranks
 def test_a_cable_sticks_on_a_sheave() -> None:
     """It creeps at the speed at which the regularised law carries the difference of the weights."""
     masses, friction = (2.0, 1.8), 0.1
@@ -297,6 +302,7 @@ def test_a_restart_knows_the_angles_at_eyelets(shared_tmp_path: Path) -> None:
     assert again["at_x"][-1] == pytest.approx(whole["at_x"][-1], abs=1e-12)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(
     "speed", [pytest.param(-0.4, marks=pytest.mark.serial), 0.4], ids=["up", "down"]
 )
@@ -332,6 +338,7 @@ def test_a_winch_pulls_against_the_friction_of_a_sheave(speed: float) -> None:
     assert np.abs(found["energy_balance"]).max() < 1e-6
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 @pytest.mark.parametrize("integrator", ["stabilized_index2", "independent_coordinates"])
 def test_other_integrators_know_sheaves(integrator: str) -> None:

@@ -45,6 +45,7 @@ def driven(follower: str, profile: Any = eccentric, **given: Any) -> ff.Model:
     return model
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(
     "follower",
     [

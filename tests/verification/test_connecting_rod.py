@@ -25,6 +25,7 @@ def histories(tmp_path_factory):
     return found
 
 
+@pytest.mark.slow
 def test_solid_rod_bends_as_the_beam_does(histories):
     beam, solid = histories["beam"], histories["pin"]
     size = np.abs(beam["rod_deflection"]).max()

@@ -98,6 +98,7 @@ def positions(simulation: Simulation) -> np.ndarray:
     return np.array([merged[key] for key in sorted(merged)])
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(
     "policy", ["auto", *(pytest.param(p, marks=pytest.mark.serial) for p in ("updated", "frozen"))]
 )
@@ -113,6 +114,7 @@ def test_functions_move_as_joints_of_the_package_do(policy: str) -> None:
     np.testing.assert_allclose(states[1], states[0], rtol=0.0, atol=1e-9)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_energy_balance_holds_the_work_of_functions() -> None:
     """The work of functions is that of forces, what other springs store is strain energy."""
@@ -225,6 +227,7 @@ ANALYSES = {
 }
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize("analysis", ANALYSES.values(), ids=ANALYSES)
 def test_other_analyses(analysis: Callable[[ff.Model], Any]) -> None:
     ours, theirs = analysis(_sprung(True)), analysis(_sprung(False))

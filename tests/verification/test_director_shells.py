@@ -32,6 +32,7 @@ def free_roof(**options):
     return model
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize("mass", [pytest.param("lumped", marks=pytest.mark.serial), "consistent"])
 def test_free_flight_keeps_momenta(mass):
     outcome = ff.simulate(free_roof(mass=mass), ff.RunOptions(dt=2e-3, t_end=0.1, split_above=6))
@@ -111,6 +112,7 @@ def test_roof_on_diaphragms():
         assert sag == pytest.approx(0.3008, rel=0.006)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_lines_held_along_an_axis_slide_and_turn_about_it():
     """A curved shell on lines held along z that flies and spins in the plane."""

@@ -195,6 +195,7 @@ def test_flying_spaghetti(dt):
     np.testing.assert_allclose(momenta[0][:3], (50.0, 0.0, 0.0), atol=0.01)
 
 
+@pytest.mark.slow
 def test_flying_spaghetti_converges_with_the_mesh():
     """Ends of 10 and 20 elements against the refined table: second order."""
     case, reference, errors = _case("flying_spaghetti"), _table("flying_spaghetti"), []
@@ -230,6 +231,7 @@ def test_slider_crank(elements):
         assert np.abs(found - reference["slider_x"]).max() <= 0.004
 
 
+@pytest.mark.slow
 def test_chain_is_of_second_order_towards_the_converged_step():
     """Four links of eight elements against another code's two-node elements at h -> 0."""
     case, reference, errors = _case("chain"), _table("chain_4x8"), []
@@ -243,6 +245,7 @@ def test_chain_is_of_second_order_towards_the_converged_step():
     assert np.log2(errors[0] / errors[-1]) >= 2.0 * 1.3
 
 
+@pytest.mark.slow
 def test_chain_converges_to_the_continuous_links():
     case, reference, errors = _case("chain"), _table("chain_4x8"), []
     for elements in (8, 16, 32):

@@ -187,6 +187,7 @@ def test_free_body():
     assert np.abs(momenta[:, 3:] - first[1][3:]).max() < 1e-9
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_heavy_top():
     """Energy over thousands of steps; second order against DOP853 (see cases/heavy_top.py)."""
@@ -317,6 +318,7 @@ def _right_angle(elements: int) -> ff.Model:
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_right_angle_cantilever():
     """Simo, Vu-Quoc 1988; a spectral code gives 114.88033 after the load and z = 4.6421 at 4 s."""
@@ -604,6 +606,7 @@ def test_tangent(make, rho_inf):
     np.testing.assert_allclose((found[0][1] - found[1][1]) / (2 * eps), exact, atol=1e-7, rtol=1e-6)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_what_it_does_not_do_is_refused():
     model = _mechanism("Revolute")

@@ -43,6 +43,7 @@ def _times(outcome) -> np.ndarray:
     return np.array([event["t"] for event in outcome.summary["events"]])
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 @pytest.mark.parametrize("integrator", SCHEMES)
 @pytest.mark.parametrize("policy", ["auto", "updated"])
@@ -68,6 +69,7 @@ def test_bouncing_ball(integrator, policy):
             np.testing.assert_allclose(outcome.history["at_x"], 0.3 * t, atol=1e-9)
 
 
+@pytest.mark.slow_on_ranks
 def test_a_ball_comes_to_rest():
     options = RunOptions(dt=0.05, t_end=2.0, tolerance=1e-9)
     outcome = simulate(_ball(ff.Rebound("floor", 0.5, rest_speed=0.02)), options)
@@ -170,6 +172,7 @@ def test_a_locked_slider_loses_the_energy_of_the_plastic_impact(integrator, dt):
         np.testing.assert_allclose(outcome.history["at_x"][after], 0.5037, atol=5e-9)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(
     "policy", ["auto", *(pytest.param(p, marks=pytest.mark.serial) for p in ("frozen", "updated"))]
 )

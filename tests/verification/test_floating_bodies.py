@@ -66,6 +66,7 @@ def _tip(history):
     return np.stack([history[f"tip_{axis}"] for axis in "xyz"])
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_double_pendulum_is_that_of_exact_beams():
     """Bars of 12 mm that a push bends by 5 % of their length, in all frames."""

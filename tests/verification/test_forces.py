@@ -92,6 +92,7 @@ def assert_alike(found: Any, wanted: Any, tolerance: float) -> None:
         np.testing.assert_allclose(found[name], wanted[name], atol=tolerance * scale, err_msg=name)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(
     "integrator",
     ["generalized_alpha", pytest.param("stabilized_index2", marks=pytest.mark.serial)],
@@ -129,6 +130,7 @@ def test_derivatives_of_users_are_those_of_differences() -> None:
     np.testing.assert_allclose(law_derivatives(own, *given, np.zeros(0)), wanted, atol=1e-5)
 
 
+@pytest.mark.slow_on_ranks
 def test_statics() -> None:
     """It finds where springs hold the load, which a force without stiffness would not."""
     options = ff.StaticOptions(load_steps=1, stabilise=True, quiet=True)
@@ -136,6 +138,7 @@ def test_statics() -> None:
     assert_alike(columns(ff.solve_static(frame(springs=False), options)), wanted, 1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_relaxation() -> None:
     """It finds the same place."""
@@ -196,6 +199,7 @@ def exact_place(t: np.ndarray) -> np.ndarray:
     return np.array([1.0 + (expm(A * time) @ (0.0, 0.0, 0.0, 1.0))[0] for time in t])
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 @pytest.mark.parametrize(
     "integrator",

@@ -100,6 +100,7 @@ def test_a_run_leaves_complete_results_and_goes_on(tmp_path):
         np.testing.assert_allclose(rest.history[name], values, rtol=1e-11, atol=1e-12, err_msg=name)
 
 
+@pytest.mark.slow
 def test_a_study_restarts_all_its_formalisms(tmp_path):
     names = ("lagrange", "gibbs_appell", "hamilton")
     study = research.FormalismStudy({("beam",): mechanism(False)}, ("element",), names, steps=1)

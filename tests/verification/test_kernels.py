@@ -62,6 +62,7 @@ def assert_same(found: Any, expected: Any, tolerance: float) -> None:
         )
 
 
+@pytest.mark.slow_on_ranks
 @ELEMENTS
 @pytest.mark.parametrize("law", [pytest.param(False, marks=pytest.mark.serial), True])
 def test_motions(element: str, law: bool) -> None:
@@ -131,6 +132,7 @@ def test_other_names_are_refused() -> None:
         ff.RunOptions(dt=1e-3, t_end=1.0, kernels="fenics")
 
 
+@pytest.mark.slow_on_ranks
 @ELEMENTS
 def test_a_run_goes_on_with_other_kernels(element: str, shared_tmp_path: Path) -> None:
     options = {"dt": 1e-3, "t_end": 0.01, "tolerance": 1e-11, "quiet": True}

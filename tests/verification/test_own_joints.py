@@ -155,6 +155,7 @@ def shaken(**shaker: float) -> ff.Model:
     return model
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 @pytest.mark.parametrize(
     "integrator",
@@ -179,6 +180,7 @@ def test_a_drive_works_on_the_spring_that_it_moves(integrator: str) -> None:
     assert np.abs(found["energy_balance"]).max() < 1e-4
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 @pytest.mark.parametrize("shaker", [{}, {"damping": 0.0}, {"damping": 0.0, "backlash": 0.01}])
 def test_no_spurious_energy_is_seen_without_a_probe(shaker: dict[str, float]) -> None:

@@ -173,6 +173,7 @@ def test_turn_since_the_start_does_not_depend_on_axes():
         assert abs(history["own"][0]) > 0.1
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_impulses_change_momenta():
     """Root reaction and loads, integrated, are the change of both momenta."""
@@ -322,6 +323,7 @@ def test_loss_grows_with_numerical_dissipation():
     assert losses[-1] < 1.0
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_damped_oscillator():
     """Mass on spring and damper: what the damper took is the energy that is gone."""
@@ -406,6 +408,7 @@ def test_flying_spaghetti_gains_the_work_of_its_loads():
         assert np.log2(errors[0] / errors[1]) >= 1.5
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_drive_of_a_slider_crank_does_the_work():
     """A crank turned by a law of time: its moment times its rate is what the bodies gain."""

@@ -61,6 +61,7 @@ def ends(outcome: ff.Outcome, *columns: str) -> np.ndarray:
 TIP = ("tip_x", "tip_y", "tip_z")
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(
     "damping",
     ["accelerated", *(pytest.param(d, marks=pytest.mark.serial) for d in ("viscous", "kinetic"))],
@@ -79,6 +80,7 @@ def test_cantilever_is_that_of_newtons_method(damping: str) -> None:
         np.testing.assert_allclose(ends(outcome, *names), ends(static, *names), atol=2e-4)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 @pytest.mark.parametrize("masses", ["stiffness", "scaled"])
 def test_clamped_plate_is_that_of_newtons_method(masses: str) -> None:
@@ -116,6 +118,7 @@ def test_measure_is_the_part_of_the_load_out_of_balance() -> None:
         assert list(outcome.history["t"]) == [0.0, 20.0]
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(
     "damping",
     ["accelerated", *(pytest.param(d, marks=pytest.mark.serial) for d in ("viscous", "kinetic"))],
@@ -200,6 +203,7 @@ def test_all_dampings_find_the_same_equilibrium() -> None:
         assert one.summary["steps"] < min(other.summary["steps"] for other in others)
 
 
+@pytest.mark.slow_on_ranks
 def test_contacts_go_on_from_a_checkpoint(shared_tmp_path: Path) -> None:
     """Stiffness and masses of barriers are in the checkpoint, or found again."""
 

@@ -122,6 +122,7 @@ def _apart(a: ff.MarkerState, b: ff.MarkerState) -> float:
     return float(np.linalg.norm(a.position - b.position))
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 @pytest.mark.parametrize("cells", [(3, 5), (5, 3)])
 def test_lines_of_different_meshes(cells):
@@ -193,6 +194,7 @@ def test_clamped_line_of_different_meshes_on_any_number_of_ranks():
         assert np.abs(h["energy_balance"]).max() < 0.01 * np.abs(h["energy_kinetic"]).max()
 
 
+@pytest.mark.slow_on_ranks
 def test_revolute_in_a_triangle():
     """A body on a pin inside a triangle turns with it: its axis stays in the triangle's axes."""
     model = ff.Model("pin", surface=_grid("first", 0.0, (2, 2)))
@@ -254,6 +256,7 @@ def test_hinge_at_a_held_line():
         np.testing.assert_allclose(h["root_z"], 0.0, atol=1e-10)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(
     "joint", [ff.HingeLine, pytest.param(ff.ClampedLine, marks=pytest.mark.serial)]
 )

@@ -53,6 +53,7 @@ def test_split_shell_finds_the_same_equilibrium(membrane):
         np.testing.assert_allclose(ours[name], alone[name], rtol=1e-8, err_msg=name)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_start_in_equilibrium_stays_there():
     """A cantilever strip under its weight and pressure."""

@@ -34,6 +34,7 @@ def bent(p: np.ndarray) -> np.ndarray:
     return np.column_stack([p, 0.3 * p[:, 0] ** 2 + 0.2 * p[:, 0] * p[:, 1]])
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize("mass", [pytest.param("lumped", marks=pytest.mark.serial), "consistent"])
 def test_free_tumbling_sheet_keeps_momenta_and_energy(mass: str) -> None:
     """Thin enough to be bent strongly by its own inertia."""
@@ -242,6 +243,7 @@ def test_cantilever_plate() -> None:
     np.testing.assert_allclose(found, [3.4917, 8.5246, 21.429, 27.331, 31.111], rtol=0.03)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_damping_is_proportional_to_stiffness() -> None:
     """A share c omega/2 of the critical one, in every mode."""

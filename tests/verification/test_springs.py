@@ -29,6 +29,7 @@ def hanging(start: float, **spring: Any) -> ff.Model:
     return model
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_a_mass_falls_into_a_slack_cable_and_is_thrown_back() -> None:
     """It falls freely, is stretched by what its weight and fall give, and comes back to its height.
@@ -140,6 +141,7 @@ def test_functions_are_the_springs_that_they_say(cable: bool) -> None:
         np.testing.assert_allclose(found[name], values, atol=1e-9 * scale, err_msg=name)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("curve", "depth"),

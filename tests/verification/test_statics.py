@@ -50,6 +50,7 @@ def tips(outcome: ff.Outcome) -> np.ndarray:
     return np.stack([outcome.history[name] for name in "uvw"], axis=1)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 @pytest.mark.parametrize("name", ["static_beams", "static_nurbs", "static_paths"])
 def test_benchmarks(name: str) -> None:
@@ -205,6 +206,7 @@ def test_stepping_over_a_limit_point_fails_where_it_lies() -> None:
         assert limit - 0.05 <= reached <= limit
 
 
+@pytest.mark.slow_on_ranks
 def test_branch_of_a_buckled_column() -> None:
     """The deflection beyond Euler's load is that of the elastica."""
     model = cantilever(force((-1.0, 0.0, 0.0)), elements=16)
@@ -263,6 +265,7 @@ def test_stabilised_search_ends_where_the_start_does() -> None:
         assert abs(outcome.history["tip_z"][-1] + 1.0 + 0.981 / 2e5) <= 1e-9
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_advice_after_a_stabilised_failure_is_not_to_stabilise() -> None:
     model = ff.Model("falling")
@@ -415,6 +418,7 @@ def test_stability_beside_a_load_that_follows_counts_as_without_it(held: bool) -
     assert abs(points[0]["t"] / critical - 1.0) <= 3e-3
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_a_value_that_is_not_reached_is_said() -> None:
     """The tip goes to 10/(3 EI): twice that is not on the path, half of it is."""

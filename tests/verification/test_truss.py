@@ -99,6 +99,7 @@ def test_any_number_of_ranks_unfolds_two_bays_alike():
         np.testing.assert_allclose(values, alone.history[column], rtol=0.0, atol=1e-11)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_profiles_rank_as_published():
     case, left, off = load_case("deployable_truss"), {}, {}

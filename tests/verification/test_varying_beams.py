@@ -49,6 +49,7 @@ def cone(s: float) -> ff.Section:
     return ff.Section.circle(0.06 - 0.02 * s, STEEL)
 
 
+@pytest.mark.slow_on_ranks
 def test_a_uniform_table_is_the_constant_section() -> None:
     """Statics and a motion, with gravity and a drive; the section has all couplings."""
     rng = np.random.default_rng(4)
