@@ -495,7 +495,6 @@ def test_torn_row_is_cut(tmp_path: Path) -> None:
     assert (tmp_path / "history.csv").read_text() == "t,x\n"
 
 
-@pytest.mark.slow
 @pytest.mark.filterwarnings("ignore::pytest.PytestUnraisableExceptionWarning")  # open files
 @pytest.mark.parametrize(
     "where",

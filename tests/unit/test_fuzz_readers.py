@@ -12,7 +12,6 @@ from tests.fuzz_readers import MODULES
 pytestmark = pytest.mark.serial
 
 
-@pytest.mark.slow
 @pytest.mark.parametrize("module", MODULES)
 def test_damaged_files_are_read_or_refused(module: str) -> None:
     """In a process of its own, which has a gigabyte and may end by a signal."""

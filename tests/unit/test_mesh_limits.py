@@ -128,7 +128,6 @@ def little_memory() -> Iterator[None]:
         resource.setrlimit(resource.RLIMIT_AS, before)
 
 
-@pytest.mark.slow
 @pytest.mark.serial
 @pytest.mark.parametrize("kind", FILES)
 def test_a_file_gets_no_more_than_it_holds(kind, tmp_path) -> None:

@@ -224,7 +224,6 @@ TRAPS = {
 }
 
 
-@pytest.mark.slow
 def test_the_working_folder_is_no_library(tmp_path: Path) -> None:
     """Neither modules nor options of libraries are read there; a case finds its own modules."""
     for name, text in TRAPS.items():

@@ -50,7 +50,6 @@ def tips(outcome: ff.Outcome) -> np.ndarray:
     return np.stack([outcome.history[name] for name in "uvw"], axis=1)
 
 
-@pytest.mark.slow
 @pytest.mark.serial
 @pytest.mark.parametrize("name", ["static_beams", "static_nurbs", "static_paths"])
 def test_benchmarks(name: str) -> None:
