@@ -37,6 +37,7 @@ from importlib import import_module
 from typing import Any
 
 from flexfem import _leaving, launch
+from flexfem._packages import without_collection
 
 if launch.launched_in_parallel():
     # a script may fail on one rank before it comes to anything of ours
@@ -276,7 +277,8 @@ def __getattr__(name: str) -> Any:
     if name in _NAMESPACES:
         value: Any = import_module(f"flexfem.{_NAMESPACES[name]}")
     elif name in _MODULES:
-        value = getattr(import_module(f"flexfem.{_MODULES[name]}"), name)
+        with without_collection():
+            value = getattr(import_module(f"flexfem.{_MODULES[name]}"), name)
     else:
         return _moved(name)
     globals()[name] = value

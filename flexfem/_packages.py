@@ -1,10 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Imports of other packages with one line about a missing one."""
+"""Imports of other packages with one line about a missing one, and imports without delay."""
 
+import gc
+from collections.abc import Iterator
+from contextlib import contextmanager
 from importlib import import_module
 from types import ModuleType
 
-__all__ = ["InstallationError", "missing", "one_line", "require"]
+__all__ = ["InstallationError", "missing", "one_line", "require", "without_collection"]
 
 
 class InstallationError(ImportError):
@@ -44,3 +47,19 @@ def missing(name: str) -> InstallationError:
 def one_line(error: BaseException) -> str:
     """The message of an error in one line."""
     return " ".join(str(error).split())
+
+
+@contextmanager
+def without_collection() -> Iterator[None]:
+    """Context without Python's search for garbage, where nearly all new objects stay.
+
+    It looks through all objects again and again while their number grows: imports and the
+    compilation of loops make several hundred thousand, and hardly any garbage.
+    """
+    collecting = gc.isenabled()
+    gc.disable()
+    try:
+        yield
+    finally:
+        if collecting:
+            gc.enable()

@@ -1,11 +1,13 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """An analysis: its options, and the driver that carries it out."""
 
+from collections.abc import Callable
 from dataclasses import dataclass
 from importlib import import_module
 from typing import Any
 
 from flexfem._checks import InputError
+from flexfem._packages import without_collection
 from flexfem.options import FieldsOption, Settings, option, setting
 
 __all__ = ["Analysis", "fields", "kernels", "restart", "split_above"]
@@ -72,8 +74,18 @@ class Analysis:
         Raises:
             InputError: the model has no such analysis.
         """
+        return self.loaded(model)(model, settings, **keywords)
+
+    def loaded(self, model: Any) -> Callable[..., Any]:
+        """The driver for a model, with all that it imports.
+
+        Raises:
+            InputError: the model has no such analysis.
+        """
         drivers = getattr(model, "drivers", {self.name: self.driver})
         if self.name not in drivers:
             raise InputError(f"{model!r}: there is no analysis '{self.name}' of it")
         module, function = drivers[self.name].split(":")
-        return getattr(import_module(module), function)(model, settings, **keywords)
+        with without_collection():
+            found: Callable[..., Any] = getattr(import_module(module), function)
+        return found

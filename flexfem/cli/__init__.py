@@ -6,9 +6,12 @@ computation failed, 2 wrong input (one line on stderr, nothing written), 130 int
 143 terminated (SIGTERM).
 """
 
-from flexfem.cli.case_line import parse
-from flexfem.cli.case_run import load_case, main
-from flexfem.cli.command import command
-from flexfem.cli.usage import UsageError
+from flexfem._packages import without_collection
+
+with without_collection():
+    from flexfem.cli.case_line import parse
+    from flexfem.cli.case_run import load_case, main
+    from flexfem.cli.command import command
+    from flexfem.cli.usage import UsageError
 
 __all__ = ["UsageError", "command", "load_case", "main", "parse"]

@@ -1,15 +1,18 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Find a case, build its model, run it."""
 
+import gc
 import sys
 from collections.abc import Mapping, Sequence
 from contextlib import AbstractContextManager, nullcontext
+from functools import cache
 from typing import TYPE_CHECKING, Any
 
 from flexfem import _beside, launch
 from flexfem import case as cases
 from flexfem._checks import InputError, NumericalError
 from flexfem._faults import FAILURES, FunctionError, mistake
+from flexfem._packages import without_collection
 from flexfem.case import Case
 from flexfem.cli.case_line import parse
 from flexfem.cli.shown_command import shown_command
@@ -88,7 +91,10 @@ def _run(
     model = built(case, parameters, argv)
     try:
         results = case.results_with(parameters)
-        outcome = case.analysis.run(model, options, case=case.name, results=results)
+        with without_collection():
+            driver = case.analysis.loaded(model)
+            _keep_all()
+        outcome = driver(model, options, case=case.name, results=results)
     except InputError as error:
         raise UsageError(str(error), agreed=not error.alone) from error
     except InstallationError as error:
@@ -104,6 +110,12 @@ def _run(
     if not options.quiet:
         launch.say(f"results are in {options.output}")
     return 0
+
+
+@cache
+def _keep_all() -> None:
+    """Exempt the modules that are loaded now from later searches for garbage, once a process."""
+    gc.freeze()
 
 
 def _with_command(

@@ -27,7 +27,8 @@ from flexfem._trust import private_folder, trusted
 
 __all__ = ["install", "source_stamp", "sources", "stamp_of"]
 
-_PACKAGE = Path(__file__).resolve().parents[1]
+_OWN = Path(__file__)
+_PACKAGE = _OWN.resolve().parents[1]
 #: A module, or a package and the names that are imported from it, which may be modules.
 _IMPORT = re.compile(
     r"^\s*(?:from|import) flexfem\.([\w.]+)(?: import (\([^)]*\)|.*))?", re.MULTILINE
@@ -59,17 +60,22 @@ def sources(file: Path, package: Path = _PACKAGE) -> set[Path]:
 @cache
 def _imported(path: Path, package: Path) -> list[Path]:
     """Files of the package that a module imports from."""
-    found = _IMPORT.findall(path.read_text())
-    names = [package / name.replace(".", "/") for name, _ in found]
-    names += [
-        home / name
-        for home, (_, imported) in zip(names, found, strict=True)
-        if home.is_dir()
-        for name in re.findall(r"\w+", imported)
-    ]
-    files = (name / "__init__.py" if name.is_dir() else name.with_suffix(".py") for name in names)
+    files = []
+    for module, names in _IMPORT.findall(path.read_text()):
+        found = [_file(package, module)]
+        if found[0] is not None and found[0].name == "__init__.py":  # a package: of modules, maybe
+            found += [_file(package, f"{module}.{name}") for name in re.findall(r"\w+", names)]
+        files += [file for file in found if file is not None]
     # the folder of loops does not change them
-    return [file for file in files if file.is_file() and file != Path(__file__)]
+    return [file for file in files if file != _OWN]
+
+
+@cache
+def _file(package: Path, module: str) -> Path | None:
+    """File of a module, or of a package, which many modules import; None for another name."""
+    path = os.path.join(package, *module.split("."))  # noqa: PTH118 - a third of the time
+    names = (os.path.join(path, "__init__.py"), f"{path}.py")  # noqa: PTH118
+    return next((Path(name) for name in names if os.path.isfile(name)), None)  # noqa: PTH113
 
 
 #: Time when this process began to import loops, s since 1970.

@@ -6,7 +6,6 @@ loops, on shared cores, and all but one of the results would be discarded.
 """
 
 import fcntl
-import gc
 import time
 from functools import cache
 from pathlib import Path
@@ -14,6 +13,7 @@ from typing import Any
 from zlib import crc32
 
 from flexfem._files import open_lock
+from flexfem._packages import without_collection
 
 __all__ = ["busy", "compile_once"]
 
@@ -97,13 +97,10 @@ def compile_once(loop: Any) -> None:
 
     def compile_alone(signature: Any) -> Any:
         before = len(held)
-        collecting = gc.isenabled()
-        gc.disable()  # garbage collection would take a tenth of the time, for objects still in use
         try:
-            return compile_loop(signature)
+            with without_collection():
+                return compile_loop(signature)
         finally:
-            if collecting:
-                gc.enable()
             for file, at in held[before:]:
                 fcntl.lockf(file, fcntl.LOCK_UN, 1, at)
             del held[before:]

@@ -2,6 +2,7 @@
 """Decorators of all compiled loops of the package."""
 
 from collections.abc import Callable
+from inspect import signature
 from typing import Any
 
 from numba import njit
@@ -40,6 +41,7 @@ class _Decorator:
 
     def __call__[Loop: Callable[..., object]](self, function: Loop) -> "Dispatcher[Loop]":
         """The compiled function."""
+        function.__signature__ = signature(function)  # type: ignore[attr-defined]  # numba asks twice
         loop = self._decorate(function)
         if isinstance(loop, Dispatcher):  # not with NUMBA_DISABLE_JIT
             template = loop.get_call_template

@@ -23,6 +23,7 @@ import llvmlite.binding as llvm
 from numba.core.caching import CompileResultCacheImpl, FunctionCache, IndexDataCacheFile
 from numba.core.codegen import JITCodeLibrary
 from numba.core.compiler import Compiler, Flags, compile_result
+from numba.core.runtime import rtsys
 
 from flexfem.kernels.on_demand import HERE_ALONE, Demand, demanded, demands_of
 
@@ -338,6 +339,16 @@ class _Cache(FunctionCache):
     def _cache_file(self) -> _Files:  # type: ignore[override]
         stamp = self._impl.locator.get_source_stamp()
         return _Files(self._cache_path, self._impl.filename_base, stamp)
+
+    @override
+    def load_overload(self, sig: Any, target_context: Any) -> Any:
+        """Load a function from its file, None if it is to be compiled.
+
+        Numba would import all that it can compile before: its compiler does that as well.
+        """
+        rtsys.initialize(target_context)  # memory of arrays
+        with self._guard_against_spurious_io_errors():
+            return self._load_overload(sig, target_context)
 
 
 class _LoopCache(_Cache):

@@ -6,7 +6,6 @@ which may name a folder of compiled code, libraries and tolerances. Files of ano
 could run other code or change results; here all options have fixed values.
 """
 
-import gc
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -18,6 +17,7 @@ from mpi4py import MPI
 
 import ufl
 
+from flexfem._packages import without_collection
 from flexfem._trust import private_folder, trusted
 
 __all__ = ["compile_options", "compiled_form", "kernel_folder", "quick_compiler"]
@@ -64,17 +64,14 @@ def quick_compiler() -> Iterator[None]:
     """
     graph: Any = import_module("ffcx.ir.analysis.graph")
     usual = getattr(graph, "ValueNumberer", None)
-    collecting = gc.isenabled()
-    gc.disable()
     if hasattr(usual, "get_node_symbols"):  # other versions of FFCx may not need it
         graph.ValueNumberer = _with_table(usual)
     try:
-        yield
+        with without_collection():
+            yield
     finally:
         if usual is not None:
             graph.ValueNumberer = usual
-        if collecting:
-            gc.enable()
 
 
 @cache
