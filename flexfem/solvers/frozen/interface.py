@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.solvers.frozen.bodies import Bodies
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
@@ -40,9 +40,16 @@ class MultiplierSystem:
             kept, too: factors may then serve several iterations.
     """
 
-    def __init__(self, system: System) -> None:
-        """Find rows and columns of every entry on this rank (collective)."""
-        self._system = system
+    def __init__(self, system: System, *, constant: bool = False) -> None:
+        """Find rows and columns of every entry on this rank (collective).
+
+        Args:
+            system: system of the multipliers.
+            constant: True if the matrices of flexible bodies are those of the first factorisation
+                for ever. Nodes that these do not couple, as those of lumped masses, are then not
+                coupled in the complement either.
+        """
+        self._system, self._constant = system, constant
         rows, face = system.constraints, system.interface
         self._node_column = np.zeros(len(face.keys), dtype=np.int64)
         self._node_active = np.zeros(len(face.keys), dtype=np.int64)
@@ -51,7 +58,9 @@ class MultiplierSystem:
         self._response, self._beyond = np.zeros((2, len(face.keys), 6))
         active = rows.active_components()
         self.groups = [self._describe(part, active) for part in system.parts]
-        self._factors = self._pattern()
+        self._row, self._column = self._pattern()
+        self._factors: InterfaceSystem | None = None
+        self._coupled: BoolArray | None = None
         linear = bool((rows.linear | rows.of_elements).all())
         self.keepable = bool(system.comm.allreduce(linear, op=MPI.LAND))
         self._version = rows.lines.version
@@ -129,7 +138,7 @@ class MultiplierSystem:
             counts.append(int(begins.sum()))
         return np.concatenate(ranges), starts(counts)
 
-    def _pattern(self) -> InterfaceSystem:
+    def _pattern(self) -> tuple[IntArray, IntArray]:
         """Row and column of every entry of the Schur complement on this rank."""
         rows = self._system.constraints
         first, second = [], []
@@ -146,9 +155,41 @@ class MultiplierSystem:
         *parts, self._diagonal, self._coupling = np.split(self._values, ends)
         for group, entries in zip(self.groups, parts, strict=True):
             group.own.entries = entries
-        return InterfaceSystem(
+        return i, j
+
+    def _eliminate(self) -> InterfaceSystem:
+        """Elimination of the entries that are not zero for ever (collective)."""
+        if self._factors is not None:
+            return self._factors
+        rows = self._system.constraints
+        i, j = self._row, self._column
+        if self._constant:
+            self._coupled = self._find_coupled()
+            i, j = i[self._coupled], j[self._coupled]
+        self._factors = InterfaceSystem(
             self._system.comm, i, j, rows.interior, rows.shared_numbers, rows.shared_size
         )
+        return self._factors
+
+    def _find_coupled(self) -> BoolArray:
+        """True for every entry between nodes that are coupled by their body, and all others."""
+        coupled = np.ones(len(self._row), dtype=np.bool_)
+        at = 0
+        for group in self.groups:
+            own = group.own
+            for b, (start, end) in enumerate(pairwise(own.side_start)):
+                count = (end - start) ** 2
+                flexible = group.part.elements is not None
+                if count and flexible and not group.part.block.has_ghosts:
+                    nodes = own.sides[start:end, 2]
+                    first, number = np.unique(self._node_column[nodes], return_inverse=True)
+                    width = own.column_start[b + 1] - own.column_start[b]
+                    matrix = own.compliances[own.compliance_start[b] :][: width**2] != 0.0
+                    blocks = np.logical_or.reduceat(matrix.reshape(width, width), first)
+                    pairs = np.logical_or.reduceat(blocks, first, axis=1)
+                    coupled[at : at + count] = pairs[np.ix_(number, number)].T.ravel()
+                at += count
+        return coupled
 
     def follow_sliders(self) -> None:
         """Update the nodes on which sliders act; the bodies are the same."""
@@ -160,6 +201,8 @@ class MultiplierSystem:
             own = group.own
             own.sides[:, 2] = rows.term_nodes[own.sides[:, 0], own.sides[:, 1]]
             own.ranges, own.range_start = self._ranges(own.sides, own.side_start)
+        if self._coupled is not None and not np.array_equal(self._coupled, self._find_coupled()):
+            self._factors = None
 
     def factor(self, regular: bool) -> bool:
         """Assemble and factorise; False on all ranks if it is singular on one (collective).
@@ -173,7 +216,11 @@ class MultiplierSystem:
         np.multiply(rows.owned, rows.compliance, out=self._diagonal)
         if len(rows.coupling):
             self._coupling[:] = rows.owned[rows.coupled[:, 0]] * rows.coupling
-        return self._factors.factor(self._values, regular) if rows.size_global else regular
+        if not rows.size_global:
+            return regular
+        factors = self._eliminate()
+        values = self._values if self._coupled is None else self._values[self._coupled]
+        return factors.factor(values, regular)
 
     def solve(
         self, values: FloatArray, bodies: Sequence[Responding], *, beyond: bool = False
@@ -193,6 +240,7 @@ class MultiplierSystem:
             steps = np.multiply(self._owned_node, self._system.interface.steps, out=self._beyond)
             steps += self._response
         row_products(rows.own.memory, self._local_node, steps, rows.owned, values, self._correction)
+        assert self._factors is not None  # a factorisation comes first
         self._factors.solve(self._correction)
         return self._correction
 

@@ -86,12 +86,17 @@ class FrozenSolver:
         secants: acceleration of the iteration of a step.
     """
 
-    def __init__(self, system: System, mechanics: Mechanics = END_POINT) -> None:
-        """Set up patterns for the matrices of ``mechanics`` (collective)."""
+    def __init__(
+        self, system: System, mechanics: Mechanics = END_POINT, *, constant: bool = False
+    ) -> None:
+        """Set up patterns for the matrices of ``mechanics`` (collective).
+
+        ``constant`` is True if flexible bodies are factorised once only.
+        """
         self.system, self._mechanics = system, mechanics
         self.shifts: Shifts | None = None
         self._kept: dict[Shifts, _Kept] = {}
-        self._multipliers = MultiplierSystem(system)
+        self._multipliers = MultiplierSystem(system, constant=constant)
         self.keepable = self._multipliers.keepable
         groups = self._multipliers.groups
         self._rigid = [RigidBodies(system, g, mechanics) for g in groups if g.part.elements is None]
@@ -110,7 +115,7 @@ class FrozenSolver:
     @classmethod
     def of_masses(cls, system: System) -> "FrozenSolver":
         """Solver with the factors of the masses at the start (collective)."""
-        made, blocks = cls(system), [part.block for part in system.parts]
+        made, blocks = cls(system, constant=True), [part.block for part in system.parts]
         present = [block.frames.copy() for block in blocks]
         for block in blocks:
             block.frames[:] = block.start_frames
