@@ -189,6 +189,18 @@ class StrainedElements(Protocol):
 
 
 @runtime_checkable
+class SteppedElements(ElementFamily, Protocol):
+    """Elements that may have mean forces over a step, which do the work of energy changes."""
+
+    def losses(self, change: FloatArray, h: float) -> FloatArray:
+        """Energies (m,) that damping takes from the cells in a step of size h, s, J.
+
+        The strains of :meth:`ElementFamily.resultants` change by ``change`` (m, 6).
+        """
+        ...
+
+
+@runtime_checkable
 class DampedElements(Protocol):
     """Elements of linear sections whose modes may be damped; their strains are continued."""
 

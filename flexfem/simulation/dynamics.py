@@ -136,8 +136,7 @@ class _TimeSteps(Steps):
         )
         self._alternating = AlternatingForces(self.system, simulation.controls)
         simulation.follow = _weakly(self._follow)
-        if options.adaptive:
-            simulation.observe = _weakly(self._between)
+        simulation.observe = _weakly(self._between if options.adaptive else self._follow)
 
     def take(self, stopping: Callable[[], bool]) -> Status:
         """See :class:`Steps`."""
@@ -168,6 +167,8 @@ class _TimeSteps(Steps):
     def _between(self) -> None:
         """Record an accepted state within a step."""
         self.recorder.record_between(self._outputs())
+        assert self._watch is not None
+        self._watch.follow()
 
     def _follow(self) -> None:
         """Sum the work up to an accepted state that is not recorded."""

@@ -257,6 +257,13 @@ class SE3Beams:
             stress[rows], rate[rows] = group.viscosity(block)
         return stress, rate
 
+    def losses(self, change: FloatArray, h: float) -> FloatArray:
+        """See :class:`flexfem.layout.elements.SteppedElements`."""
+        found = np.empty(len(change))
+        for rows, group in self.groups:
+            found[rows] = group.losses(change[rows], h)
+        return found
+
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:
         """See :class:`flexfem.layout.elements.ElementFamily`."""

@@ -260,6 +260,13 @@ class BeamGroup:
         damping = self.data.damping
         return self._material.viscous_stress(strain, rate, self.data.section, damping), rate
 
+    def losses(self, change: FloatArray, h: float) -> FloatArray:
+        """Energies (m,) that linear damping takes from the cells, see ``SteppedElements``."""
+        sections, damping = self.data.section, self.data.damping
+        stress = self._material.viscous_stress(change, change / h, sections, damping)
+        lost: FloatArray = self.lengths * np.einsum("mi,mi->m", stress, change)
+        return lost
+
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.nodes.motion``."""
         add_cell_motion(self.cells.memory, self._inertias, chosen, block.nodes.memory, motion)

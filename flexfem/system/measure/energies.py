@@ -11,7 +11,7 @@ from flexfem.core.laws import STORING_FUNCTIONS, LawKind
 from flexfem.core.nodes import motion
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.kernels.compiled import kernel
-from flexfem.layout.elements import StrainedElements, TimedElements
+from flexfem.layout.elements import SteppedElements, StrainedElements, TimedElements
 from flexfem.model.model import Model
 from flexfem.system.measure.momenta import ChosenBodies
 from flexfem.system.system import System
@@ -41,7 +41,9 @@ class _State:
 
     Attributes:
         loads: (k, 12) force, moment, position and angular velocity of each load, inertial axes.
-        viscous, stretching: (j, 6) viscous stress of the elements, and the rate of their strain.
+        viscous, stretching: (j, 6) viscous stress of the elements, and the rate of their strain; of
+            none where forces are means over a step.
+        strains: (m, 6) of damped elements where forces are means over a step, an array for each.
         elastic, initial: (j, 6) stress and initial strain of elements where the latter changes.
         forces: (r,) of all rows, without impulses.
         impulses: (r,) means over the last step of forces besides.
@@ -58,6 +60,7 @@ class _State:
     loads: FloatArray
     viscous: FloatArray
     stretching: FloatArray
+    strains: list[FloatArray]
     elastic: FloatArray
     initial: FloatArray
     forces: FloatArray
@@ -85,7 +88,8 @@ class EnergyMeter:
     It is created at the start, and :meth:`update` is called after every accepted step. The work of
     a step is the mean of a force before and after times its displacement; of moments, drives and
     dampers it is the mean times the mean rate times the step. Both are of second order. Where
-    forces of rows are means over the step (``Constraints.mean_forces``), they count as such.
+    forces of rows are means over the step (``Constraints.mean_forces``), they count as such, and
+    damping takes the mean stress along the change of strain, exactly what the step says.
 
     Forces of rows are the multipliers of the integrator, not ``System.reported_forces``: they
     belong to the velocities of the kinetic energy. A body rotated by 10 rad in 20 steps gains 4395
@@ -137,6 +141,7 @@ class EnergyMeter:
         self._damped, self._exact = bool(self._dampers.any()), bool(self._quotients.any())
         # strain energies and viscous stresses, with the weights of the chosen elements in sums
         self._elastic, self._viscous = [], []
+        self._stepped: list[tuple[SteppedElements, FrameBlock, FloatArray]] = []
         self._timed: list[tuple[StrainedElements, FrameBlock]] = []
         self._growing: list[tuple[TimedElements, FrameBlock, FloatArray]] = []
         timed, lengths = [np.zeros(0)], [np.zeros(0)]
@@ -146,7 +151,10 @@ class EnergyMeter:
             self._elastic.append((part.elements, part.block, cells.astype(np.float64)))
             if isinstance(part.elements, TimedElements):
                 self._growing.append((part.elements, part.block, cells.astype(np.float64)))
-            if part.elements.viscous:
+            if part.elements.viscous and rows.mean_forces:
+                assert isinstance(part.elements, SteppedElements)
+                self._stepped.append((part.elements, part.block, cells.astype(np.float64)))
+            elif part.elements.viscous:
                 at, own = part.elements.viscous_at
                 self._viscous.append((part.elements, part.block))
                 lengths.append(cells[at] * own)
@@ -204,7 +212,9 @@ class EnergyMeter:
         system, rows = self._system, self._system.constraints
         change = rows.side_changes(system.interface.velocities)
         return _State(
-            self.loads(), *self._viscosity(), *self._eigenstates(), rows.forces.copy(),
+            self.loads(), *self._viscosity(),
+            [elements.resultants(block.frames)[0] for elements, block, _ in self._stepped],
+            *self._eigenstates(), rows.forces.copy(),
             rows.impulses.copy(), rows.of_rows(change * self._working), *rows.stored(),
             rows.of_rows(change) if self._damped else _NONE,
             rows.sums() - rows.targets if self._moves or self._exact else _NONE,
@@ -297,6 +307,11 @@ class EnergyMeter:
         if self._viscous:
             stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
             total += float(np.einsum("m,mi,mi->", 0.25 * h * self._lengths, stress, rate))
+        if h > 0.0:
+            for (elements, _, cells), a, b in zip(
+                self._stepped, before.strains, after.strains, strict=True
+            ):
+                total += float(elements.losses(b - a, h) @ cells)
         if self._system.modal_dampers is not None:
             rate, share = before.modal + after.modal, before.shares + after.shares
             total += 0.25 * h * float((self._system.modal_dampers.factors * rate) @ share)
