@@ -52,6 +52,7 @@ def test_same_table_on_two_ranks(case: str, folders: dict[int, Path]) -> None:
         np.testing.assert_allclose(two[column], values, rtol=0, atol=bound, err_msg=column)
 
 
+@pytest.mark.slow
 def test_modes_are_animated_over_one_period(folders: dict[int, Path]) -> None:
     folder = folders[2] / "blade"
     table = read_history(folder / "history.csv")

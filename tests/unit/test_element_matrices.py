@@ -154,7 +154,14 @@ def rotation_rates(body, t):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("kind", [("beam", True), ("plane", False), ("solid", True)], ids=str)
+@pytest.mark.parametrize(
+    "kind",
+    [
+        ("plane", False),
+        *(pytest.param((k, True), marks=pytest.mark.slow) for k in ("beam", "solid")),
+    ],
+    ids=str,
+)
 def test_bodies_in_prescribed_frames_obey_the_element_equations(kind, rng):
     """Accelerations of all formalisms against m^-1 of all terms that the matrices make."""
     body = one_body(*kind, elements=1, motion=turning(kind[1]), origin=(0.1, 0.2, 0.0))

@@ -288,6 +288,7 @@ def test_fibres_at_an_angle_couple_bending_and_twist() -> None:
     assert abs(flexibility[3, 4]) == pytest.approx(abs(s16) / (2 * i22), rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_flexibility_is_that_of_a_solid() -> None:
     """The energy in the middle of a solid cantilever of two anisotropic halves, six loads."""

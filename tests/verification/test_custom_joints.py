@@ -240,6 +240,7 @@ def test_other_analyses(analysis: Callable[[ff.Model], Any]) -> None:
         )
 
 
+@pytest.mark.slow_on_ranks
 def test_restart(shared_tmp_path: Path) -> None:
     """Functions of time go on where they were."""
     more = (ff.PositionProbe("place", ff.Marker("bob")),)
