@@ -234,17 +234,21 @@ def _bridged(
     if size > 0.0:
         share = part * most / size
         place /= size
-    # the slip of a step whose final one is the wanted one, or that slips so from start to end
-    inside = 0.0
+    # the slip of a step whose final one has the wanted force, or whose final one is so far beside
+    # the slip that what it has along it has this force
+    inside = along = 0.0
     for a in range(3):
         start = 2.0 * s[a] - final[a]
         inside -= place * wanted[a] * (start + place * wanted[a])
-    half = 0.5 if inside >= 0.0 else 1.0
+        along += start * wanted[a] / max(square, 1e-300)
     lack = way = 0.0
     for a in range(3):
         start = 2.0 * s[a] - final[a]
         lack += (force[a] - share * wanted[a]) ** 2
-        way += (s[a] + half * place * wanted[a] - (1.0 - half) * start) ** 2
+        if inside >= 0.0:
+            way += (s[a] + 0.5 * place * wanted[a] - 0.5 * start) ** 2
+        else:
+            way += (s[a] + place * wanted[a] - 0.5 * (start - along * wanted[a])) ** 2
     if is_near(np.sqrt(way), width, steep):
         return 0.0
     return float(np.sqrt(lack / way) / push)
