@@ -95,9 +95,6 @@ class Contacts:
         """Part of a predicted motion that may be taken: all of it."""
         return 1.0
 
-    def watch(self, iteration: int, contraction: float) -> None:
-        """Do nothing: friction is always the same."""
-
     def unsettled(self) -> float:
         """Return zero: the size of corrections tells when an iteration ends."""
         return 0.0

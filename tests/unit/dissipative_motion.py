@@ -104,7 +104,6 @@ class Points:
         self.motion = StepMotion(
             before=self.x, after=y, spins=all_spins(self.tilts, y - self.x, phi), rates=self.v,
             spin_rates=all_spins(self.tilts, self.v, self.spin), radius=self.surface.radius, dt=h,
-            blur=1.0,
         )  # fmt: skip
         pairs, response = self.pairs.memory, self.response.memory
         forces_of_step(pairs, self.x, y, response)

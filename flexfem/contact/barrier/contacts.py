@@ -45,9 +45,6 @@ _STRIDE = 1.0
 #: Relative change of forces, and way of points in parts of the gap at which they repel, at which an
 #: iteration ends.
 _SETTLED, _NEAR = 1e-8, 1e-3
-#: Correction that decides by its contraction whether friction is to be smoothed, the widths of
-#: smoother friction, and their ratio.
-_EARLY, _HARDLY, _LEVELS, _BLUR = 5, 0.5, 8, 3.0
 #: Way of points, in the same parts, below which the last correction was close to the solution.
 _CLOSE = 0.5
 
@@ -88,7 +85,7 @@ class BarrierContacts:
         # to the trial state
         self._motion = PointMotion.of(surfaces.start)
         self.contacts = [ContactPairs(own, near, here, self._motion, gravity) for own, near in made]
-        self.rubs, self._levels = any(one.rubs for one in self.contacts), 0
+        self.rubs = any(one.rubs for one in self.contacts)
         self._spins = Spins(
             self._carriers, self._motion, surfaces.primitives.triangles, used=self.rubs
         )  # fmt: skip
@@ -225,17 +222,6 @@ class BarrierContacts:
         self._place()
         self._last[:] = self._points
 
-    def watch(self, iteration: int, contraction: float) -> None:
-        """Take note of a correction, the same on all ranks, with its number, from 1 on.
-
-        Where corrections hardly shrink, friction becomes smoother than it is, and then step by step
-        what it is: bodies that start and stop to slip with each correction find no end otherwise.
-        """
-        if self._levels > 0:
-            self._levels -= 1
-        elif self.rubs and iteration == _EARLY and contraction > _HARDLY:
-            self._levels = _LEVELS
-
     def safe_part(self, keep: float) -> float:
         """Part of the motion from the marked to the trial state without contact (collective).
 
@@ -270,7 +256,7 @@ class BarrierContacts:
 
     def safe_part_of_step(self, keep: float) -> float:
         """Part of the motion from the step's start to the trial state without contact."""
-        self._last[:], self._levels = self._before, 0
+        self._last[:] = self._before
         return self.safe_part(keep)
 
     def unsettled(self) -> float:
@@ -281,8 +267,6 @@ class BarrierContacts:
         """
         steps = self._points - self._last
         change = largest = 0.0
-        if self._levels:
-            return np.inf
         self._ways = [one.way(self._last, self._points) for one in self.contacts]
         way = max(self._ways)
         for one in self._every:
@@ -403,7 +387,7 @@ class BarrierContacts:
             if near:
                 way = self._ways[k] if self._ways else one.way(self._last, self._points)
                 near = way < _CLOSE
-            one.evaluate(over_step=self._over_step, blur=_BLUR**self._levels, near=near)
+            one.evaluate(over_step=self._over_step, near=near)
         self.evaluated, self._entries = True, None
         self._evaluated[:] = self._points
 

@@ -65,7 +65,7 @@ class ContactPairs:
         self.impulse, self.span = np.zeros(4), 0.0
         self._motion = StepMotion(
             before=motion.before, after=motion.after, spins=motion.spins, rates=motion.rates,
-            spin_rates=motion.spin_rates, radius=own.surface.radius, dt=1.0, blur=1.0,
+            spin_rates=motion.spin_rates, radius=own.surface.radius, dt=1.0,
         )  # fmt: skip
         kinds: list[PairKind] = [OfCells(own, near, here)]
         if len(own.obstacles):
@@ -102,13 +102,11 @@ class ContactPairs:
         self.impulse += self._motion.dt * self.total()
         self.span += self._motion.dt
 
-    def evaluate(self, *, over_step: bool, blur: float = 1.0, near: bool = False) -> None:
+    def evaluate(self, *, over_step: bool, near: bool = False) -> None:
         """Evaluate the step to the trial state, or the trial state alone.
 
-        Friction is that of Coulomb's law from a multiple ``blur`` of the slip speed on.
         The tangent is the whole one of a step when the trial state is ``near`` the last one.
         """
-        self._motion.blur = blur
         for one in self.every:
             one.evaluate(over_step=over_step, near=near)
 

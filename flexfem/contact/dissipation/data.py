@@ -105,8 +105,6 @@ class StepMotion(Record):
         spin_rates: Angular velocities before it, as ``spins``, shape (n, 3), rad/s.
         radius: Distance of the surface from the points, shape (n,), metres.
         dt: Size of the step, s.
-        blur: Factor of the slip speed from which on friction is that of Coulomb's law: 1, and more
-            in iterations on the way to it.
     """
 
     before: Float2D
@@ -116,7 +114,6 @@ class StepMotion(Record):
     spin_rates: Float2D
     radius: Float1D
     dt: float
-    blur: float
 
 
 class Groups(Record):

@@ -54,6 +54,8 @@ __all__ = ["rub"]
 _RIM = 1e-6
 #: Part of the largest friction from which on slip is predicted: all but round-off.
 _SLIPS = 1.0 - 1e-9
+#: Cosine to the normal of the sphere below which a way leads along it.
+_OBLIQUE = 0.1
 
 
 @inlined
@@ -182,16 +184,6 @@ def _write_tangent(
 
 
 @inlined
-def _stiffen(numbers: FloatArray, more: float) -> None:
-    """Add a stiffness to the tangent in all tangential directions."""
-    for a in range(3):
-        for b in range(3):
-            unit = 1.0 if a == b else 0.0
-            along = numbers[NORMAL + a] * numbers[NORMAL + b]
-            numbers[TANGENT + 3 * a + b] += more * (unit - along)
-
-
-@inlined
 def _stiffness(numbers: FloatArray, at: int) -> float:
     """Stiffness in a direction of the group, N/m."""
     total = 0.0
@@ -202,56 +194,86 @@ def _stiffness(numbers: FloatArray, at: int) -> float:
 
 
 @inlined
-def _bridged(
-    law: Law, last: FloatArray, s: FloatArray, final: FloatArray, force: FloatArray, push: float,
-    width: float, steep: bool,
-) -> float:  # fmt: skip
-    """Slope over N towards where the friction is the predicted one; 0 for that of the law.
-
-    Args:
-        law: the laws.
-        last: what the last trial state has left.
-        s: slip.
-        final: sigma.
-        force: friction.
-        push: N.
-        width: slip from which on friction is that of Coulomb's law, m.
-        steep: True if the law has a slope at the trial state.
-    """
-    square = reverse = 0.0
-    wanted = np.empty(3)
+def _wanted(last: FloatArray, s: FloatArray, push: float, wanted: FloatArray) -> float:
+    """Write the friction that the linear model of the last trial state has now; return its size."""
+    square = 0.0
     for a in range(3):
         wanted[a] = push * last[LAST_FORCE + a]
         for b in range(3):
             wanted[a] -= last[LAST_TANGENT + 3 * a + b] * (s[b] - last[LAST_SLIP + b])
         square += wanted[a] * wanted[a]
-        reverse += wanted[a] * final[a]
-    size, most = np.sqrt(square), law.static_friction * push
+    return float(np.sqrt(square))
+
+
+@inlined
+def _way_to(
+    pull: FloatArray, place: float, s: FloatArray, final: FloatArray, way: FloatArray,
+    out: FloatArray,
+) -> bool:  # fmt: skip
+    """Write the way from slip s to where the law has a force along a unit vector ``pull``.
+
+    There |x| is ``place``. Either x is sigma, or sigma is so far beside s that only the part x of
+    it counts: close to the sphere between no slip and half of the first one, in which none does.
+
+    Returns:
+        True for the sphere; ``out`` is then its normal.
+    """
+    along = 0.0
+    for a in range(3):
+        along += pull[a] * (2.0 * s[a] - final[a])
+    beside = along > -place
+    for a in range(3):
+        first = 2.0 * s[a] - final[a]
+        if beside:
+            way[a] = 0.5 * (first - along * pull[a]) - place * pull[a] - s[a]
+        else:
+            way[a] = 0.5 * (first - place * pull[a]) - s[a]
+        out[a] = 4.0 * (s[a] + way[a]) - first
+    return bool(beside)
+
+
+@inlined
+def _bridge(
+    law: Law, numbers: FloatArray, last: FloatArray, s: FloatArray, final: FloatArray,
+    push: float, width: float, more: FloatArray,
+) -> float:  # fmt: skip
+    """Write slopes towards where the friction is the wanted one; return how far that is, m.
+
+    Args:
+        law: the laws.
+        numbers: of the group.
+        last: what the last trial state has left.
+        s: slip.
+        final: sigma.
+        push: N.
+        width: slip from which on friction is that of Coulomb's law, m.
+        more: minus the derivative of the force towards there, (3, 3), N/m.
+    """
+    pull, way, out, missing = np.empty(3), np.empty(3), np.empty(3), np.empty(3)
+    size, most = _wanted(last, s, push, pull), law.static_friction * push
+    reverse = lack = far = through = square = 0.0
+    for a in range(3):
+        pull[a] /= max(size, 1e-300)
+        reverse += pull[a] * final[a]
     if size >= _SLIPS * most and reverse < 0.0:
         return 0.0
     part = min(size / most, 1.0)
-    share, place = 0.0, width * inverse(part)
-    if size > 0.0:
-        share = part * most / size
-        place /= size
-    # the slip of a step whose final one has the wanted force, or whose final one is so far beside
-    # the slip that what it has along it has this force
-    inside = along = 0.0
+    beside = _way_to(pull, width * inverse(part), s, final, way, out)
     for a in range(3):
-        start = 2.0 * s[a] - final[a]
-        inside -= place * wanted[a] * (start + place * wanted[a])
-        along += start * wanted[a] / max(square, 1e-300)
-    lack = way = 0.0
+        missing[a] = push * numbers[RATIO + a] - part * most * pull[a]
+        lack += missing[a] ** 2
+        far += way[a] ** 2
+        through += out[a] * way[a]
+        square += out[a] ** 2
+    slope = np.sqrt(lack / max(far, 1e-300))
+    beside = beside and through * through > _OBLIQUE**2 * far * square
     for a in range(3):
-        start = 2.0 * s[a] - final[a]
-        lack += (force[a] - share * wanted[a]) ** 2
-        if inside >= 0.0:
-            way += (s[a] + 0.5 * place * wanted[a] - 0.5 * start) ** 2
-        else:
-            way += (s[a] + place * wanted[a] - 0.5 * (start - along * wanted[a])) ** 2
-    if is_near(np.sqrt(way), width, steep):
-        return 0.0
-    return float(np.sqrt(lack / way) / push)
+        for b in range(3):
+            flat = (1.0 if a == b else 0.0) - numbers[NORMAL + a] * numbers[NORMAL + b]
+            more[a, b] = slope * flat
+            if beside:
+                more[a, b] += (missing[a] - slope * way[a]) * out[b] / through
+    return float(np.sqrt(far))
 
 
 @inlined
@@ -279,9 +301,10 @@ def _expected(step: StepMotion, groups: Groups, g: int, last: FloatArray) -> flo
 @subroutine
 def rub(law: Law, step: StepMotion, groups: Groups, g: int, last: FloatArray) -> None:
     """Write arms, force and tangent of a group, and the slopes along and across the slip."""
-    s, final, x, change = np.empty(3), np.empty(3), np.empty(3), np.empty((3, 3))
+    s, final, x = np.empty(3), np.empty(3), np.empty(3)
+    change, more = np.empty((3, 3)), np.empty((3, 3))
     numbers, square, done = groups.numbers[g], 0.0, 0.0
-    width = step.blur * law.slip_speed * step.dt
+    width = law.slip_speed * step.dt
     _write_arms(groups, g, step, numbers)
     _write_slips(groups, g, step, numbers, s, final)
     x[:] = final
@@ -297,16 +320,18 @@ def rub(law: Law, step: StepMotion, groups: Groups, g: int, last: FloatArray) ->
         done += numbers[FORCE + a] * s[a]
     groups.losses[FRICTION] -= done
     steep = along > 0.0 and final[0] * s[0] + final[1] * s[1] + final[2] * s[2] > 0.0
-    bridge = 0.0
+    far = 0.0
     if last[KNOWN] > 0.0 and push > 0.0 and not (reversed_ and steep):
-        force = push * numbers[RATIO : RATIO + 3]
-        bridge = _bridged(law, last, s, final, force, push, width, steep)
+        far = _bridge(law, numbers, last, s, final, push, width, more)
+    bridged = not is_near(far, width, steep)
     _write_directions(numbers, x, size)
-    if bridge > 0.0 and steep:
+    if bridged and steep:
         along = wide = 0.0
     _write_tangent(numbers, push, along, wide, change)
-    if bridge > 0.0:
-        _stiffen(numbers, push * bridge)
+    if bridged:
+        for a in range(3):
+            for b in range(3):
+                numbers[TANGENT + 3 * a + b] += more[a, b]
     for a in range(3):
         last[LAST_SLIP + a], last[LAST_FORCE + a] = s[a], numbers[RATIO + a]
     for k in range(9):

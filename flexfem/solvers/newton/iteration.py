@@ -126,8 +126,6 @@ def iterate(
         change_of_forces = sizes[3]
         converged = size <= options.tolerance and moved.part == 1.0 and settled
         contraction = size / previous if previous > 0.0 else 0.0
-        for contacts in system.contacts:
-            contacts.watch(iteration, contraction)
         if observe is not None:
             observe(iteration, size, sizes[0], contraction, moved.part, strains)
         if converged:
