@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from flexfem._types import FloatArray
 from flexfem.case import load_case
@@ -143,3 +144,44 @@ def test_results_of_a_tape_spring_are_those_of_its_history() -> None:
     # kinetic energy that comes from nowhere
     assert found["energy_made"] == pytest.approx(0.1 / (0.03 * abs(whole)))
     assert found["steady_moment"] == pytest.approx(0.02994, rel=1e-3)
+
+
+def test_link_of_a_clamped_rod() -> None:
+    case = load_case("plectoneme")
+    writhe, twist = (case.build.__globals__[name] for name in ("writhe_of", "twist_of"))
+    flat = np.array([[-1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 2.0, 0.0], [-1.0, 1.0, 0.01],
+                     [1.0, 0.0, 0.01]])  # fmt: skip
+    # it crosses itself once, whichever way it is seen, right-handed; and left-handed
+    assert writhe(flat) == pytest.approx(1.0, abs=0.02)
+    assert writhe(flat * [1.0, 1.0, -1.0]) == pytest.approx(-writhe(flat), abs=1e-12)
+    tangled = np.cumsum(np.random.default_rng(3).normal(size=(30, 3)), axis=0)
+    tangled[-1, 0] = tangled[0, 0] + 10.0
+    axis = np.diff(tangled, axis=0, prepend=[tangled[0] - [1.0, 0.0, 0.0]],
+                   append=[tangled[-1] + [1.0, 0.0, 0.0]])  # fmt: skip
+    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
+    carried = Rotation.identity()
+    for one, after in pairwise(axis):
+        across = np.cross(one, after)
+        angle = math.atan2(np.linalg.norm(across), one @ after)
+        carried = Rotation.from_rotvec(angle * across / np.linalg.norm(across)) * carried
+    # what is carried along without twist ends as it began but for the part of a turn of the writhe;
+    # half or twice of it, or of the other sign, is no multiple
+    rest = writhe(tangled) - carried.as_rotvec()[0] / (2.0 * math.pi)
+    assert abs(rest - round(rest)) < 1e-6
+    bent = Rotation.from_rotvec(np.outer(np.linspace(0.0, 2.0, 41), [0.0, 0.0, 1.0]))
+    turned = Rotation.from_rotvec(np.outer(np.linspace(0.0, 12.0, 41), [1.0, 0.0, 0.0]))
+    # bending in the plane adds none, 2e-4 by steps of 0.3 rad
+    assert twist((bent * turned).as_matrix()) == pytest.approx(6.0 / math.pi, rel=1e-3)
+
+
+def test_plectoneme_is_that_of_theory() -> None:
+    theory = load_case("plectoneme").build.__globals__["plectoneme"]
+    angle, bending, radius = 0.3, 2e-3, 4e-3
+    sine, double = math.sin(angle), math.cos(2.0 * angle)
+    tension = bending / radius**2 * sine**4 * (0.5 + 1.0 / double)
+    torque = 2.0 * bending / radius * sine**3 * math.cos(angle) / double
+    # another root of the cubic has no angle, or one beyond 45 degrees
+    assert theory(tension, bending, radius) == pytest.approx((angle, torque), rel=1e-9)
+    assert theory(-tension, bending, radius) == (0.0, 0.0)
+    with pytest.raises(ValueError, match=r"approach must be below the length, 1 m, got 1"):
+        built("plectoneme", approach=1.0)
