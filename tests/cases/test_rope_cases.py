@@ -156,22 +156,17 @@ def test_link_of_a_clamped_rod() -> None:
     assert writhe(flat * [1.0, 1.0, -1.0]) == pytest.approx(-writhe(flat), abs=1e-12)
     tangled = np.cumsum(np.random.default_rng(3).normal(size=(30, 3)), axis=0)
     tangled[-1, 0] = tangled[0, 0] + 10.0
-    axis = np.diff(tangled, axis=0, prepend=[tangled[0] - [1.0, 0.0, 0.0]],
-                   append=[tangled[-1] + [1.0, 0.0, 0.0]])  # fmt: skip
-    axis /= np.linalg.norm(axis, axis=1, keepdims=True)
-    carried = Rotation.identity()
-    for one, after in pairwise(axis):
-        across = np.cross(one, after)
-        angle = math.atan2(np.linalg.norm(across), one @ after)
-        carried = Rotation.from_rotvec(angle * across / np.linalg.norm(across)) * carried
-    # what is carried along without twist ends as it began but for the part of a turn of the writhe;
-    # half or twice of it, or of the other sign, is no multiple
-    rest = writhe(tangled) - carried.as_rotvec()[0] / (2.0 * math.pi)
+    frames = Rotation.random(30, random_state=3).as_matrix()
+    start, turned = (Rotation.from_rotvec([angle, 0.0, 0.0]).as_matrix() for angle in (0.0, 0.7))
+    frames[[0, -1]] = start, turned
+    # both together are the turn of the end and whole turns, however the rod lies between; half or
+    # twice of one of them, or one of the other sign, is no whole number
+    rest = writhe(tangled) + twist(tangled, frames) - 0.7 / (2.0 * math.pi)
+    assert abs(writhe(tangled)) > 0.1
     assert abs(rest - round(rest)) < 1e-6
-    bent = Rotation.from_rotvec(np.outer(np.linspace(0.0, 2.0, 41), [0.0, 0.0, 1.0]))
-    turned = Rotation.from_rotvec(np.outer(np.linspace(0.0, 12.0, 41), [1.0, 0.0, 0.0]))
-    # bending in the plane adds none, 2e-4 by steps of 0.3 rad
-    assert twist((bent * turned).as_matrix()) == pytest.approx(6.0 / math.pi, rel=1e-3)
+    along = np.column_stack([np.linspace(0.0, 1.0, 41), np.zeros((41, 2))])
+    turning = Rotation.from_rotvec(np.outer(np.linspace(0.0, -12.0, 41), [1.0, 0.0, 0.0]))
+    assert twist(along, turning.as_matrix()) == pytest.approx(-6.0 / math.pi, rel=1e-12)
 
 
 def test_plectoneme_is_that_of_theory() -> None:
