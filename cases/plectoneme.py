@@ -20,10 +20,11 @@ energy_balance`` (J).
 
 Expected: twist and writhe together are what the end has been turned by, their link (G. Calugareanu,
 1961; F. B. Fuller, 1971), at all times, as long as nothing passes through the rod: each passage
-would change the sum by two. The largest difference, ``link_error``, is a rounding whatever the
-mesh, as both are those of the chords between the nodes. In the plectoneme the strands lie on each
-other under the angle alpha to its axis. Tension T and moment M at the ends depend on this angle
-alone: with the bending stiffness EI and the distance 2r of the strands' axes,
+would change the sum by two (without contact there are three, and the rod unwinds). The largest
+difference, ``link_error``, is a rounding whatever the mesh, as both are those of the chords between
+the nodes. In the plectoneme the strands lie on each other under the angle alpha to its axis.
+Tension T and moment M at the ends depend on this angle alone: with the bending stiffness EI and the
+distance 2r of the strands' axes,
 
     T = EI/r^2 sin(alpha)^4 (1/2 + 1/cos(2 alpha))
     M = 2 EI/r sin(alpha)^3 cos(alpha)/cos(2 alpha)

@@ -48,7 +48,8 @@ def results(full: bool = True) -> list[Result]:
         # vertices and chords that touch each other bend the strands unevenly
         Result(name, "angle of the strands by their curvature, degrees", found["angle"], theory,
                angle, mesh, 3e-2),
-        # whatever the mesh; a passage of the rod through itself changes the sum by two
+        # whatever the mesh; a passage of the rod through itself changes the sum by two: without
+        # contact it is six
         Result(name, "largest difference of twist and writhe from the turns of the end", 0.0,
                "Calugareanu 1961", found["link_error"], mesh, 1e-6),
         # the loop falls on itself: damping is counted too much in steps of impacts
