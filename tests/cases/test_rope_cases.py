@@ -7,6 +7,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.spatial.transform import Rotation
 
 from flexfem._types import FloatArray
 from flexfem.case import load_case
@@ -143,3 +144,39 @@ def test_results_of_a_tape_spring_are_those_of_its_history() -> None:
     # kinetic energy that comes from nowhere
     assert found["energy_made"] == pytest.approx(0.1 / (0.03 * abs(whole)))
     assert found["steady_moment"] == pytest.approx(0.02994, rel=1e-3)
+
+
+def test_link_of_a_clamped_rod() -> None:
+    case = load_case("plectoneme")
+    writhe, twist = (case.build.__globals__[name] for name in ("writhe_of", "twist_of"))
+    flat = np.array([[-1.0, 0.0, 0.0], [1.0, 1.0, 0.0], [0.0, 2.0, 0.0], [-1.0, 1.0, 0.01],
+                     [1.0, 0.0, 0.01]])  # fmt: skip
+    # it crosses itself once, whichever way it is seen, right-handed; and left-handed
+    assert writhe(flat) == pytest.approx(1.0, abs=0.02)
+    assert writhe(flat * [1.0, 1.0, -1.0]) == pytest.approx(-writhe(flat), abs=1e-12)
+    tangled = np.cumsum(np.random.default_rng(3).normal(size=(30, 3)), axis=0)
+    tangled[-1, 0] = tangled[0, 0] + 10.0
+    frames = Rotation.random(30, random_state=3).as_matrix()
+    start, turned = (Rotation.from_rotvec([angle, 0.0, 0.0]).as_matrix() for angle in (0.0, 0.7))
+    frames[[0, -1]] = start, turned
+    # both together are the turn of the end and whole turns, however the rod lies between; half or
+    # twice of one of them, or one of the other sign, is no whole number
+    rest = writhe(tangled) + twist(tangled, frames) - 0.7 / (2.0 * math.pi)
+    assert abs(writhe(tangled)) > 0.1
+    assert abs(rest - round(rest)) < 1e-6
+    along = np.column_stack([np.linspace(0.0, 1.0, 41), np.zeros((41, 2))])
+    turning = Rotation.from_rotvec(np.outer(np.linspace(0.0, -12.0, 41), [1.0, 0.0, 0.0]))
+    assert twist(along, turning.as_matrix()) == pytest.approx(-6.0 / math.pi, rel=1e-12)
+
+
+def test_plectoneme_is_that_of_theory() -> None:
+    theory = load_case("plectoneme").build.__globals__["plectoneme"]
+    angle, bending, radius = 0.3, 2e-3, 4e-3
+    sine, double = math.sin(angle), math.cos(2.0 * angle)
+    tension = bending / radius**2 * sine**4 * (0.5 + 1.0 / double)
+    torque = 2.0 * bending / radius * sine**3 * math.cos(angle) / double
+    # another root of the cubic has no angle, or one beyond 45 degrees
+    assert theory(tension, bending, radius) == pytest.approx((angle, torque), rel=1e-9)
+    assert theory(-tension, bending, radius) == (0.0, 0.0)
+    with pytest.raises(ValueError, match=r"approach must be below the length, 1 m, got 1"):
+        built("plectoneme", approach=1.0)
