@@ -99,6 +99,21 @@ def test_way_to_stop_is_that_of_coulomb_at_all_scales():
     assert np.ptp(errors) < 1e-8
 
 
+@pytest.mark.parametrize(
+    ("angle", "size"), [(0.438, 1.66), (0.311, 1.86), (0.213, 2.08), (0.100, 1.98)]
+)
+def test_newton_ends_where_slip_turns_across_itself(angle, size):
+    """A push turns the slip of a block by almost a right angle beyond its reverse in one step."""
+    body = block(1.0, law(friction=0.3))
+    h = 1e-2
+    body.v[3:, 0] = h * GRAVITY
+    body.g[:2] = size * GRAVITY * np.array([-np.cos(angle), np.sin(angle)])
+    body.step(h)
+    assert np.min(body.losses) >= 0
+    # slopes towards a slip along the force alone lead from one side to the other for ever
+    assert body.iterations[-1] < 15
+
+
 def test_sliding_spheres_roll():
     ball = over_plane([[0.0, 0.0]], 0.1, 1e-4, 4e5, 1.0, law(friction=0.3))
     ball.v[3, 0], h = 1.0, 1e-2
