@@ -91,7 +91,7 @@ def _perturbed(s: SimpleNamespace, eps: float, u: list, rate: list, second: list
 
 
 @pytest.mark.three_ranks
-@pytest.mark.parametrize("damping", [0.0, 0.3])
+@pytest.mark.parametrize("damping", [pytest.param(0.0, marks=pytest.mark.slow), 0.3])
 def test_matrices_are_the_derivatives_of_the_residual(damping, rng):
     s = _setup(damping, rng)
     u, rate, second = s.random(1.0), s.random(1.0), s.random(1.0)

@@ -41,7 +41,9 @@ def relative(a, b):
 
 
 @pytest.fixture(
-    scope="module", params=KINDS, ids=lambda kind: f"{kind[0]}-{['planar', 'spatial'][kind[1]]}"
+    scope="module",
+    params=[pytest.param(kind, marks=pytest.mark.slow if kind[1] else ()) for kind in KINDS],
+    ids=lambda kind: f"{kind[0]}-{['planar', 'spatial'][kind[1]]}",
 )
 def pair(request):
     return MechanismEquations(eb.pair(*request.param, damping=0.01))
@@ -223,6 +225,7 @@ def rates_of_parameters(p, omega, epsilon):
     return pd, E @ epsilon - 0.25 * (omega @ omega) * p
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_element_equations_in_a_moving_frame(solid, rng):
     """m u'' + c u' + (k + k(eps) + k(omega)) u + q(eps) + q(omega) + m_O a_O - weight."""
@@ -281,6 +284,7 @@ def test_uniform_rotation_gives_nodal_centrifugal_forces(solid):
     np.testing.assert_allclose(total[0], -(omega**2) * mass * 0.25, rtol=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_beams_bend_twist_and_weigh_as_in_closed_form():
     """Cantilever under a tip load and its weight; solved in the elastic coordinates alone."""
@@ -308,6 +312,7 @@ def _sine(t):
     return 0.1 * np.sin(5.0 * t), 0.5 * np.cos(5.0 * t), -2.5 * np.sin(5.0 * t)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_prescribed_motion_and_revolute_joint_in_space(rng):
     """A driven frame, and a hinge whose axis follows the section of a beam."""

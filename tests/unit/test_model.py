@@ -138,6 +138,7 @@ def test_branching_beams_have_named_points():
     assert model.marker_place(Marker("tee", "foot")).node == 3
 
 
+@pytest.mark.slow
 def test_a_thousand_bodies_are_checked_quickly():
     """No loop over pairs of bodies, or over all bodies for each joint."""
     model = Model(mesh=build_mesh("chain", links=1000, elements=2))

@@ -149,6 +149,7 @@ def test_masses_of_shapes() -> None:
     np.testing.assert_allclose(box.size, [0.6 + 1.6, 0.8 + 1.2, 3.0], rtol=1e-14)
 
 
+@pytest.mark.slow
 def test_a_floating_body_has_the_mass_of_its_mesh() -> None:
     """A rod along x, rotated along y: m L^2/12 about its middle, half a length from its origin."""
     from tests.unit.reduction_bodies import LENGTH, NODES, SECTION, beam

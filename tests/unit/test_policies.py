@@ -171,6 +171,7 @@ def test_frozen_slider_crank_keeps_close_to_the_iterations_of_a_fresh_matrix():
     assert frozen["newton_iterations"] <= 1.15 * updated["newton_iterations"]
 
 
+@pytest.mark.slow
 def test_swinging_bar_of_stiff_modes_keeps_its_factors():
     """Its second steps are as large as the first, some tolerances, and the third are nothing."""
     from dolfinx import mesh

@@ -79,6 +79,7 @@ def test_sections_that_no_masses_have_are_refused() -> None:
         beam(1, section)
 
 
+@pytest.mark.slow
 @serial
 def test_inertia_of_moving_frames_is_that_of_the_nodes() -> None:
     """Coriolis, Euler and centrifugal matrices against the mass matrix of the mesh itself."""
@@ -126,6 +127,7 @@ def test_one_cell_of_a_beam_has_the_exact_stiffness() -> None:
     np.testing.assert_allclose(found, expected, rtol=SOLVED)
 
 
+@pytest.mark.slow
 @serial
 @pytest.mark.parametrize("kind", ["beam", "solid", "plane", "shell"])
 def test_six_motions_cost_nothing_and_move_the_surface_as_one(kind: str) -> None:

@@ -165,7 +165,7 @@ def hauled(t: float) -> float:
 
 @pytest.mark.slow_on_ranks
 @pytest.mark.serial
-@pytest.mark.parametrize("damping", [0.0, 40.0])
+@pytest.mark.parametrize("damping", [pytest.param(0.0, marks=pytest.mark.slow), 40.0])
 def test_a_load_swings_on_a_cable_that_is_hauled_in(damping: float) -> None:
     """Against the equations of a mass on an elastic pendulum of changing rest length.
 

@@ -37,6 +37,7 @@ def test_solid_rod_bends_as_the_beam_does(histories):
     assert solid["crank_angle"][-1] == pytest.approx(beam["crank_angle"][-1], rel=2e-3)
 
 
+@pytest.mark.slow
 def test_frames_agree(histories):
     """Small displacements are the same in all of them, up to squares."""
     pin, mean = histories["pin"], histories["mean"]

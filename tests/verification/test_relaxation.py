@@ -187,6 +187,7 @@ def test_contact_carries_the_weight() -> None:
             assert outcome.history[name][-1] == pytest.approx(static.history[name][-1], abs=error)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_all_dampings_find_the_same_equilibrium() -> None:
     """Three paths end in one place."""

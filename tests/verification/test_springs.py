@@ -29,6 +29,7 @@ def hanging(start: float, **spring: Any) -> ff.Model:
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_a_mass_falls_into_a_slack_cable_and_is_thrown_back() -> None:

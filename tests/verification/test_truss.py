@@ -117,6 +117,7 @@ def test_profiles_rank_as_published():
     assert off["linear"] > 3.0 * off["cosine"] > 3.3 * max(off["polynomial"], off["cycloid"])
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_latches_hold_a_driven_truss():
     options = ff.RunOptions(dt=0.05, t_end=22.0)
