@@ -148,19 +148,20 @@ class EnergyMeter:
         for part, cells in zip(system.parts, self._chosen.cells, strict=True):
             if part.elements is None:
                 continue
-            self._elastic.append((part.elements, part.block, cells.astype(np.float64)))
+            weights = cells.astype(np.float64)
+            self._elastic.append((part.elements, part.block, weights))
             if isinstance(part.elements, TimedElements):
-                self._growing.append((part.elements, part.block, cells.astype(np.float64)))
+                self._growing.append((part.elements, part.block, weights))
             if part.elements.viscous and rows.mean_forces:
                 assert isinstance(part.elements, SteppedElements)
-                self._stepped.append((part.elements, part.block, cells.astype(np.float64)))
+                self._stepped.append((part.elements, part.block, weights))
             elif part.elements.viscous:
                 at, own = part.elements.viscous_at
                 self._viscous.append((part.elements, part.block))
                 lengths.append(cells[at] * own)
             if isinstance(part.elements, StrainedElements) and part.elements.timed:
                 self._timed.append((part.elements, part.block))
-                timed.append(cells[part.elements.viscous_at[0]].astype(np.float64))
+                timed.append(weights[part.elements.viscous_at[0]])
         self._lengths, self._weights = np.concatenate(lengths), np.concatenate(timed)
         self._modal = [] if system.modal_dampers is None else [
             (own, own.products(self._chosen.cells[number]))
