@@ -186,6 +186,30 @@ def test_many_contacts_are_coupled_by_the_compliances_of_nodes(
 
 
 @pytest.mark.serial
+def test_the_ground_does_not_couple_what_lies_on_it(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The matrix of a heap's contacts would be full of zeros."""
+    found, couple = [], stiff_rows._Forces.couple
+    monkeypatch.setattr(
+        stiff_rows._Forces,
+        "couple",
+        lambda own, entries: (found.append(entries), couple(own, entries)),
+    )
+    ends = {f"rope{k}": [(0.0, 0.1 * k, 0.0056), (0.3, 0.1 * k, 0.0056)] for k in range(3)}
+    lines = {name: np.array(points) for name, points in ends.items()}
+    model = ff.Model("apart", mesh=ff.LineMesh.straight(lines, 5))
+    section = ff.Section.circle(0.01, ff.Material(1e7, 0.45, 1000.0))
+    model.add(*(ff.Beam(name, section, velocity=(0, 0, -0.5)) for name in lines))
+    model.add(ff.Contact("all", surfaces=ff.RigidPlane(ff.Ground())))
+    motion = Simulation(model, ff.RunOptions(dt=1e-3, t_end=1.0, quiet=True), MPI.COMM_SELF)
+    motion.advance(1e-3)
+    rows, columns, _ = found[-1]
+    count = rows.max() + 1
+    assert count >= 15
+    # of a node with itself and four on each side, not with all
+    assert len(set(zip(rows.tolist(), columns.tolist(), strict=True))) <= 9 * count < count**2
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("dense", [0, 2])
 @pytest.mark.parametrize("coupling", [[[1.0, 1.0], [1.0, 1.0]], [[-1.0, 0.0], [0.0, 1.0]]])
 def test_springs_with_wild_couplings_end_no_run(coupling, dense, monkeypatch):

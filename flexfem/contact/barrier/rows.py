@@ -60,6 +60,9 @@ class GroupRows:
         ]
         points, rows, vectors = (np.concatenate(parts) for parts in zip(*found, strict=True))
         points, rows, vectors = _of_nodes(self._carriers.serial, points, rows, vectors)
+        # what cannot move, such as the ground, would join all rows that touch it
+        moves = self._compliances.any(axis=1)[points]
+        points, rows, vectors = points[moves], rows[moves], vectors[moves]
         order = np.argsort(points, kind="stable")
         given = points[order], rows[order], vectors[order], self._compliances
         out = _triplets(couple(*given, _triplets(0)))
