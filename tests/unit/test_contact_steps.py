@@ -6,7 +6,7 @@ import pytest
 from flexfem.contact.primitives.barrier import slope
 from flexfem.contact.primitives.candidates import Motion
 from flexfem.contact.primitives.ccd import safe_part
-from flexfem.contact.primitives.data import GAP, POTENTIAL, SLOPE, TURN, Kind
+from flexfem.contact.primitives.data import GAP, MIXED, POTENTIAL, SLOPE, TURN, Kind
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.primitives.search import find_pairs
 from flexfem.contact.primitives.steps import turn_forces
@@ -75,12 +75,12 @@ def test_sliding_over_a_flat_surface_has_no_friction_and_the_whole_force():
     pairs, x0, x1 = over(points, triangles, before, after)
     forces, _ = of_step(pairs, x0, x1)
     wanted = [-called(slope)(z - 0.02, 0.15, 1e4) for z in before[:, 2]]
-    far = np.linalg.norm(after - before, axis=1) > 0.5 * before[:, 2]
-    assert far.sum() > 40
+    far = np.linalg.norm(after - before, axis=1) > 3.0 * before[:, 2]
+    assert far.sum() > 30
     # with forces of single pairs the whole is a tenth of it, and has components along the surface
     np.testing.assert_allclose(forces[-50:, 2][far], np.array(wanted)[far], rtol=1e-10)
     assert np.abs(forces[-50:, :2][far]).max() < 1e-10 * max(wanted)
-    np.testing.assert_allclose(forces[-50:, 2], wanted, rtol=0.02)  # forces of single pairs
+    np.testing.assert_allclose(forces[-50:, 2], wanted, rtol=0.15)  # mixed with those of pairs
     after[:, 2] += rng.uniform(-0.03, 0.03, 50)
     pairs, x0, x1 = over(points, triangles, before, after)
     forces, _ = of_step(pairs, x0, x1)
@@ -151,6 +151,36 @@ def test_the_whole_derivative_is_that_of_the_forces(kind):
         errors.append(np.abs(action - wanted).max() / np.abs(wanted).max())
     assert len(errors) > 5
     # differences; without the way of closest points, or along the mean line alone, 1e-2 to 1
+    assert np.quantile(errors, 0.9) < 1e-7
+
+
+def test_the_whole_derivative_of_mixed_forces_couples_the_pairs_of_a_group():
+    """Vertices that slide over several triangles of a curved surface, and turn while they do."""
+
+    def height(x, y):
+        return 0.1 * np.sin(4 * x) * np.cos(3 * y)
+
+    points, triangles = grid(9, 7, height=height)
+    rng, errors, share = RNG(5), [], []
+    for number in range(40):
+        at = rng.uniform(0.3, 0.7, 2)
+        before = np.append(at, height(*at) + rng.uniform(0.08, 0.12))[None]
+        after = before + 0.006 * number * np.array([[1.0, 0.6, 0.1]]) - [0.0, 0.0, 0.02]
+        pairs, x0, x1 = over(points, triangles, before, after)
+        x1[:-1, 2] += 0.02 * x0[:-1, 0] ** 2
+        _, response = of_step(pairs, x0, x1)
+        if not (response.whole[: response.count[0]] == 3).all():
+            continue  # closest points slide too little
+        share.append(response.numbers[0, MIXED])
+        steps, h, action = rng.uniform(-1.0, 1.0, x0.shape), 1e-7, np.zeros_like(x0)
+        turn_forces(pairs.memory, x0, x1, response.memory)
+        add_actions(pairs.memory, response.memory, 1.0, steps, action)
+        ends = [of_step(pairs, x0, x1 + sign * h * steps)[0] for sign in (-1.0, 1.0)]
+        wanted = (ends[0] - ends[1]) / (2.0 * h)
+        errors.append(np.abs(action - wanted).max() / np.abs(wanted).max())
+    assert len(errors) > 30
+    assert 20 < share.count(1.0) < len(share) - 5  # and some that are mixed with those of pairs
+    # differences; without what the group has in common 1e-1, without the change of the share 1e-3
     assert np.quantile(errors, 0.9) < 1e-7
 
 

@@ -11,12 +11,16 @@ from flexfem.kernels.records import Float1D, Float2D, Int1D, Int2D, Record
 
 __all__ = [
     "BEND",
+    "COMMON",
     "CROSSING_EDGE_VERTEX",
     "CROSSING_VERTICES",
+    "DERIVATIVE",
     "EDGE_EDGE",
     "FIELDS",
+    "FORM",
     "GAP",
     "LINE",
+    "MIXED",
     "NORMAL",
     "POTENTIAL",
     "SLOPE",
@@ -81,8 +85,21 @@ BEND = 10
 TURN = 11
 #: For steps: 4 weights and 3 components of the mean line.
 LINE = 11
+#: For steps, of mixed forces: share of the middle's forces, theta, share of the pair's own; work
+#: that is lacking, J, sum of squares, J^2/m^2, change of the barrier, J/m^2; derivatives of the
+#: share by these three and by the way along the primitives over the distance, 0 for those of other
+#: pairs than the one on which it depends.
+MIXED = 18
 #: Numbers of a pair that acts.
-FIELDS = 25
+FIELDS = 28
+
+# Numbers of the derivative of a pair's forces over a step, after its block of 144:
+#: how they change with two factors that the pairs of a group have in common, twice 12 numbers, N
+COMMON = 144
+#: minus the derivatives of these factors by the points of the pair, twice 12 numbers, 1/m
+FORM = 168
+#: all of them
+DERIVATIVE = 192
 
 
 class Pairs(Record):
@@ -125,9 +142,12 @@ class Response(Record):
         pairs: Their numbers, shape (m,).
         numbers: Weights, normal, gap, potential and tangent, shape (m, FIELDS).
         forces: Forces on the points, shape (m, 3 q), newtons.
-        whole: For steps of cells: 2 where the force is along a mean line, and 1 where its whole
-            derivative is in ``blocks``, shape (m,).
-        blocks: Minus these derivatives by the points at the end, shape (m, 144), N/m.
+        whole: For steps of cells: 2 where the force is along a mean line, 3 where it is mixed with
+            others of its group, and 1 where its whole derivative is in ``blocks``, shape (m,).
+        shared: Number of pairs of a group of mixed forces, at the first of them, and 0 elsewhere,
+            shape (m,).
+        blocks: Minus these derivatives by the points at the end, N/m, then those of what the group
+            has in common, shape (m, DERIVATIVE).
     """
 
     count: Int1D
@@ -135,6 +155,7 @@ class Response(Record):
     numbers: Float2D
     forces: Float2D
     whole: Int1D
+    shared: Int1D
     blocks: Float2D
 
     @classmethod
@@ -144,7 +165,8 @@ class Response(Record):
             count=np.zeros(1, np.int64), pairs=np.empty(pairs.count, np.int64),
             numbers=np.empty((pairs.count, numbers)), forces=np.empty((pairs.count,
             3 * pairs.points.shape[1])), whole=np.zeros(pairs.count, np.int64),
-            blocks=np.empty((pairs.count if pairs.points.shape[1] == 4 else 0, 144)),
+            shared=np.zeros(pairs.count, np.int64),
+            blocks=np.empty((pairs.count if pairs.points.shape[1] == 4 else 0, DERIVATIVE)),
         )  # fmt: skip
 
     def rows(self) -> tuple[IntArray, FloatArray, FloatArray]:

@@ -10,6 +10,11 @@ four points) changes with the end of the step
 - by the weights w = w0 + a (w1 - w0), as the closest points w1 of the end move (``turning``), and
   with the part a, whose equation 2 r . sum w_i dx_i = D1^2 - D0^2 is differentiated as well.
 
+Mixed forces of a group (see ``steps``) are s (M - c L / S F) + (1 - s) F, with those M of the
+middle, the change c of the barrier, the lacking work L and the sum S of weighted squares of c. They
+change with M, by half the Hessian of the middle, with F, and with c; L / S and the share s are the
+same for all pairs of the group.
+
 It is not symmetric, as forces of discrete derivatives are: where bodies slide past each other
 within a step, forces are along the mean line, and depend on the distance at its end.
 """
@@ -17,13 +22,15 @@ within a step, forces are along the mean line, and depend on the distance at its
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.contact.primitives.barrier import barrier, quotient, secant
+from flexfem.contact.primitives.barrier import barrier, quotient, secant, slope
 from flexfem.contact.primitives.closest import closest, place
-from flexfem.contact.primitives.data import Pairs, regularisation
+from flexfem.contact.primitives.data import COMMON, FORM, LINE, MIXED, Pairs, regularisation
+from flexfem.contact.primitives.statics import respond_at_rest
+from flexfem.contact.primitives.tangents import write_tangent
 from flexfem.contact.primitives.turning import write_turn
 from flexfem.kernels.compiled import inlined, subroutine
 
-__all__ = ["WORK", "write_block"]
+__all__ = ["WORK", "mix_block", "write_block"]
 
 #: Part of its terms below which the derivative of the equation for ``a`` is round-off.
 _SMALL = 1e-6
@@ -113,7 +120,7 @@ def _write_form(turn: FloatArray, work: FloatArray) -> None:
 def write_block(
     own: Pairs, p: int, before: FloatArray, after: FloatArray, line: FloatArray, x: FloatArray,
     work: FloatArray, block: FloatArray,
-) -> None:  # fmt: skip
+) -> float:  # fmt: skip
     """Write minus the derivative (144,) of the forces of a pair by the end of its points.
 
     Args:
@@ -125,24 +132,28 @@ def write_block(
         x: work space (4, 3).
         work: work space of the shape ``WORK``.
         block: result, N/m.
+
+    Returns:
+        The factor f of the forces, N/m.
     """
     d0, d1 = _place_ends(own, p, before, after, x, work)
     touch, dhat, kappa, weight = own.touch[p], own.dhat[p], own.kappa[p], own.weight[p]
     g0, g1, mean = d0 - touch, d1 - touch, 0.5 * (d0 + d1)
     change = barrier(g1, dhat, kappa) - barrier(g0, dhat, kappa)
     factor = -weight * quotient(g0, g1, change, dhat, kappa) / mean
-    slope = -weight * secant(g0, g1, change, dhat, kappa) / mean - 0.5 * factor / mean
+    steepness = -weight * secant(g0, g1, change, dhat, kappa) / mean - 0.5 * factor / mean
     part, r, way = _part_of(line, work), work[_R], work[_WAY]
     _sum(line, work[_MIDDLE], r)
     _sum(line, work[_STEP], way)
     for i in range(4):
         for a in range(3):
-            along = slope * line[i] * r[a] / d1
+            along = steepness * line[i] * r[a] / d1
             for k in range(12):
                 block[12 * (3 * i + a) + k] = -along * work[_W1, k // 3] * work[_R1, k % 3]
             for j in range(4):
                 block[12 * (3 * i + a) + 3 * j + a] -= 0.5 * factor * line[i] * line[j]
     _add_slides(line, part, factor, work, block)
+    return float(factor)
 
 
 @inlined
@@ -172,3 +183,83 @@ def _add_slides(
     size += np.sqrt(_dot(moved, moved) * _dot(way, way))
     if abs(steep) > _SMALL * size:
         _add_product(slid, moved, line, r, slides, -factor / steep, block)
+
+
+@subroutine
+def mix_block(
+    own: Pairs, p: int, numbers: FloatArray, factor: float, x: FloatArray, work: FloatArray,
+    w: FloatArray, still: FloatArray, v: FloatArray, tangent: FloatArray, block: FloatArray,
+) -> None:  # fmt: skip
+    """Make the derivative of a pair's forces that of mixed ones, with what its group has in common.
+
+    Args:
+        own: the pairs.
+        p: number of the pair.
+        numbers: those of its response (FIELDS,).
+        factor: of the forces along the mean line, N/m.
+        x: work space (4, 3).
+        work: as ``write_block`` leaves it.
+        w: work space (2, 4).
+        still: work space (FIELDS,).
+        v: work space (3, 12).
+        tangent: work space (144,).
+        block: derivative (DERIVATIVE,) that is changed.
+    """
+    share, theta, alone, lack, squares = numbers[MIXED : MIXED + 5]
+    by_lack, by_squares, by_change, by_slid = numbers[MIXED + 6 : MIXED + 10]
+    change, weight = numbers[MIXED + 5], own.weight[p]
+    line, r, end, forces = numbers[LINE : LINE + 4], work[_R], work[_FORM], work[_PART]
+    distance = np.sqrt(_dot(work[_R1], work[_R1]))
+    push = slope(distance - own.touch[p], own.dhat[p], own.kappa[p])
+    for q in range(12):
+        end[q] = push * work[_W1, q // 3] * work[_R1, q % 3] / distance
+        x[q // 3, q % 3], forces[q] = work[_MIDDLE, q], 0.0
+    acts = respond_at_rest(own, p, x, w[0], w[1, :3], still, forces)
+    if acts:
+        write_tangent(still, v, tangent)
+    else:
+        tangent[:] = 0.0
+    # of the factor -L / S of the change, then of the share
+    ratio = lack / squares if squares != 0.0 else 0.0
+    whole = share / squares if squares != 0.0 else 0.0
+    for q in range(12):
+        along, done = factor * line[q // 3] * r[q % 3], -forces[q]
+        for k in range(12):
+            block[12 * q + k] *= theta * change + alone
+            block[12 * q + k] += 0.5 * share * tangent[12 * q + k] - theta * along * end[k]
+            done += 0.5 * tangent[12 * q + k] * work[_STEP, k]
+        lacks, squared = done - weight * end[q], 2.0 * weight * change * end[q]
+        block[COMMON + q] = change * along
+        block[COMMON + 12 + q] = forces[q] - (ratio * change + 1.0) * along
+        block[FORM + q] = whole * (lacks - ratio * squared)
+        block[FORM + 12 + q] = -by_lack * lacks - by_squares * squared - by_change * end[q]
+    if by_slid != 0.0:
+        _add_slid(-by_slid, distance, work, block[FORM + 12 :])
+
+
+@inlined
+def _add_slid(factor: float, distance: float, work: FloatArray, out: FloatArray) -> None:
+    """Add how the way of the closest points over the less distance changes with the end.
+
+    Args:
+        factor: of the change.
+        distance: that at the end, m.
+        work: as ``write_block`` leaves it.
+        out: result (12,).
+    """
+    slid, way, moved = work[_SLID], work[_WAY], work[_MOVED]
+    start = np.sqrt(_dot(work[_R0], work[_R0]))
+    _sum(slid, work[_MIDDLE], way)
+    size, least = np.sqrt(_dot(way, way)), min(start, distance)
+    for k in range(12):
+        out[k] += factor * 0.5 * slid[k // 3] * way[k % 3] / (size * least)
+        if distance < start:
+            along = work[_W1, k // 3] * work[_R1, k % 3] / distance
+            out[k] -= factor * size / least**2 * along
+    for m in range(2):
+        turn = work[_TURN, 7 * m : 7 * m + 7]
+        _sum(turn, work[_MIDDLE], moved)
+        turned = factor * _dot(moved, way) / (size * least)
+        _write_form(turn, work)
+        for k in range(12):
+            out[k] -= turned * work[_FORM, k]

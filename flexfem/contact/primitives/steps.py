@@ -10,8 +10,8 @@ the contact, although its work is exact. A group of pairs hence has the forces
     F = -dU/dX at the middle positions + theta sum_j (b1_j - b0_j) F_j
 
 in such steps, where theta makes the work exact (the smallest such change, as in Gonzalez, Time
-integration and discrete Hamiltonian systems, 1996). Where the change would be large, as the middle
-says little of the step, sum_j F_j take its place gradually.
+integration and discrete Hamiltonian systems, 1996), so that pairs depend on each other. Where the
+change would be large, as the middle says little of the step, sum_j F_j take its place gradually.
 """
 
 import numpy as np
@@ -21,8 +21,10 @@ from flexfem.contact.primitives.barrier import barrier, curvature, quotient, sec
 from flexfem.contact.primitives.closest import apart, closest, place
 from flexfem.contact.primitives.data import (
     BEND,
+    FIELDS,
     GAP,
     LINE,
+    MIXED,
     NORMAL,
     POTENTIAL,
     SLOPE,
@@ -32,7 +34,7 @@ from flexfem.contact.primitives.data import (
     regularisation,
 )
 from flexfem.contact.primitives.mean_lines import mean_line
-from flexfem.contact.primitives.step_tangents import WORK, write_block
+from flexfem.contact.primitives.step_tangents import WORK, mix_block, write_block
 from flexfem.kernels.compiled import inlined, kernel
 from flexfem.kernels.records import Memory, unpack
 
@@ -43,7 +45,7 @@ __all__ = ["forces_of_step", "turn_forces"]
 _MOST = 4.0
 #: Way of closest points along the primitives, in parts of the distance, up to which the forces of a
 #: group are those of single pairs; from twice as far on they are those of the middle.
-_SHORT = 0.25
+_SHORT = 0.5
 #: Slopes of groups follow the difference quotient within these bounds.
 _LEAST_RATIO, _MOST_RATIO = 1e-9, 10.0
 #: Approach, in parts of dhat, below which the difference quotient says little of the slope.
@@ -76,7 +78,7 @@ def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, respons
     starts, count, longest = own.starts, 0, 1
     for g in range(len(starts) - 1):
         longest = max(longest, starts[g + 1] - starts[g])
-    work = np.empty((longest, _WORK))
+    work, mixed = np.empty((longest, _WORK)), np.empty(10)
     x, w, r = np.empty((3, 4, 3)), np.empty((3, 4)), np.empty((3, 3))
     for g in range(len(starts) - 1):
         first, alone = count, starts[g + 1] - starts[g] == 1
@@ -91,7 +93,7 @@ def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, respons
                 nearest = min(nearest, gaps[c])
             if nearest < dhat:
                 _write_pair(own, p, gaps, x, w, out.numbers[count])
-                out.whole[count] = 2 if alone else 0
+                out.whole[count], out.shared[count] = 2, 0
                 if alone:
                     _finish_one(own, p, gaps, out.numbers[count], out.forces[count])
                 else:
@@ -99,23 +101,27 @@ def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, respons
                 out.pairs[count] = p
                 count += 1
         if not alone and count > first:
-            _finish_group(own, work, out, first, count)
+            _finish_group(own, work, out, first, count, mixed)
     out.count[0] = count
 
 
 @kernel
 def turn_forces(pairs: Memory, before: FloatArray, after: FloatArray, response: Memory) -> None:
-    """Write the whole derivatives of forces along mean lines (``step_tangents``).
+    """Write the whole derivatives of the forces (``step_tangents``).
 
     Newton's method needs them near a solution; far from it forces are too large.
     """
     own, out = unpack(Pairs, pairs), unpack(Response, response)
     x, work = np.empty((4, 3)), np.empty(WORK)
+    w, still, v, tangent = np.empty((2, 4)), np.empty(FIELDS), np.empty((3, 12)), np.empty(144)
     for k in range(out.count[0]):
-        if out.whole[k] == 2:
-            line, block = out.numbers[k, LINE : LINE + 4], out.blocks[k]
-            write_block(own, out.pairs[k], before, after, line, x, work, block)
-            out.whole[k] = 1
+        if out.whole[k] == 0:
+            continue
+        line, block, p = out.numbers[k, LINE : LINE + 4], out.blocks[k], out.pairs[k]
+        factor = write_block(own, p, before, after, line, x, work, block)
+        if out.whole[k] == 3:
+            mix_block(own, p, out.numbers[k], factor, x, work, w, still, v, tangent, block)
+        out.whole[k] = 1
 
 
 @inlined
@@ -195,40 +201,56 @@ def _finish_one(
 
 @inlined
 def _mixture(
-    own: Pairs, work: FloatArray, out: Response, first: int, end: int
-) -> tuple[float, float, float]:
-    """Factors of the middle's forces, of the corrections, and of the pairs' own, that do the work.
+    own: Pairs, work: FloatArray, out: Response, first: int, end: int, mixed: FloatArray
+) -> tuple[int, int]:
+    """Write how the forces of a group are mixed, see ``MIXED``.
 
-    The last ones take the place of the others where closest points slide little, or where the
+    Those of the pairs take the place of the others where closest points slide little, or where the
     correction would be large.
+
+    Returns:
+        The pair whose barrier changes most, and that which slides most.
     """
     lack = squares = largest = size = slid = 0.0
-    touching = False
+    touching, changes, slides = False, first, first
     for k in range(first, end):
         gaps, weight = work[k - first], own.weight[out.pairs[k]]
         change, done = gaps[_CHANGE], gaps[_PUSH] * gaps[_WAY]
         lack += weight * (done - change)
         squares += weight * change * change
-        largest = max(largest, abs(change))
+        if abs(change) > largest:
+            largest, changes = abs(change), k
         size += abs(weight * change) + abs(weight * done)
-        slid = max(slid, gaps[_SLID])
+        if gaps[_SLID] > slid:
+            slid, slides = gaps[_SLID], k
         touching = touching or gaps[_MIDDLE] <= 0.0
-    if touching:
-        return 0.0, 0.0, 1.0
-    sliding = min(max(slid / _SHORT - 1.0, 0.0), 1.0)
-    if abs(lack) <= 1e-14 * size:
-        return sliding, 0.0, 1.0 - sliding
-    most = abs(lack) * largest
-    if most >= _MOST * abs(squares):
-        return 0.0, 0.0, 1.0
-    share = sliding * min(2.0 - 2.0 * most / (_MOST * abs(squares)), 1.0)
-    return share, -share * lack / squares, 1.0 - share
+    sliding, correction = min(max(slid / _SHORT - 1.0, 0.0), 1.0), 0.0
+    if abs(lack) > 1e-14 * size:
+        correction = abs(lack) * largest / (_MOST * abs(squares))
+    mixed[:] = 0.0
+    if touching or not correction < 1.0:
+        mixed[2] = 1.0
+        return changes, slides
+    fitting = min(2.0 - 2.0 * correction, 1.0)
+    share = mixed[0] = sliding * fitting
+    mixed[2] = 1.0 - share
+    if correction > 0.0:
+        mixed[1], mixed[3], mixed[4] = -share * lack / squares, lack, squares
+    if correction > 0.5:
+        steep = 2.0 * sliding * correction
+        mixed[6], mixed[7], mixed[8] = -steep / lack, steep / squares, -steep / largest
+    if sliding < 1.0:
+        mixed[9] = fitting / _SHORT
+    return changes, slides
 
 
 @inlined
-def _finish_group(own: Pairs, work: FloatArray, out: Response, first: int, end: int) -> None:
+def _finish_group(
+    own: Pairs, work: FloatArray, out: Response, first: int, end: int, mixed: FloatArray
+) -> None:
     """Write the forces and tangents of the pairs of a group."""
-    middle, theta, alone = _mixture(own, work, out, first, end)
+    changes, slides = _mixture(own, work, out, first, end, mixed)
+    middle, theta, alone = mixed[0], mixed[1], mixed[2]
     nearest, ends = np.inf, np.inf
     for k in range(first, end):
         numbers, gaps = out.numbers[k], work[k - first]
@@ -242,10 +264,17 @@ def _finish_group(own: Pairs, work: FloatArray, out: Response, first: int, end: 
                 )
         nearest, ends = min(nearest, gaps[_MIDDLE]), min(ends, gaps[_BEFORE], gaps[_AFTER])
         if middle == 0.0:
-            out.whole[k] = 2
             _write_tangent(own, out.pairs[k], gaps, numbers)
+            continue
+        out.whole[k] = 3
+        for i in range(10):
+            numbers[MIXED + i] = mixed[i]
+        numbers[MIXED + 5] = gaps[_CHANGE]
+        numbers[MIXED + 8] *= np.sign(gaps[_CHANGE]) if k == changes else 0.0
+        numbers[MIXED + 9] *= 1.0 if k == slides else 0.0
     if middle == 0.0:
         return
+    out.shared[first] = end - first
     closer = nearest - ends if nearest > ends or nearest <= 0.0 else 0.0
     _write_slopes(own, work, out, first, end, closer)
 

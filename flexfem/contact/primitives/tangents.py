@@ -8,7 +8,8 @@ The tangent of a pair is
 k the slope, n the normal, c the force over the distance, and v_m the changes of the closest points
 (``turning``). It is the Hessian of the potential for equilibria. For steps k is the slope of the
 difference quotient, and c = 0; near a solution the whole derivative takes its place, see
-``steps.turn_forces``.
+``steps.turn_forces``. That of a group of pairs which slide couples them: it has, beside a block of
+each pair, products of a vector of forces and a form of all.
 """
 
 import numpy as np
@@ -16,6 +17,8 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.primitives.data import (
     BEND,
+    COMMON,
+    FORM,
     NORMAL,
     POTENTIAL,
     SLOPE,
@@ -24,10 +27,10 @@ from flexfem.contact.primitives.data import (
     Pairs,
     Response,
 )
-from flexfem.kernels.compiled import inlined, kernel
+from flexfem.kernels.compiled import inlined, kernel, subroutine
 from flexfem.kernels.records import Memory, unpack
 
-__all__ = ["add_actions", "add_forces", "blocks_into", "potential"]
+__all__ = ["add_actions", "add_forces", "blocks_into", "potential", "write_tangent"]
 
 
 @kernel
@@ -76,6 +79,24 @@ def _add_whole(
         sums[rows[p // 3], p % 3] += scale * change
 
 
+@inlined
+def _add_shared(
+    pairs: Pairs, own: Response, first: int, scale: float, steps: FloatArray, sums: FloatArray
+) -> None:
+    """Add what the factors do that the pairs of a group have in common."""
+    one = other = 0.0
+    for k in range(first, first + own.shared[first]):
+        rows, forms = pairs.points[own.pairs[k]], own.blocks[k, FORM:]
+        for q in range(12):
+            step = steps[rows[q // 3], q % 3]
+            one += forms[q] * step
+            other += forms[12 + q] * step
+    for k in range(first, first + own.shared[first]):
+        rows, common = pairs.points[own.pairs[k]], own.blocks[k, COMMON:]
+        for q in range(12):
+            sums[rows[q // 3], q % 3] += scale * (one * common[q] + other * common[12 + q])
+
+
 @kernel
 def add_actions(
     pairs: Memory, response: Memory, scale: float, steps: FloatArray, sums: FloatArray
@@ -87,6 +108,8 @@ def add_actions(
         numbers, rows = own.numbers[k], paired.points[own.pairs[k]]
         if own.whole[k] == 1:
             _add_whole(own.blocks[k], rows, scale, steps, sums)
+            if own.shared[k] > 0:
+                _add_shared(paired, own, k, scale, steps, sums)
             continue
         bend, approach = scale * numbers[BEND], 0.0
         for a in range(3):
@@ -114,29 +137,43 @@ def add_actions(
 
 @kernel
 def blocks_into(response: Memory, scale: float, blocks: FloatArray) -> None:
-    """Write ``scale`` times the tangents (c, 12, 12) of the pairs that act, by their points."""
+    """Write ``scale`` times the tangents (c, 12, 12) of the pairs that act, by their points.
+
+    What couples the pairs of a group is left out.
+    """
     own = unpack(Response, response)
-    g, v = np.empty(12), np.empty((2, 12))
+    block, v = np.empty(144), np.empty((3, 12))
     for k in range(own.count[0]):
-        numbers = own.numbers[k]
-        slope, bend = scale * numbers[SLOPE], scale * numbers[BEND]
-        if own.whole[k] == 1:
-            for p in range(144):
-                blocks[k, p // 12, p % 12] = scale * own.blocks[k, p]
-            continue
-        for i in range(4):
-            w = numbers[WEIGHTS + i]
-            for a in range(3):
-                n = numbers[NORMAL + a]
-                g[3 * i + a] = w * n
-                for m in range(2):
-                    at = TURN + 7 * m
-                    v[m, 3 * i + a] = numbers[at + i] * n + w * numbers[at + 4 + a]
-        for p in range(12):
-            for q in range(12):
-                value = slope * g[p] * g[q]
-                if bend != 0.0:
-                    value -= bend * (v[0, p] * v[0, q] + v[1, p] * v[1, q])
+        if own.whole[k] != 1:
+            write_tangent(own.numbers[k], v, block)
+        for p in range(144):
+            value = own.blocks[k, p] if own.whole[k] == 1 else block[p]
+            blocks[k, p // 12, p % 12] = scale * value
+
+
+@subroutine
+def write_tangent(numbers: FloatArray, v: FloatArray, block: FloatArray) -> None:
+    """Write the tangent (144,) of a pair that is not a whole derivative.
+
+    Args:
+        numbers: those of the pair (FIELDS,).
+        v: work space (3, 12).
+        block: result, N/m.
+    """
+    slope, bend = numbers[SLOPE], numbers[BEND]
+    for i in range(4):
+        w = numbers[WEIGHTS + i]
+        for a in range(3):
+            n = numbers[NORMAL + a]
+            v[2, 3 * i + a] = w * n
+            for m in range(2):
+                at = TURN + 7 * m
+                v[m, 3 * i + a] = numbers[at + i] * n + w * numbers[at + 4 + a]
+    for p in range(12):
+        for q in range(12):
+            value = slope * v[2, p] * v[2, q]
+            if bend != 0.0:
+                value -= bend * (v[0, p] * v[0, q] + v[1, p] * v[1, q])
                 if p % 3 == q % 3:
                     value += bend * numbers[WEIGHTS + p // 3] * numbers[WEIGHTS + q // 3]
-                blocks[k, p, q] = value
+            block[12 * p + q] = value
