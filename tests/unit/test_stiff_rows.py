@@ -221,6 +221,16 @@ def test_springs_with_wild_couplings_end_no_run(coupling, dense, monkeypatch):
     assert np.isfinite(made._direct(np.ones(2))).all()
 
 
+def test_weak_couplings_do_not_fill_the_factors_of_many_springs():
+    """Those of distant nodes, of which there are many."""
+    matrix = np.array([[1.0, 0.5, 5e-3], [0.5, 1.0, 0.0], [5e-3, 0.0, 1.0]])
+    i, j = np.divmod(np.arange(9), 3)
+    solve = stiff_rows._sparse(3, (i, j, matrix.ravel()))
+    np.testing.assert_array_equal(solve(np.array([0.0, 0.0, 1.0])), [0.0, 0.0, 1.0])
+    # those that matter are kept: without them it would be (1, 0, 0)
+    np.testing.assert_allclose(solve(np.array([1.0, 0.0, 0.0])), [4 / 3, -2 / 3, 0.0], rtol=1e-14)
+
+
 def test_directions_serve_the_next_iteration():
     """Other slopes, one spring less and one more: forces of the springs that are there, exactly."""
     rng = np.random.default_rng(3)

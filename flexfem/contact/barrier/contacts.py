@@ -37,7 +37,7 @@ __all__ = ["BarrierContacts"]
 #: Motion for which pairs are found: that of so many steps like the last one, and to all sides a
 #: part of the largest gap below which they repel, and of the way of the last step, or of that of
 #: the fastest point, which may hit another one.
-_STEPS, _SKIN, _ASIDE, _HIT = 8.0, 0.25, 2.0, 0.25
+_STEPS, _SKIN, _ASIDE, _HIT = 4.0, 0.25, 2.0, 0.25
 #: Largest way to all sides outside of motions, in parts of the largest edge of the cells.
 _NARROW = 0.25
 #: Part of the largest edge of the cells by which points move at most in one correction.

@@ -322,11 +322,13 @@ _ELASTIC = Law(
 @kernel
 def _way(pairs: Memory, before: FloatArray, after: FloatArray) -> float:
     """See :meth:`GroupedPairs.way`."""
-    own, largest = unpack(Pairs, pairs), 0.0
+    own, largest, ways = unpack(Pairs, pairs), 0.0, np.empty(len(before))
+    for i in range(len(before)):
+        square = 0.0
+        for a in range(3):
+            square += (after[i, a] - before[i, a]) ** 2
+        ways[i] = np.sqrt(square)
     for p in range(len(own.kind)):
         for i in range(own.points.shape[1]):
-            square = 0.0
-            for a in range(3):
-                square += (after[own.points[p, i], a] - before[own.points[p, i], a]) ** 2
-            largest = max(largest, np.sqrt(square) / own.dhat[p])
+            largest = max(largest, ways[own.points[p, i]] / own.dhat[p])
     return largest

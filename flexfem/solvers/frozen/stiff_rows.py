@@ -56,6 +56,9 @@ _MOST, _SOFT = 100, 20.0
 #: Number of springs on all ranks from which they are coupled by the compliances of nodes, and up to
 #: which the matrix of one rank is dense.
 _MANY, _DENSE = 8, 120
+#: Part of the largest couplings below which others are left out of a large matrix: those of distant
+#: nodes fill its factors, and cost more than the directions that they save.
+_WEAK = 1e-2
 #: Ratio of slopes up to which springs are alike.
 _LIKE = 3.0
 #: Relative error of the springs' forces: whether a stiff contact opens depends on small parts of
@@ -410,11 +413,12 @@ def _dense(size: int, entries: Triplets) -> Direct:
 
 
 def _sparse(size: int, entries: Triplets) -> Direct:
-    """Solve with a large one."""
+    """Solve with a large one, whose diagonal is 1, without weak couplings."""
     from scipy.sparse import coo_array
     from scipy.sparse.linalg import splu
 
-    i, j, values = entries
+    strong = np.abs(entries[2]) > _WEAK
+    i, j, values = (one[strong] for one in entries)
     matrix = coo_array((values, (i, j)), shape=(size, size)).tocsc()
     factors = splu(
         matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options={"SymmetricMode": True}
