@@ -78,7 +78,7 @@ def forces_of_step(pairs: Memory, before: FloatArray, after: FloatArray, respons
     starts, count, longest = own.starts, 0, 1
     for g in range(len(starts) - 1):
         longest = max(longest, starts[g + 1] - starts[g])
-    work, mixed = np.empty((longest, _WORK)), np.empty(10)
+    work, mixed = np.empty((longest, _WORK)), np.empty(FIELDS - MIXED)
     x, w, r = np.empty((3, 4, 3)), np.empty((3, 4)), np.empty((3, 3))
     for g in range(len(starts) - 1):
         first, alone = count, starts[g + 1] - starts[g] == 1
@@ -267,7 +267,7 @@ def _finish_group(
             _write_tangent(own, out.pairs[k], gaps, numbers)
             continue
         out.whole[k] = 3
-        for i in range(10):
+        for i in range(FIELDS - MIXED):
             numbers[MIXED + i] = mixed[i]
         numbers[MIXED + 5] = gaps[_CHANGE]
         numbers[MIXED + 8] *= np.sign(gaps[_CHANGE]) if k == changes else 0.0

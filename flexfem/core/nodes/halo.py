@@ -66,4 +66,7 @@ class HaloExchange:
         here = np.empty((len(self._mine), width))
         given, asked = self._counts
         self._comm.Alltoallv([values[self.foreign], width * asked], [here, width * given])
-        np.add.at(values, self._mine, here)
+        first = 0
+        for rows in self._given:  # each of them once: ``np.add.at`` takes 1.6 times as long
+            values[rows] += here[first : first + len(rows)]
+            first += len(rows)
