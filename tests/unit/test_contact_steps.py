@@ -131,6 +131,16 @@ def test_the_tangent_of_a_step_is_that_of_the_approach():
     np.testing.assert_allclose(tangent[-20:, 2], wanted[-20:, 2], rtol=1e-5)
 
 
+def error_of_the_derivative(pairs, x0, x1, response, steps, h):
+    """Error of the whole derivative of a response along steps, over that by differences of h."""
+    action = np.zeros_like(x0)
+    turn_forces(pairs.memory, x0, x1, response.memory)
+    add_actions(pairs.memory, response.memory, 1.0, steps, action)
+    ends = [of_step(pairs, x0, x1 + sign * h * steps)[0] for sign in (-1.0, 1.0)]
+    wanted = (ends[0] - ends[1]) / (2.0 * h)
+    return np.abs(action - wanted).max() / np.abs(wanted).max()
+
+
 @pytest.mark.parametrize("kind", list(Kind))
 def test_the_whole_derivative_is_that_of_the_forces(kind):
     """Of pairs that turn and slide within a step; closest points at ends of edges, too."""
@@ -141,14 +151,10 @@ def test_the_whole_derivative_is_that_of_the_forces(kind):
         x0[upper, 2] += 0.4
         x1 = x0 + rng.uniform(-0.25, 0.25, (4, 3))
         _, response = of_step(pairs, x0, x1)
-        steps, h, action = rng.uniform(-1.0, 1.0, (4, 3)), 1e-6, np.zeros((4, 3))
+        steps = rng.uniform(-1.0, 1.0, (4, 3))
         if response.count[0] == 0 or not response.numbers[0, GAP] > 0.02:
             continue
-        turn_forces(pairs.memory, x0, x1, response.memory)
-        add_actions(pairs.memory, response.memory, 1.0, steps, action)
-        ends = [of_step(pairs, x0, x1 + sign * h * steps)[0] for sign in (-1.0, 1.0)]
-        wanted = (ends[0] - ends[1]) / (2.0 * h)
-        errors.append(np.abs(action - wanted).max() / np.abs(wanted).max())
+        errors.append(error_of_the_derivative(pairs, x0, x1, response, steps, 1e-6))
     assert len(errors) > 5
     # differences; without the way of closest points, or along the mean line alone, 1e-2 to 1
     assert np.quantile(errors, 0.9) < 1e-7
@@ -172,15 +178,11 @@ def test_the_whole_derivative_of_mixed_forces_couples_the_pairs_of_a_group():
         if not (response.whole[: response.count[0]] == 3).all():
             continue  # closest points slide too little
         share.append(response.numbers[0, MIXED])
-        steps, h, action = rng.uniform(-1.0, 1.0, x0.shape), 1e-7, np.zeros_like(x0)
-        turn_forces(pairs.memory, x0, x1, response.memory)
-        add_actions(pairs.memory, response.memory, 1.0, steps, action)
-        ends = [of_step(pairs, x0, x1 + sign * h * steps)[0] for sign in (-1.0, 1.0)]
-        wanted = (ends[0] - ends[1]) / (2.0 * h)
-        errors.append(np.abs(action - wanted).max() / np.abs(wanted).max())
+        steps = rng.uniform(-1.0, 1.0, x0.shape)
+        errors.append(error_of_the_derivative(pairs, x0, x1, response, steps, 1e-7))
     assert len(errors) > 30
     assert 20 < share.count(1.0) < len(share) - 5  # and some that are mixed with those of pairs
-    # differences; without what the group has in common 1e-1, without the change of the share 1e-3
+    # differences; without what the group has in common 1, without the change of the share 1e-3
     assert np.quantile(errors, 0.9) < 1e-7
 
 
