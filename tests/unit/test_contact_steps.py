@@ -81,6 +81,10 @@ def test_sliding_over_a_flat_surface_has_no_friction_and_the_whole_force():
     np.testing.assert_allclose(forces[-50:, 2][far], np.array(wanted)[far], rtol=1e-10)
     assert np.abs(forces[-50:, :2][far]).max() < 1e-10 * max(wanted)
     np.testing.assert_allclose(forces[-50:, 2], wanted, rtol=0.15)  # mixed with those of pairs
+    near = before.copy()
+    near[:, 0] += rng.uniform(-0.5, 0.5, 50) * before[:, 2]
+    forces, _ = of_step(*over(points, triangles, before, near))
+    np.testing.assert_allclose(forces[-50:, 2], wanted, rtol=0.02)  # forces of single pairs
     after[:, 2] += rng.uniform(-0.03, 0.03, 50)
     pairs, x0, x1 = over(points, triangles, before, after)
     forces, _ = of_step(pairs, x0, x1)

@@ -85,13 +85,13 @@ BEND = 10
 TURN = 11
 #: For steps: 4 weights and 3 components of the mean line.
 LINE = 11
-#: For steps, of mixed forces: share of the middle's forces, theta, share of the pair's own; work
-#: that is lacking, J, sum of squares, J^2/m^2, change of the barrier, J/m^2; derivatives of the
-#: share by these three and by the way along the primitives over the distance, 0 for those of other
-#: pairs than the one on which it depends.
+#: For steps, of mixed forces: share of the middle's forces; lacking work over the sum of squares,
+#: m^2/J, that sum, J^2/m^2, change of the barrier, J/m^2; derivatives of the share by the lacking
+#: work, the sum, the change, and the way along the primitives over the distance, the last two 0 for
+#: those of other pairs than the one on which it depends.
 MIXED = 18
 #: Numbers of a pair that acts.
-FIELDS = 28
+FIELDS = 26
 
 # Numbers of the derivative of a pair's forces over a step, after its block of 144:
 #: how they change with two factors that the pairs of a group have in common, twice 12 numbers, N

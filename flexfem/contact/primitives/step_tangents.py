@@ -205,9 +205,9 @@ def mix_block(
         tangent: work space (144,).
         block: derivative (DERIVATIVE,) that is changed.
     """
-    share, theta, alone, lack, squares = numbers[MIXED : MIXED + 5]
-    by_lack, by_squares, by_change, by_slid = numbers[MIXED + 6 : MIXED + 10]
-    change, weight = numbers[MIXED + 5], own.weight[p]
+    share, ratio, squares, change = numbers[MIXED : MIXED + 4]
+    by_lack, by_squares, by_change, by_slid = numbers[MIXED + 4 : MIXED + 8]
+    weight = own.weight[p]
     line, r, end, forces = numbers[LINE : LINE + 4], work[_R], work[_FORM], work[_PART]
     distance = np.sqrt(_dot(work[_R1], work[_R1]))
     push = slope(distance - own.touch[p], own.dhat[p], own.kappa[p])
@@ -220,18 +220,18 @@ def mix_block(
     else:
         tangent[:] = 0.0
     # of the factor -L / S of the change, then of the share
-    ratio = lack / squares if squares != 0.0 else 0.0
-    whole = share / squares if squares != 0.0 else 0.0
+    single = 1.0 - share - share * ratio * change
+    scale = share / squares if squares != 0.0 else 0.0
     for q in range(12):
         along, done = factor * line[q // 3] * r[q % 3], -forces[q]
         for k in range(12):
-            block[12 * q + k] *= theta * change + alone
-            block[12 * q + k] += 0.5 * share * tangent[12 * q + k] - theta * along * end[k]
+            block[12 * q + k] *= single
+            block[12 * q + k] += share * (0.5 * tangent[12 * q + k] + ratio * along * end[k])
             done += 0.5 * tangent[12 * q + k] * work[_STEP, k]
         lacks, squared = done - weight * end[q], 2.0 * weight * change * end[q]
         block[COMMON + q] = change * along
         block[COMMON + 12 + q] = forces[q] - (ratio * change + 1.0) * along
-        block[FORM + q] = whole * (lacks - ratio * squared)
+        block[FORM + q] = scale * (lacks - ratio * squared)
         block[FORM + 12 + q] = -by_lack * lacks - by_squares * squared - by_change * end[q]
     if by_slid != 0.0:
         _add_slid(-by_slid, distance, work, block[FORM + 12 :])

@@ -115,7 +115,7 @@ def turn_forces(pairs: Memory, before: FloatArray, after: FloatArray, response: 
     x, work = np.empty((4, 3)), np.empty(WORK)
     w, still, v, tangent = np.empty((2, 4)), np.empty(FIELDS), np.empty((3, 12)), np.empty(144)
     for k in range(out.count[0]):
-        if out.whole[k] == 0:
+        if out.whole[k] < 2:
             continue
         line, block, p = out.numbers[k, LINE : LINE + 4], out.blocks[k], out.pairs[k]
         factor = write_block(own, p, before, after, line, x, work, block)
@@ -229,18 +229,16 @@ def _mixture(
         correction = abs(lack) * largest / (_MOST * abs(squares))
     mixed[:] = 0.0
     if touching or not correction < 1.0:
-        mixed[2] = 1.0
         return changes, slides
     fitting = min(2.0 - 2.0 * correction, 1.0)
-    share = mixed[0] = sliding * fitting
-    mixed[2] = 1.0 - share
+    mixed[0] = sliding * fitting
     if correction > 0.0:
-        mixed[1], mixed[3], mixed[4] = -share * lack / squares, lack, squares
+        mixed[1], mixed[2] = lack / squares, squares
     if correction > 0.5:
         steep = 2.0 * sliding * correction
-        mixed[6], mixed[7], mixed[8] = -steep / lack, steep / squares, -steep / largest
+        mixed[4], mixed[5], mixed[6] = -steep / lack, steep / squares, -steep / largest
     if sliding < 1.0:
-        mixed[9] = fitting / _SHORT
+        mixed[7] = fitting / _SHORT
     return changes, slides
 
 
@@ -250,12 +248,12 @@ def _finish_group(
 ) -> None:
     """Write the forces and tangents of the pairs of a group."""
     changes, slides = _mixture(own, work, out, first, end, mixed)
-    middle, theta, alone = mixed[0], mixed[1], mixed[2]
+    middle, ratio = mixed[0], mixed[1]
     nearest, ends = np.inf, np.inf
     for k in range(first, end):
         numbers, gaps = out.numbers[k], work[k - first]
         push = -middle * own.weight[out.pairs[k]] * gaps[_PUSH] if middle > 0.0 else 0.0
-        along = (theta * gaps[_CHANGE] + alone) * gaps[_FACTOR]
+        along = (1.0 - middle - middle * ratio * gaps[_CHANGE]) * gaps[_FACTOR]
         for i in range(4):
             for a in range(3):
                 out.forces[k, 3 * i + a] = (
@@ -269,9 +267,9 @@ def _finish_group(
         out.whole[k] = 3
         for i in range(FIELDS - MIXED):
             numbers[MIXED + i] = mixed[i]
-        numbers[MIXED + 5] = gaps[_CHANGE]
-        numbers[MIXED + 8] *= np.sign(gaps[_CHANGE]) if k == changes else 0.0
-        numbers[MIXED + 9] *= 1.0 if k == slides else 0.0
+        numbers[MIXED + 3] = gaps[_CHANGE]
+        numbers[MIXED + 6] *= np.sign(gaps[_CHANGE]) if k == changes else 0.0
+        numbers[MIXED + 7] *= 1.0 if k == slides else 0.0
     if middle == 0.0:
         return
     out.shared[first] = end - first
