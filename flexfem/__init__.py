@@ -34,6 +34,7 @@ import atexit
 import sys
 import warnings
 from importlib import import_module
+from types import SimpleNamespace
 from typing import Any
 
 from flexfem import _leaving, launch
@@ -96,6 +97,12 @@ _MODULES = {
     "RigidBody": "model.bodies.basic",
     "FloatingBody": "model.bodies.floating_body",
     "UFLBody": "model.bodies.ufl_body",
+    "Solid": "families.solid.body",
+    "SolidMesh": "families.solid.mesh",
+    "SolidMarker": "families.solid.body",
+    "SolidProbe": "families.solid.probes",
+    "SurfacePressure": "families.solid.loads",
+    "SurfaceTraction": "families.solid.loads",
     "Body": "model.bodies.base",
     "NodeSetMarker": "model.bodies.ufl_body",
     "PointMass": "model.bodies.basic",
@@ -267,15 +274,16 @@ _MODULES = {
     "run_case": "studies.separate_run",
     "shipped_data": "resources",
 }
-# Names that are modules.
-_NAMESPACES = {"laws": "core.laws", "research": "research"}
+# Names that are modules, or hold the public names of several.
+_NAMESPACES = {"laws": ("core.laws", "families.solid.laws"), "research": ("research",)}
 __all__ = [*_MODULES, *_NAMESPACES, "__version__"]  # noqa: PLE0604
 
 
 def __getattr__(name: str) -> Any:
     """Import a public name when it is first used."""
     if name in _NAMESPACES:
-        value: Any = import_module(f"flexfem.{_NAMESPACES[name]}")
+        modules = [import_module(f"flexfem.{module}") for module in _NAMESPACES[name]]
+        value: Any = modules[0] if len(modules) == 1 else _merged(modules)
     elif name in _MODULES:
         with without_collection():
             value = getattr(import_module(f"flexfem.{_MODULES[name]}"), name)
@@ -283,6 +291,11 @@ def __getattr__(name: str) -> Any:
         return _moved(name)
     globals()[name] = value
     return value
+
+
+def _merged(modules: list[Any]) -> SimpleNamespace:
+    """Public names of several modules."""
+    return SimpleNamespace(**{n: getattr(module, n) for module in modules for n in module.__all__})
 
 
 def _moved(name: str) -> Any:

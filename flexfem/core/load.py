@@ -47,6 +47,11 @@ class Load:
         return ()
 
     @property
+    def bodies(self) -> tuple[str, ...]:
+        """Names of the bodies of further families that take the load (``Body.check_load``)."""
+        return ()
+
+    @property
     def wrench(self) -> tuple[FloatArray, FloatArray]:
         """Force and moment at each marker (N, N m), or along each beam (N/m, N), shapes (3,).
 

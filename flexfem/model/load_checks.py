@@ -59,6 +59,11 @@ def check_load(model: Structure, load: Load) -> None:
         if isinstance(load, ShellLoad):
             assert model.surface is not None  # checked before
             load.check(model.surface, body.body)
+    for name in load.bodies:
+        body = model.get(name)
+        if not isinstance(body, Body):
+            raise ValueError(f'{owner}: {model!r} has no body "{name}" that takes it')
+        body.check_load(owner, load)
 
 
 def _without_axes(body: object) -> bool:

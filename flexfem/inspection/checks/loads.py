@@ -2,6 +2,7 @@
 """Models in which nothing acts."""
 
 from collections.abc import Iterator
+from typing import Any
 
 import numpy as np
 
@@ -26,7 +27,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     force = rows.elastic[:, 1] * rows.values + rows.elastic[:, 3]
     if np.any(spring & rows.active & (np.abs(force) > 0.0)):
         return
-    if any(body.velocity.any() or body.angular_velocity.any() for body in model.bodies):
+    if any(_moving(body) for body in model.bodies):
         return
     if any(beam.strained for beam in model.beams) or any(s.strained for s in model.shells):
         return
@@ -34,3 +35,9 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         "loads", repr(model), "no gravity, load, drive, prestress or initial velocity acts on it",
         "add gravity, a load, a drive or an initial velocity",
     )  # fmt: skip
+
+
+def _moving(body: Any) -> bool:
+    """True if a body has initial velocities."""
+    further = getattr(body, "start_velocities", None) is not None
+    return bool(body.velocity.any() or body.angular_velocity.any() or further)

@@ -32,6 +32,12 @@ if TYPE_CHECKING:
 # VTK cell type number and nodes per cell
 _CELLS = {
     "vertex": (1, 1), "line": (3, 2), "triangle": (5, 3), "quad": (9, 4), "tetra": (10, 4),
+    # Lagrange cells of shape and degree
+    "triangle_1": (5, 3), "triangle_2": (69, 6), "triangle_3": (69, 10),
+    "quadrilateral_1": (9, 4), "quadrilateral_2": (70, 9), "quadrilateral_3": (70, 16),
+    "tetrahedron_1": (10, 4), "tetrahedron_2": (71, 10), "tetrahedron_3": (71, 20),
+    "hexahedron_1": (12, 8), "hexahedron_2": (72, 27), "hexahedron_3": (72, 64),
+    "prism_1": (13, 6), "prism_2": (73, 18), "prism_3": (73, 40),
 }  # fmt: skip
 _TYPE_NAMES = {
     np.dtype(np.float64): "Float64", np.dtype(np.float32): "Float32", np.dtype(np.int32): "Int32",

@@ -5,6 +5,7 @@ from abc import ABC, abstractmethod
 from typing import Any, ClassVar
 
 from flexfem._types import FloatArray
+from flexfem.core.load import Load
 from flexfem.core.marker import Marker
 from flexfem.core.pose import Pose
 from flexfem.mesh.surface_mesh import SurfaceMesh
@@ -75,6 +76,14 @@ class Body(ABC):
         Raises:
             ValueError: There is no such node, or the marker has an offset where none can be.
         """
+
+    def check_load(self, owner: str, load: Load) -> None:
+        """Check a load that names this body (``Load.bodies``), which its family then applies.
+
+        Raises:
+            ValueError: The body takes no such load; the message begins with the owner.
+        """
+        raise ValueError(f'{owner}: {type(self).__name__} "{self.name}" takes no such load')
 
     @abstractmethod
     def moved(self, motion: Pose) -> "Body":

@@ -1,0 +1,397 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Nonlinear solids in the model."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import KW_ONLY
+from functools import cached_property
+from types import MappingProxyType
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._fields import ZERO, Array, checked, choice, declared, number, settled, vector
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.load import Load
+from flexfem.core.marker import Marker, SurfaceMarker
+from flexfem.core.pose import Pose
+from flexfem.families.solid.geometry import Figure
+from flexfem.families.solid.lagrange import Lagrange
+from flexfem.families.solid.laws import SolidLaw
+from flexfem.families.solid.loads import SurfacePressure, SurfaceTraction
+from flexfem.families.solid.mesh import SolidMesh
+from flexfem.mesh.body_mesh import BodyMesh
+from flexfem.model.bodies.base import Body
+
+__all__ = ["Solid", "SolidMarker"]
+
+#: Formulations, and degree of the dilatation below that of the positions.
+FORMULATIONS = ("displacement", "dilatation")
+#: States of plane figures.
+PLANES = ("strain", "axisymmetric")
+#: Weight of a node that has none at a point.
+_NONE = 1e-9
+
+
+class SolidMarker(SurfaceMarker):
+    """Point inside a solid, or mean place of a surface of it, for joints.
+
+    Joints that need axes take those of the affine motion that fits the nodes best: a surface may
+    deform, and its rotation is the mean one.
+
+    Attributes:
+        nodes: Nodes of the solid.
+        weights: Their parts in the position, which add up to one.
+    """
+
+    def __init__(self, body: str, nodes: npt.ArrayLike, weights: npt.ArrayLike) -> None:
+        """Create the marker; :meth:`Solid.surface_marker` and :meth:`Solid.point_marker` do."""
+        Marker.__init__(self, body)
+        own = np.asarray(nodes, dtype=np.int64).tolist()
+        parts = np.asarray(weights, dtype=np.float64).tolist()
+        _checks.assign(self, nodes=tuple(own), weights=tuple(parts))
+
+    def __str__(self) -> str:
+        """Return body and number of nodes, for tables and messages."""
+        return f"{self.body}:{len(self.nodes)} nodes"
+
+
+def _degree(owner: str, what: str, value: Any) -> int:
+    if value not in (1, 2, 3) or isinstance(value, bool):
+        raise ValueError(f"{owner}: {what} must be 1, 2 or 3, got {_checks.show(value)}")
+    return int(value)
+
+
+def _quadrature(owner: str, what: str, value: Any) -> int:
+    return _checks.count(owner, what, value, 0)
+
+
+@declared
+class Solid(Body):
+    """Body of solid finite elements with large strains, or a plane or axisymmetric one.
+
+    The unknowns are the positions of the nodes, which have no axes. Each cell's energy is that of
+    its law; see ``flexfem.laws``, :class:`flexfem.laws.Hyperelastic` for one of a user's own.
+
+    Attributes:
+        name: Unique name in the model.
+        law: The material, or one for each region of the mesh by its name.
+        mesh: :class:`SolidMesh`, :class:`BodyMesh` or a DOLFINx mesh.
+        density: At the start, kg/m^3, or one for each region by its name.
+        degree: Degree of the positions, 1 to 3; linear tetrahedra and triangles lock.
+        formulation: "displacement", or "dilatation" for nearly incompressible materials: the change
+            of volume is one degree lower (two on triangles and tetrahedra), and does not lock.
+        plane: "strain" or "axisymmetric" of meshes of plane cells (about the y axis), None of
+            solids.
+        thickness: Of bodies in plane strain, m.
+        quadrature: Degree of polynomials that are integrated exactly. None: with 4 points in
+            quadratic tetrahedra, (p + 1)^3 in hexahedra.
+        fixed: Directions in which nodes are fixed, some of "xyz", by the name of a surface or of a
+            set of nodes.
+        touching: Name of the surface that touches in contacts, "boundary" for all of it; None for
+            bodies without contact.
+        velocity: Initial velocity of the point of the (extended) body at the inertial origin,
+            inertial axes, shape (3,), m/s.
+        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s; a point at x
+            starts with `velocity + angular_velocity x x`.
+        start_velocities: Further initial velocities, a function of places (n, 3), m, that returns
+            (n, 3), m/s; None without.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: A value out of range, or a region, surface or set that the mesh does not have.
+    """
+
+    family = "flexfem.families.solid.family:SolidFamily"
+
+    name: str
+    law: Any = settled(default=None)
+    mesh: Any = settled(default=None)
+    _: KW_ONLY
+    density: Any = settled(default=None)
+    degree: int = checked(_degree, default=2)
+    formulation: str = choice(FORMULATIONS, default="displacement")
+    plane: str | None = choice(PLANES, default=None)
+    thickness: float = number(default=1.0, positive=True)
+    quadrature: int | None = checked(_quadrature, default=None)
+    fixed: Mapping[str, str] = settled(default=MappingProxyType({}))
+    touching: str | None = None
+    velocity: Array = vector(default=ZERO)
+    angular_velocity: Array = vector(default=ZERO)
+    start_velocities: Callable[[FloatArray], npt.ArrayLike] | None = None
+
+    def __post_init__(self) -> None:
+        """Check what depends on the mesh."""
+        owner = _checks.named(self, self.name)
+        _checks.assign(self, mesh=_mesh(owner, self.mesh))
+        mesh = self.mesh
+        if (self.plane is None) != (mesh.dimension == 3):
+            what = "plane cells: give plane" if self.plane is None else "solid cells: no plane"
+            raise ValueError(f"{owner}: its mesh has {what}, got {_checks.show(self.plane)}")
+        if self.plane == "axisymmetric" and (mesh.points[:, 0] < 0.0).any():
+            at = int(np.argmin(mesh.points[:, 0]))
+            raise ValueError(
+                f"{owner}: node {at} of an axisymmetric body is at x = {mesh.points[at, 0]:g}, "
+                "on the other side of the axis"
+            )
+        if self.degree < mesh.degree:
+            raise ValueError(
+                f"{owner}: degree {self.degree} is less than that of the mesh's geometry, "
+                f"{mesh.degree}"
+            )
+        if self.formulation == "dilatation" and self.lowered < 0:
+            raise ValueError(f'{owner}: formulation "dilatation" needs degree 2 at least')
+        laws = self._by_region(owner, "law", self.law, SolidLaw)
+        densities = self._by_region(owner, "density", self.density, (int, float))
+        for value in densities.values():
+            _checks.number(owner, "density", value, positive=True)
+        _checks.assign(self, law=laws, density=densities, fixed=MappingProxyType(dict(self.fixed)))
+        for place, axes in self.fixed.items():
+            self.figure.nodes_of(f"{owner}: fixed", place)
+            if not isinstance(axes, str) or not axes or not set(axes) <= set("xyz"):
+                raise ValueError(
+                    f'{owner}: fixed["{place}"] must be some of "xyz", got {_checks.show(axes)}'
+                )
+        if self.touching is not None:
+            mesh.surface(f"{owner}: touching", self.touching)
+        if self.start_velocities is not None:
+            self._checked_velocities(owner)
+
+    def _by_region(self, owner: str, what: str, value: Any, kind: Any) -> Mapping[str, Any]:
+        """One value for each region, "" for the only one."""
+        if not isinstance(value, Mapping):
+            _checks.instance(owner, what, value, kind)
+            return MappingProxyType({"": value})
+        for name, one in value.items():
+            if name not in self.mesh.regions:
+                known = _checks.show(", ".join(self.mesh.regions) or "none", 200)
+                raise ValueError(
+                    f"{owner}: {what}: the mesh has no region {_checks.show(name)}; there are "
+                    f"{known}"
+                )
+            _checks.instance(owner, f'{what}["{name}"]', one, kind)
+        times = np.zeros(len(self.mesh.cells), dtype=np.int64)
+        for name in value:
+            times[self.mesh.regions[name]] += 1
+        if (times != 1).any():
+            at = int(np.argmax(times != 1))
+            much = "no" if times[at] == 0 else "more than one"
+            raise ValueError(f"{owner}: {what}: cell {at} has {much} region of {sorted(value)}")
+        return MappingProxyType(dict(value))
+
+    def _checked_velocities(self, owner: str) -> FloatArray:
+        """Further initial velocities of the nodes (n, 3), m/s."""
+        assert self.start_velocities is not None
+        if not callable(self.start_velocities):
+            raise TypeError(
+                f"{owner}: start_velocities must be a function of places, got "
+                f"{_checks.show(self.start_velocities)}"
+            )
+        given = self.start_velocities(self.points)
+        return _checks.array(owner, "start_velocities(x)", given, (len(self.points), 3))
+
+    def cells_of(self, region: str) -> IntArray:
+        """Cells of a region of the law or the density, "" for all."""
+        if region == "":
+            return np.arange(len(self.mesh.cells))
+        cells: IntArray = self.mesh.regions[region]
+        return cells
+
+    @property
+    def lowered(self) -> int:
+        """Degree of the dilatation, -1 without."""
+        return self.degree - (2 if self.mesh.cell in ("triangle", "tetrahedron") else 1)
+
+    @cached_property
+    def figure(self) -> Figure:
+        """The cells with their nodes."""
+        return Figure(self.mesh, self.degree, self.plane, self.thickness)
+
+    @property
+    def nodes(self) -> Lagrange:
+        """Numbering of the nodes."""
+        return self.figure.nodes
+
+    @property
+    def points(self) -> FloatArray:
+        """See :attr:`Body.points`."""
+        return self.nodes.points
+
+    @property
+    def elements(self) -> int:
+        """See :attr:`Body.elements`."""
+        return len(self.mesh.cells)
+
+    @property
+    def touches(self) -> bool:  # type: ignore[override]
+        """True if a surface is named that touches."""
+        return self.touching is not None
+
+    @property
+    def holds(self) -> int:
+        """See :attr:`Body.holds`."""
+        return int(self.held.sum())
+
+    @property
+    def details(self) -> str:
+        """See :attr:`Body.details`."""
+        laws = ", ".join(dict.fromkeys(type(law).__name__ for law in self.law.values()))
+        plural = {
+            "tetrahedron": "tetrahedra", "hexahedron": "hexahedra", "prism": "wedges",
+            "triangle": "triangles", "quadrilateral": "quadrilaterals",
+        }[self.mesh.cell]  # fmt: skip
+        return f"{self.elements} {plural} of degree {self.degree}, {laws}"
+
+    @cached_property
+    def masses(self) -> tuple[FloatArray, FloatArray]:
+        """Points (q, 3) in the body at the start, m, and masses (q,), kg, with its inertia."""
+        return self.figure.masses(self.cell_density)
+
+    @cached_property
+    def cell_density(self) -> FloatArray:
+        """(m,) density of each cell, kg/m^3."""
+        found = np.empty(len(self.mesh.cells))
+        for region, value in self.density.items():
+            found[self.cells_of(region)] = value
+        return found
+
+    @cached_property
+    def held(self) -> BoolArray:
+        """(n, 3) directions in which nodes are fixed; z of plane figures."""
+        held = np.zeros((len(self.points), 3), dtype=np.bool_)
+        held[:, 2] = self.plane is not None
+        for name, axes in self.fixed.items():
+            nodes = self.figure.nodes_of(f'Solid "{self.name}"', name)
+            held[np.ix_(nodes, ["xyz".index(axis) for axis in axes])] = True
+        return held
+
+    @property
+    def node_velocities(self) -> FloatArray:
+        """(n, 3) inertial velocities of the nodes at the start, m/s."""
+        speed: FloatArray = self.velocity + np.cross(self.angular_velocity, self.points)
+        if self.start_velocities is not None:
+            speed = speed + self._checked_velocities(f'Solid "{self.name}"')
+        return np.where(self.held, 0.0, speed)
+
+    def node(self, marker: Marker) -> int:
+        """Return the node of a marker: that of a set of one, or the one nearest to a position.
+
+        Raises:
+            ValueError: It names no single node and is near none, or has an offset.
+        """
+        owner, point = f'Marker on "{self.name}"', marker.point
+        if marker.offset.any():
+            raise ValueError(f"{owner}: a node has no axes for offsets, got {marker.offset}")
+        if isinstance(point, str):
+            nodes = self.figure.nodes_of(owner, point)
+            if len(nodes) > 1:
+                raise ValueError(
+                    f'{owner}: "{point}" has {len(nodes)} nodes; its mean place, for joints, is '
+                    f'Solid.surface_marker("{point}")'
+                )
+            return int(nodes[0])
+        if not isinstance(point, tuple):
+            raise ValueError(
+                f"{owner}: point must name a set of one node or be a position (x, y, z), got "
+                f"{_checks.show(point)}"
+            )
+        gaps = np.linalg.norm(self.points - np.array(point), axis=1)
+        node = int(np.argmin(gaps))
+        around = self.points[self.nodes.cells[(self.nodes.cells == node).any(axis=1)]]
+        reach = float(np.linalg.norm(around - self.points[node], axis=2).max())
+        if gaps[node] > reach:
+            raise ValueError(
+                f"{owner}: the nearest node to {_checks.show(list(point))} is {gaps[node]:.4g} m "
+                f"away, more than its own neighbours are, {reach:.4g} m"
+            )
+        return node
+
+    def check_load(self, owner: str, load: Load) -> None:
+        """See :meth:`Body.check_load`: loads on surfaces."""
+        if not isinstance(load, (SurfacePressure, SurfaceTraction)):
+            super().check_load(owner, load)
+            return
+        self.figure.facets_of(owner, load.surface)
+
+    def contact_triangles(self) -> tuple[IntArray, IntArray]:
+        """Flat triangles (t, 3) between nodes of the surface that touches, and their cells (t,).
+
+        Raises:
+            ValueError: A plane body, or a surface of facets of two shapes.
+        """
+        owner = f'Solid "{self.name}": touching'
+        return self.figure.contact_triangles(owner, self.touching or "")
+
+    def surface_marker(self, surface: str) -> SolidMarker:
+        """Return the mean place of a surface, weighted by area, or of a set of nodes.
+
+        Raises:
+            ValueError: There is neither.
+        """
+        owner = f'Marker on "{self.name}"'
+        if surface in self.mesh.surfaces or surface == "boundary":
+            nodes, weights = self.figure.area_weights(owner, surface)
+        else:
+            nodes = self.figure.nodes_of(owner, surface)
+            weights = np.ones(len(nodes))
+        return SolidMarker(self.name, nodes, weights / weights.sum())
+
+    def point_marker(self, position: npt.ArrayLike) -> SolidMarker:
+        """Return a point inside the solid, anywhere between its nodes.
+
+        Args:
+            position: At the start, inertial axes, shape (3,), metres.
+
+        Raises:
+            ValueError: It is outside of all cells.
+        """
+        owner = f'Marker on "{self.name}"'
+        cell, weights = self.figure.located(owner, _checks.vector(owner, "position", position))
+        used = np.abs(weights) > _NONE
+        kept = weights[used] / weights[used].sum()
+        return SolidMarker(self.name, self.nodes.cells[cell][used], kept)
+
+    def moved(self, motion: Pose) -> Solid:
+        """Return the body moved rigidly with its initial velocities.
+
+        Raises:
+            ValueError: Nodes are fixed along axes that would not be inertial, or it is plane.
+        """
+        turn = motion.rotation
+        if (self.fixed or self.plane) and not np.array_equal(turn, np.eye(3)):
+            raise ValueError(f'Solid "{self.name}": fixed nodes cannot be rotated')
+        if self.plane is not None and motion.position[2] != 0.0:
+            raise ValueError(f'Solid "{self.name}": a plane body stays at z = 0')
+        spin, further = turn @ self.angular_velocity, self.start_velocities
+        return Solid(
+            self.name, self._as_given(self.law), self.mesh.moved(motion.apply(self.mesh.points)),
+            density=self._as_given(self.density), degree=self.degree,
+            formulation=self.formulation, plane=self.plane, thickness=self.thickness,
+            quadrature=self.quadrature, fixed=self.fixed, touching=self.touching,
+            velocity=turn @ self.velocity - np.cross(spin, motion.position),
+            angular_velocity=spin,
+            start_velocities=None if further is None else (
+                lambda x: np.asarray(further((x - motion.position) @ turn)) @ turn.T
+            ),
+        )  # fmt: skip
+
+    @staticmethod
+    def _as_given(values: Mapping[str, Any]) -> Any:
+        return values.get("", values)
+
+
+def _mesh(owner: str, mesh: Any) -> SolidMesh:
+    """The mesh as one of arrays (collective for distributed ones)."""
+    if isinstance(mesh, SolidMesh):
+        return mesh
+    if isinstance(mesh, BodyMesh):
+        return SolidMesh.from_dolfinx(mesh.mesh, mesh.cell_tags, mesh.facet_tags, mesh.groups)
+    if type(mesh).__module__.startswith("dolfinx"):
+        return SolidMesh.from_dolfinx(mesh)
+    raise TypeError(
+        f"{owner}: mesh must be a SolidMesh, a BodyMesh or a mesh of DOLFINx, got "
+        f"{_checks.show(mesh)}"
+    )

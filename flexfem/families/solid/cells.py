@@ -1,0 +1,346 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Cells of solids of one law and kind on a rank: constant data, kernels and their calls."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem.families.solid.forms import FIELDS, CellKind, LawFunctions, SolidForms
+from flexfem.families.solid.lagrange import lattice, reference_points, shapes
+from flexfem.kernels.driver import CellKernel, Cells, Nodal, add_forces, cell_kernel, evaluate
+from flexfem.kernels.ffcx import Kernel, compile_kernel
+from flexfem.kernels.records import Float2D, Memory, Record
+
+__all__ = ["Kernels", "Motion", "SolidCells"]
+
+_NOTHING = np.zeros(1)
+#: Cells whose matrices are computed together.
+_CHUNK = 2048
+
+
+class Motion(Record):
+    """Positions, velocities and steps of both (n, 3) of nodes, inertial axes."""
+
+    points: Float2D
+    velocity: Float2D
+    step: Float2D
+    rate: Float2D
+
+
+@dataclass(frozen=True)
+class Kernels:
+    """Kernels of a law in cells of a kind.
+
+    Attributes:
+        calls: by the names of the forms; "column" is the action with steps of sections.
+        columns: first column and number of columns of the data of cells, by name.
+        damped: True if there are viscous forces.
+        dilatation: number of functions of the dilatation.
+        fields: number of functions of each field.
+    """
+
+    calls: Mapping[str, CellKernel]
+    columns: Mapping[str, tuple[int, int]]
+    damped: bool
+    dilatation: int
+    fields: int
+
+    @classmethod
+    def compiled(
+        cls, comm: MPI.Intracomm, law: LawFunctions, kind: CellKind, sizes: Mapping[str, int]
+    ) -> Kernels:
+        """Compile the forms of a law (collective).
+
+        Raises:
+            ValueError: as of :class:`SolidForms`; on all ranks.
+        """
+        forms = SolidForms(law, kind, sizes)
+        fields = tuple(forms.coefficients.values())
+        names = list(forms.coefficients)
+        count = len(lattice(kind.cell, kind.degree))
+        dilatation = len(lattice(kind.cell, kind.dilatation)) if kind.dilatation > 0 else 1
+        dilatation = dilatation if kind.dilatation >= 0 else 0
+        averaged = len(lattice(kind.cell, kind.degree - 1)) if kind.degree > 1 else 1
+        results = {
+            "energy": 1, "force": 3 * count, "action": 3 * count,
+            "fields": averaged * sum(FIELDS.values()),
+        }  # fmt: skip
+        if dilatation:
+            results |= dict.fromkeys(
+                ("moments", "duals", "moments_action", "duals_action"), dilatation
+            )
+        if forms.damped:
+            results["loss"] = 1
+        nodal = {
+            name: (Nodal.POSITION, Motion.word(word))
+            for name, word in zip(names[:4], ("points", "velocity", "step", "rate"), strict=True)
+        }
+        columns, first = dict[str, tuple[int, int]](), 0
+        for name, field in list(forms.coefficients.items())[4:]:
+            columns[name] = first, field.ufl_element().dim
+            first += field.ufl_element().dim
+        steps = {"step": (0, 3 * count), "rate": (3 * count, 3 * count)}
+        still = {name: nodal[name] for name in ("position", "velocity")}
+        calls = {}
+        for name, size in results.items():
+            kernel: Kernel = compile_kernel(comm, getattr(forms, name), fields, batched=True)
+            calls[name] = cell_kernel(kernel, size, names, nodal, columns)
+            if name.endswith("action"):
+                of_sections = cell_kernel(kernel, size, names, still, columns, steps)
+                calls[name.replace("action", "column")] = of_sections
+        return cls(calls, columns, forms.damped, dilatation, averaged)
+
+
+class SolidCells:
+    """Cells of this rank with one law in one kind of cells.
+
+    Attributes:
+        kernels: of the law.
+        nodes: (m, k) local nodes.
+        mass: (m, k, k) products of shape functions with the density, kg.
+        size: (m,) volumes at the start, m^3.
+        body: (m,) number of the body.
+        number: (m,) number of the cell in the family.
+    """
+
+    def __init__(
+        self, kernels: Kernels, kind: CellKind, nodes: IndexArray, places: FloatArray,
+        thickness: FloatArray, parameters: Mapping[str, FloatArray], body: IntArray,
+        number: IntArray,
+    ) -> None:  # fmt: skip
+        """Prepare the data of the cells.
+
+        Args:
+            kernels: of the law.
+            kind: of the cells.
+            nodes: (m, k) local nodes.
+            places: (m, g, 3) nodes of the geometry, m.
+            thickness: (m,) of plane bodies, m; ones.
+            parameters: (m, 1) or (m, 3) by name.
+            body: see the attribute.
+            number: see the attribute.
+        """
+        self.kernels, self.kind, self.nodes = kernels, kind, nodes
+        self.body, self.number, self._places = body, number, places
+        width = sum(count for _, count in kernels.columns.values())
+        self._own = np.zeros((len(nodes), width))
+        sides = self._sides(places, shapes(kind.cell, max(kind.geometry, 1), self._corners)[1])
+        self._start = np.linalg.det(sides)
+        d = kind.dimension
+        if kind.geometry == 0:
+            jacobians = sides[:, 0, :d, :d]
+            self.data("inverse")[:] = np.linalg.inv(jacobians).reshape(-1, d * d)
+            self.data("size")[:, 0] = thickness * np.linalg.det(jacobians)
+        else:
+            self.data("place")[:] = places.reshape(len(nodes), 3 * places.shape[1])
+            self.data("size")[:, 0] = thickness
+        for name, values in parameters.items():
+            self.data(name)[:] = values
+        self._gradients = self._mean_gradients()
+        self._plain = self._cells(self._own)
+
+    def data(self, name: str) -> FloatArray:
+        """Columns (m, c) of the data of the cells, to be written."""
+        first, count = self.kernels.columns[name]
+        return self._own[:, first : first + count]
+
+    def _cells(self, own: FloatArray, first: int = 0, sections: FloatArray | None = None) -> Cells:
+        """Cells from the first one in the format of the kernel driver."""
+        count = len(own)
+        reference = np.zeros((1, 3 * len(lattice(self.kind.cell, 1))))
+        corners = np.zeros((len(lattice(self.kind.cell, 1)), 3))
+        corners[:, : self.kind.dimension] = self._corners
+        reference[0] = corners.ravel()
+        nodes = np.ascontiguousarray(self.nodes[first : first + count])
+        return Cells(
+            nodes=nodes, turned=np.zeros(count, dtype=np.bool_),
+            turns=np.zeros((1, nodes.shape[1], 9)), own=own,
+            section=np.zeros(count, dtype=np.int64),
+            sections=np.empty((1, 0)) if sections is None else sections, corners=reference,
+        )  # fmt: skip
+
+    @property
+    def _corners(self) -> FloatArray:
+        """Corners (c, d) of the reference cell."""
+        return reference_points(self.kind.cell, 1)
+
+    def _sides(self, places: FloatArray, gradients: FloatArray) -> FloatArray:
+        """Derivatives (m, q, 3, 3) of places (m, k, 3), a unit normal last of plane ones."""
+        sides = np.zeros((len(places), len(gradients), 3, 3))
+        d = gradients.shape[2]
+        sides[..., :d] = np.einsum("qkd,mka->mqad", gradients, places, optimize=True)
+        sides[..., 2, d:] = 1.0
+        return sides
+
+    def _mean_gradients(self) -> FloatArray:
+        """Derivatives (m, k, 3) of the shape functions by the places, in the middle of the cell."""
+        kind, middle = self.kind, self._corners.mean(axis=0)[np.newaxis]
+        own = shapes(kind.cell, kind.degree, middle)[1][0]
+        sides = self._sides(self._places, shapes(kind.cell, max(kind.geometry, 1), middle)[1])
+        inverse = np.linalg.inv(sides[:, 0])[:, : kind.dimension]
+        found: FloatArray = np.einsum("kd,mda->mka", own, inverse, optimize=True)
+        return found
+
+    def with_masses(
+        self, comm: MPI.Intracomm, forms: SolidForms, density: FloatArray
+    ) -> SolidCells:
+        """Compute masses, volumes and what projects onto functions of the cells (collective).
+
+        Args:
+            comm: communicator.
+            forms: of the law.
+            density: (m,) kg/m^3.
+        """
+        products = self._products(comm, forms, "Lagrange", self.kind.degree)
+        self.size: FloatArray = products.sum(axis=(1, 2))
+        self.mass: FloatArray = density[:, np.newaxis, np.newaxis] * products
+        own = self._products(comm, forms, "DG", self.kind.degree - 1)
+        self._averages, self._parts = np.linalg.inv(own), own.sum(axis=2)
+        if self.kernels.dilatation:
+            own = self._products(comm, forms, "DG", self.kind.dilatation)
+            self._projection = np.linalg.inv(own)
+        return self
+
+    def _products(
+        self, comm: MPI.Intracomm, forms: SolidForms, family: str, degree: int
+    ) -> FloatArray:
+        """Products (m, j, j) of functions of a degree."""
+        fields = tuple(forms.coefficients.values())
+        kernel = compile_kernel(comm, forms.products(family, degree), fields, batched=True)
+        count = len(lattice(self.kind.cell, degree)) if degree > 0 else 1
+        call = cell_kernel(kernel, count**2, forms.coefficients, {}, self.kernels.columns)
+        return self._evaluated(call, self._plain, _still(np.zeros((1, 3)))).reshape(
+            -1, count, count
+        )
+
+    def _evaluated(self, call: CellKernel, cells: Cells, motion: Memory) -> FloatArray:
+        """Results (m, s) of a kernel."""
+        out = np.empty((len(cells.nodes), call.size))
+        evaluate(call.memory, cells.memory, motion, _NOTHING, out)
+        return out
+
+    def _projected(self, values: FloatArray, first: int = 0) -> FloatArray:
+        own = self._projection[first : first + len(values)]
+        found: FloatArray = np.einsum("mij,mj->mi", own, values)
+        return found
+
+    def settle(self, motion: Memory) -> None:
+        """Set dilatation and multiplier for the positions."""
+        if self.kernels.dilatation and len(self.nodes):
+            calls = self.kernels.calls
+            moments = self._evaluated(calls["moments"], self._plain, motion)
+            self.data("dilatation")[:] = self._projected(moments)
+            duals = self._evaluated(calls["duals"], self._plain, motion)
+            self.data("multiplier")[:] = self._projected(duals)
+
+    def energies(self, motion: Memory) -> FloatArray:
+        """Energies (m,), J; of settled cells."""
+        return self._evaluated(self.kernels.calls["energy"], self._plain, motion)[:, 0]
+
+    def energy_at(self, points: FloatArray) -> float:
+        """Energy of all cells at positions (n, 3), J."""
+        motion = _still(points)
+        self.settle(motion)
+        return float(self.energies(motion).sum())
+
+    def force_at(self, points: FloatArray) -> FloatArray:
+        """Elastic forces on the nodes (n, 3) at positions, N."""
+        motion, forces = _still(points), np.zeros_like(points)
+        self.settle(motion)
+        self.add_forces(motion, forces)
+        return forces
+
+    def losses(self, motion: Memory) -> FloatArray:
+        """Powers (m,) of the viscous forces, W."""
+        return self._evaluated(self.kernels.calls["loss"], self._plain, motion)[:, 0]
+
+    def add_forces(self, motion: Memory, target: FloatArray) -> None:
+        """Add elastic and viscous forces to nodes (n, 3), N; of settled cells."""
+        add_forces(
+            self.kernels.calls["force"].memory, self._plain.memory, motion, _NOTHING, 1.0, target
+        )
+
+    def add_action(self, motion: Memory, factor: float, target: FloatArray) -> None:
+        """Add a factor times the change of the forces along the steps; of settled cells."""
+        calls = self.kernels.calls
+        if self.kernels.dilatation and len(self.nodes):
+            moved = self._evaluated(calls["moments_action"], self._plain, motion)
+            self.data("dilatation_step")[:] = self._projected(moved)
+            duals = self._evaluated(calls["duals_action"], self._plain, motion)
+            self.data("multiplier_step")[:] = self._projected(duals)
+        add_forces(calls["action"].memory, self._plain.memory, motion, _NOTHING, factor, target)
+
+    def matrices(self, motion: Memory, first: int, stiffness: float, damping: float) -> FloatArray:
+        """``stiffness K + damping C`` (r, 3 k, 3 k) of some cells from the first one.
+
+        Column after column, as changes of the forces along unit steps: these cost about what a
+        kernel of whole matrices does, whose compilation takes five times as long.
+        """
+        own = self._own[first : first + _CHUNK].copy()
+        width = 3 * self.nodes.shape[1]
+        steps = np.zeros((width, 2 * width))
+        steps[:, :width] = stiffness * np.eye(width)
+        steps[:, width:] = damping * np.eye(width)
+        cells, calls = self._cells(own, first, steps), self.kernels.calls
+        out = np.empty((len(own), width, width))
+        for column in range(width):
+            cells.section[:] = column
+            if self.kernels.dilatation:
+                moved = self._evaluated(calls["moments_column"], cells, motion)
+                self._write(own, "dilatation_step", self._projected(moved, first))
+                duals = self._evaluated(calls["duals_column"], cells, motion)
+                self._write(own, "multiplier_step", self._projected(duals, first))
+            out[:, :, column] = self._evaluated(calls["column"], cells, motion)
+        return out
+
+    def _write(self, own: FloatArray, name: str, values: FloatArray) -> None:
+        first, count = self.kernels.columns[name]
+        own[:, first : first + count] = values
+
+    def chunks(self) -> Sequence[int]:
+        """First cells of those whose matrices are computed together."""
+        return range(0, len(self.nodes), _CHUNK)
+
+    def fields(self, motion: Memory) -> FloatArray:
+        """Fields (m, j, 13) at the nodes of degree p - 1; see ``forms.FIELDS``."""
+        values = self._evaluated(self.kernels.calls["fields"], self._plain, motion)
+        own = values.reshape(len(values), self.kernels.fields, sum(FIELDS.values()))
+        found: FloatArray = np.einsum("mij,mjc->mic", self._averages, own)
+        return found
+
+    def means(self, fields: FloatArray, chosen: IntArray) -> FloatArray:
+        """Means (c, 13) over the volumes of some cells (c,) of their fields (c, j, 13)."""
+        parts = self._parts[chosen] / self.size[chosen, np.newaxis]
+        found: FloatArray = np.einsum("mj,mjc->mc", parts, fields)
+        return found
+
+    def deformations(self, points: FloatArray) -> FloatArray:
+        """Deformation gradients (m, 3, 3) in the middle of the cells."""
+        F: FloatArray = np.einsum(
+            "mka,mkb->mab", points[self.nodes], self._gradients, optimize=True
+        )
+        if self.kind.dimension == 2:
+            F[:, 2, 2] = 1.0
+        return F
+
+    def stretches(self, points: FloatArray) -> FloatArray:
+        """Least change of volume J (m,) at the corners of the cells."""
+        gradients = shapes(self.kind.cell, self.kind.degree, self._corners)[1]
+        now = np.linalg.det(self._sides(points[self.nodes], gradients))
+        ratio: FloatArray = (now / self._start).min(axis=1)
+        return ratio
+
+
+def _still(points: FloatArray) -> Memory:
+    """Positions (n, 3) of nodes at rest."""
+    rest = np.zeros_like(points)
+    memory: Memory = Motion(
+        points=np.ascontiguousarray(points), velocity=rest, step=rest, rate=rest
+    ).memory
+    return memory

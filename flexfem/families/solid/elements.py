@@ -1,0 +1,236 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Solid elements of a rank: residual, matrix and measures."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from scipy.sparse import csr_array
+
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.families.common.corotating_axes import CorotatingAxes
+from flexfem.families.common.corotating_loops import (
+    add_blocks,
+    add_to_nodes,
+    inertial_into,
+    positions_into,
+    turn_blocks,
+)
+from flexfem.families.common.node_pairs import NodePairs
+from flexfem.families.solid.cells import Motion, SolidCells
+from flexfem.layout.elements import StresslessElements
+from flexfem.layout.tangent_request import EXACT, TangentRequest
+
+__all__ = ["SolidElements"]
+
+
+class _Axes(CorotatingAxes):
+    """Axes of nodes; those of plane bodies, fixed along z alone, rotate about it."""
+
+    def __init__(self, block: FrameBlock, plane: BoolArray) -> None:
+        """Find the nodes whose axes stay, those with Dirichlet conditions (collective)."""
+        super().__init__(block)
+        if block.dirichlet is not None:
+            across = block.dirichlet[:, 2] & ~plane
+            self._fixed = block.dirichlet[:, :2].any(axis=1) | across
+
+
+class SolidElements(StresslessElements):
+    """All solid elements of this rank.
+
+    Attributes:
+        groups: the cells.
+        body: (m,) number of the body of each cell; size: (m,) volume at the start, m^3.
+
+    The methods of :class:`flexfem.layout.elements.ElementFamily` are described there.
+    """
+
+    law_owner: str | None = None
+    chained = False
+    thin = False
+    stressed = False
+
+    def __init__(self, groups: Sequence[SolidCells], block: FrameBlock, plane: BoolArray) -> None:
+        """Prepare pairs of nodes and masses (collective).
+
+        Args:
+            groups: the cells that this rank owns.
+            block: their nodes, at the start.
+            plane: (n,) True for nodes of plane bodies.
+        """
+        self.groups = list(groups)
+        self.body = np.concatenate([np.empty(0, np.int64), *(g.body for g in groups)])
+        self.size = self._of_groups([g.size for g in groups])
+        self.viscous = any(g.kernels.damped for g in groups)
+        self._pairs = NodePairs(len(block.frames), [g.nodes for g in groups])
+        count = len(block.frames)
+        self._points, self._vectors = np.empty((count, 3)), np.empty((count, 3))
+        names = "points", "velocity", "step", "rate"
+        arrays = [self._points, *(np.zeros((count, 3)) for _ in names[1:])]
+        self._motion = Motion(**dict(zip(names, arrays, strict=True)))
+        self._mass = self._assembled_masses(count)
+        self._axes = _Axes(block, plane)
+        self._settled = np.full((count, 3), np.nan)
+
+    def _assembled_masses(self, count: int) -> csr_array:
+        """Mass matrix of one direction of this rank's nodes, kg."""
+        blocks = np.zeros((len(self._pairs.rows), 1, 1))
+        flat = blocks.reshape(-1)
+        for group, index in zip(self.groups, self._pairs.index, strict=True):
+            flat += np.bincount(index.ravel(), group.mass.ravel(), len(flat))
+        places = self._pairs.rows, self._pairs.columns
+        return csr_array((flat, places), shape=(count, count))
+
+    @property
+    def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        return self._pairs.couplings
+
+    def _settle(self, frames: FloatArray) -> None:
+        """Take positions, and what follows from them in the cells."""
+        positions_into(frames, self._points)
+        if np.array_equal(self._points, self._settled):
+            return
+        for group in self.groups:
+            group.settle(self._motion.memory)
+        self._settled[:] = self._points
+
+    def _move(self, block: FrameBlock) -> None:
+        """Take positions and velocities of the trial state."""
+        self._settle(block.frames)
+        if self.viscous:
+            inertial_into(block.frames, block.velocity, self._motion.velocity)
+
+    def add_residual(
+        self, block: FrameBlock, gravity: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        self._move(block)
+        inertial_into(block.frames, block.acceleration, self._vectors)
+        total: FloatArray = self._mass @ (self._vectors - gravity)
+        for group in self.groups:
+            group.add_forces(self._motion.memory, total)
+        add_to_nodes(block.frames, total, scale, block.residual)
+
+    def values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> FloatArray:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        pairs = self._pairs
+        blocks = np.zeros((len(pairs.rows), 3, 3))
+        self._move(block)
+        if shifts[2] != 0.0 or self.viscous:
+            for group, index in zip(self.groups, pairs.index, strict=True):
+                factors = scale * float(shifts[2]), scale * float(shifts[0])
+                for first in group.chunks():
+                    own = group.matrices(self._motion.memory, first, *factors)
+                    add_blocks(own, index, first, blocks)
+        masses = scale * float(shifts[1]) * self._mass.data
+        for a in range(3):
+            blocks[:, a, a] += masses
+        turn_blocks(pairs.rows, pairs.columns, block.frames, blocks)
+        return blocks.ravel()
+
+    def add_action(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        request: TangentRequest = EXACT,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        self._move(block)
+        inertial_into(block.frames, block.step, self._vectors)
+        total: FloatArray = float(shifts[1]) * (self._mass @ self._vectors)
+        if shifts[2] != 0.0 or self.viscous:
+            self._motion.step[:] = float(shifts[2]) * self._vectors
+            self._motion.rate[:] = float(shifts[0]) * self._vectors
+            for group in self.groups:
+                group.add_action(self._motion.memory, 1.0, total)
+        add_to_nodes(block.frames, total, scale, block.residual)
+
+    def accept(self, block: FrameBlock) -> None:
+        """Rotate the axes of the nodes with the cells around them (collective)."""
+        positions_into(block.frames, self._points)
+        self._axes.turn(block, self._add_rotations)
+
+    def _add_rotations(self, sums: FloatArray) -> None:
+        """Add the deformation gradients of the cells, times their volumes, to nodes (n, 9)."""
+        for group in self.groups:
+            turned = group.size[:, np.newaxis] * group.deformations(self._points).reshape(-1, 9)
+            for k in range(group.nodes.shape[1]):
+                np.add.at(sums, group.nodes[:, k], turned)
+
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Mean Green strains and Cauchy stresses (m, 6) of cells, of all or the ``chosen`` ones."""
+        self._settle(frames)
+        means = [
+            g.means(g.fields(self._motion.memory), np.arange(len(g.nodes))) for g in self.groups
+        ]
+        every = np.concatenate([np.empty((0, 13)), *means])
+        every = every if chosen is None else every[chosen]
+        return every[:, 6:12], every[:, :6]
+
+    def stretches(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        positions_into(frames, self._points)
+        return self._of_groups([g.stretches(self._points) for g in self.groups])
+
+    def energies(self, frames: FloatArray) -> FloatArray:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        self._settle(frames)
+        return self._of_groups([g.energies(self._motion.memory) for g in self.groups])
+
+    def fields(self, block: FrameBlock) -> list[FloatArray]:
+        """Fields (m, j, 13) of each group at the trial state; see ``forms.FIELDS``."""
+        self._move(block)
+        return [group.fields(self._motion.memory) for group in self.groups]
+
+    def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
+        """Powers of the viscous forces per volume, W/m^3, as stresses, and ones as rates."""
+        self._move(block)
+        powers = [g.losses(self._motion.memory) / g.size for g in self._damped]
+        stress = np.zeros((sum(map(len, powers)), 6))
+        rates = np.zeros_like(stress)
+        stress[:, 0], rates[:, 0] = self._of_groups(powers), 1.0
+        return stress, rates
+
+    @property
+    def viscous_at(self) -> tuple[IntArray, FloatArray]:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        firsts = np.cumsum([0, *(len(g.nodes) for g in self.groups)])
+        cells = [
+            first + np.arange(len(g.nodes))
+            for first, g in zip(firsts[:-1], self.groups, strict=True)
+            if g.kernels.damped
+        ]
+        return (
+            np.concatenate([np.empty(0, np.int64), *cells]).astype(np.int64),
+            self._of_groups([g.size for g in self._damped]),
+        )
+
+    @property
+    def _damped(self) -> list[SolidCells]:
+        return [group for group in self.groups if group.kernels.damped]
+
+    def _of_groups(self, values: Sequence[FloatArray]) -> FloatArray:
+        return np.concatenate([np.empty(0), *values])
+
+    def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
+        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        positions_into(block.frames, self._points)
+        inertial_into(block.frames, block.velocity, self._vectors)
+        first = 0
+        for group in self.groups:
+            own = chosen[first : first + len(group.nodes)]
+            first += len(group.nodes)
+            x, v = self._points[group.nodes[own]], self._vectors[group.nodes[own]]
+            momenta = group.mass[own] @ v
+            motion[0] += 0.5 * float((momenta * v).sum())
+            motion[1] += float(group.mass[own].sum())
+            motion[2:5] += (group.mass[own] @ x).sum(axis=(0, 1))
+            motion[5:8] += momenta.sum(axis=(0, 1))
+            motion[8:11] += np.cross(x, momenta).sum(axis=(0, 1))

@@ -1,0 +1,413 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Layout, nodes and elements of nonlinear solids."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Mapping, Sequence
+from typing import Any, override
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.load import NOTHING
+from flexfem.core.marker import Carrier, Marker
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.runs import starts
+from flexfem.families.common.block_nodes import distributed
+from flexfem.families.solid.body import Solid, SolidMarker
+from flexfem.families.solid.cells import Kernels, SolidCells
+from flexfem.families.solid.elements import SolidElements
+from flexfem.families.solid.forms import CellKind, SolidForms
+from flexfem.families.solid.laws import SolidLaw
+from flexfem.families.solid.loads import SurfacePressure, SurfaceTraction
+from flexfem.families.solid.pressures import FacetKind, SolidPressures
+from flexfem.families.solid.probes import SolidProbe
+from flexfem.families.solid.sensors import SolidSensor
+from flexfem.layout.elements import ElementFamily
+from flexfem.layout.family import ContactSurface, Family, Sensor, one_width
+from flexfem.layout.inner_forces import InnerForces
+from flexfem.layout.lines import Line
+from flexfem.layout.node_loads import Force
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.layout.surface_places import SurfacePlace
+from flexfem.lie import se3, so3
+from flexfem.model.contact import Contact
+from flexfem.model.probes.base import AnyProbe
+from flexfem.model.structure.place import Place
+
+__all__ = ["SolidFamily"]
+
+#: Cost of a cell relative to a beam element, by its number of nodes.
+_COST = 2.0
+
+#: Strain with which laws are tried at the start, and a bound of zero relative to its energy.
+_STRAIN, _ZERO = 1e-2, 1e-7
+#: A rotation in space that is not in the symmetry group of any likely body.
+_TURN = np.array([0.7, -0.4, 1.1])
+
+#: Cells of one law and kind: its form, sizes of its parameters, the kind.
+type _Kind = tuple[Any, ...]
+
+
+class SolidFamily(Family):
+    """See :class:`flexfem.layout.family.Family`."""
+
+    axes = False
+    name = "solids"
+    series = "flexfem.io.paraview.solid_series:SolidSeries"
+    noun = "solid"
+
+    serial: NumberedModel
+
+    def __init__(self, serial: NumberedModel, kind: int) -> None:
+        """Number the nodes body after body."""
+        super().__init__(serial, kind)
+        self._bodies: list[Solid] = list(self.members(serial.model))
+        self.first = starts([len(body.points) for body in self._bodies])
+        self.first_cell = starts([body.elements for body in self._bodies])
+        places = np.concatenate([body.points for body in self._bodies])
+        self._frames = se3.frame(places, np.tile(np.eye(3), (len(places), 1, 1)))
+        self._velocities = np.zeros((len(places), 6))
+        self._velocities[:, :3] = np.concatenate([body.node_velocities for body in self._bodies])
+        self._held: BoolArray = np.concatenate([body.held for body in self._bodies])
+
+    @property
+    @override
+    def bodies(self) -> list[Solid]:
+        return self._bodies
+
+    @property
+    @override
+    def frames(self) -> FloatArray:
+        return self._frames
+
+    @property
+    @override
+    def velocities(self) -> FloatArray:
+        return self._velocities
+
+    @property
+    @override
+    def held(self) -> BoolArray:
+        return self._held
+
+    @property
+    @override
+    def body_of_node(self) -> IntArray:
+        return np.repeat(np.arange(len(self._bodies)), np.diff(self.first))
+
+    @override
+    def supports(self) -> tuple[IntArray, FloatArray]:
+        nodes, axis = np.nonzero(self._held)
+        return nodes, np.eye(6)[axis]
+
+    def number(self, name: str) -> int:
+        """Number of a body."""
+        return [body.name for body in self._bodies].index(name)
+
+    @override
+    def node(self, marker: Marker, place: Place | None) -> int:
+        assert place is not None
+        assert place.node is not None
+        return int(self.first[self.number(marker.body)]) + place.node
+
+    @override
+    def surface_place(self, marker: Marker) -> SurfacePlace:
+        number = self.number(marker.body)
+        first = int(self.first[number])
+        if isinstance(marker, SolidMarker):
+            nodes = tuple(first + node for node in marker.nodes)
+            return SurfacePlace(self.kind, nodes, marker.weights)
+        return SurfacePlace(self.kind, (first + self._bodies[number].node(marker),), (1.0,))
+
+    @override
+    def line(self, carrier: Carrier) -> Line:
+        raise ValueError(f'Carrier on "{carrier.body}": a Solid has no line')
+
+    @override
+    def patches(self) -> IntArray:
+        bodies = zip(self.first[:-1], self._bodies, strict=True)
+        return one_width([first + body.nodes.cells for first, body in bodies])
+
+    @override
+    def costs(self) -> dict[str, tuple[int, int]]:
+        return {
+            body.name: (body.elements, int(_COST * body.nodes.cells.shape[1]))
+            for body in self._bodies
+        }
+
+    @override
+    def share(self, ranks: Mapping[str, IntArray]) -> tuple[IntArray, dict[str, tuple[int, ...]]]:
+        cells, nodes = [], {}
+        for body in self._bodies:
+            given = np.sort(ranks[body.name])
+            own = np.empty_like(given)
+            own[_along(body)] = given
+            cells.append(own)
+            nodes[body.name] = tuple(np.unique(own).tolist())
+        return np.concatenate(cells), nodes
+
+    @override
+    def block(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, ElementFamily]:
+        owner = np.full(len(self._frames), np.iinfo(np.int64).max)
+        own, touched = [], [np.empty(0, np.int64)]
+        for k, body in enumerate(self._bodies):
+            rank = ranks[self.first_cell[k] : self.first_cell[k + 1]]
+            nodes = self.first[k] + body.nodes.cells
+            np.minimum.at(owner, nodes, np.broadcast_to(rank[:, np.newaxis], nodes.shape))
+            own.append(rank == comm.rank)
+            touched.append(nodes[own[-1]].ravel())
+        ids, index_map = distributed(comm, owner, np.concatenate(touched))
+        block = FrameBlock(
+            self.name, comm, self._frames[ids], self._velocities[ids], ids, index_map,
+            inertial=True, width=3, dirichlet=self._held[ids] if self._held.any() else None,
+        )  # fmt: skip
+        groups = [self._cells(comm, parts, own, block) for parts in self._kinds().values()]
+        plane = np.array([body.plane is not None for body in self._bodies])
+        elements = SolidElements(groups, block, plane[self.body_of_node[ids]])
+        for part, group in zip(self._kinds().values(), groups, strict=True):
+            name = f'Solid "{self._bodies[part[0][0]].name}"'
+            check_start(comm, name, group, np.ascontiguousarray(self._frames[ids, :3]))
+        return block, elements
+
+    def _kinds(self) -> dict[_Kind, list[tuple[int, str]]]:
+        """Bodies and regions whose cells have the same kernels, in the order of the model."""
+        found = dict[_Kind, list[tuple[int, str]]]()
+        for k, body in enumerate(self._bodies):
+            for region, law in body.law.items():
+                sizes = tuple(_sizes(law).items())
+                found.setdefault((law.form, sizes, kind_of(body)), []).append((k, region))
+        return found
+
+    def _cells(
+        self, comm: MPI.Intracomm, parts: Sequence[tuple[int, str]], own: Sequence[BoolArray],
+        block: FrameBlock,
+    ) -> SolidCells:  # fmt: skip
+        """The cells of some regions on this rank (collective)."""
+        body, region = self._bodies[parts[0][0]], parts[0][1]
+        law, kind, sizes = body.law[region], kind_of(body), _sizes(body.law[region])
+        try:
+            forms = SolidForms(law, kind, sizes)
+            kernels = Kernels.compiled(comm, law, kind, sizes)
+        except ValueError as error:
+            raise InputError(f'Solid "{body.name}": {error}') from None
+        nodes, places, thickness, density, bodies, numbers = [], [], [], [], [], []
+        parameters: dict[str, list[FloatArray]] = {name: [] for name in sizes}
+        for k, name in parts:
+            one = self._bodies[k]
+            cells = one.cells_of(name)
+            mine = own[k][cells]
+            cells = cells[mine]
+            nodes.append(self.first[k] + one.nodes.cells[cells])
+            places.append(_places(one, kind)[cells])
+            thickness.append(np.full(len(cells), one.thickness if one.plane else 1.0))
+            density.append(one.cell_density[cells])
+            bodies.append(np.full(len(cells), k))
+            numbers.append(self.first_cell[k] + cells)
+            for key, size in sizes.items():
+                values = values_of(one, name, key, size)
+                parameters[key].append(values[mine])
+        found = SolidCells(
+            kernels, kind,
+            np.ascontiguousarray(block.local_index(np.concatenate(nodes)), dtype=np.int32),
+            np.concatenate(places), np.concatenate(thickness),
+            {key: np.concatenate(values) for key, values in parameters.items()},
+            np.concatenate(bodies), np.concatenate(numbers),
+        )  # fmt: skip
+        return found.with_masses(comm, forms, np.concatenate(density))
+
+    @override
+    def contact_surface(self) -> ContactSurface | None:
+        touching = [k for k, body in enumerate(self._bodies) if body.touches]
+        if not touching:
+            return None
+        bodies = [self._bodies[k] for k in touching]
+        nodes, triangles, of, elements = [], [], [], []
+        for number, k in enumerate(touching):
+            own, cells = self._bodies[k].contact_triangles()
+            nodes.append(self.first[k] + np.unique(own))
+            triangles.append(self.first[k] + own)
+            of.append(np.full(len(own), number))
+            elements.append(self.first_cell[k] + cells)
+        every, body = np.concatenate(nodes), np.concatenate(of)
+        return ContactSurface(
+            bodies, every, self._frames[every, :3],
+            np.repeat(np.arange(len(bodies)), [len(n) for n in nodes]), self._held[every],
+            np.concatenate(triangles), np.zeros(len(body)), body, np.concatenate(elements),
+        )  # fmt: skip
+
+    @override
+    def contact_numbers(self, body: Solid, contact: Contact) -> tuple[float, float]:
+        raise ValueError(
+            f'Solid "{body.name}": solids touch by the barrier alone, leave out law="penalty"'
+        )
+
+    @override
+    def surface_numbers(self, body: Solid, radius: float) -> tuple[float, float]:
+        area = body.figure.area_weights(f'Solid "{body.name}"', body.touching or "")[1].sum()
+        return np.inf, float(body.masses[1].sum() / area)
+
+    @override
+    def forces(
+        self, block: FrameBlock, elements: ElementFamily | None, node_body: IntArray
+    ) -> tuple[list[Force], list[InnerForces]]:
+        assert isinstance(elements, SolidElements)
+        forces: list[Force] = []
+        facets = dict[FacetKind, list[tuple[IntArray, int, float, int]]]()
+        for number, load in enumerate(self.serial.model.loads):
+            if not isinstance(load, (SurfacePressure, SurfaceTraction)):
+                continue
+            k = self.number(load.solid)
+            if isinstance(load, SurfaceTraction):
+                forces += self._traction(k, load, number, block)
+                continue
+            body = self._bodies[k]
+            shape, nodes = body.figure.facets_of(f'SurfacePressure "{load.name}"', load.surface)
+            kind = FacetKind(shape, body.degree, body.plane == "axisymmetric")
+            width = body.thickness if body.plane == "strain" else 1.0
+            mine = self._own_facets(k, load.surface, elements)
+            own = self.first[k] + nodes[mine], k, width * load.pressure, number
+            facets.setdefault(kind, []).append(own)
+        return forces, [self._pressures(block, kind, own) for kind, own in facets.items()]
+
+    def _own_facets(self, k: int, surface: str, elements: SolidElements) -> BoolArray:
+        """(f,) True for facets of a surface whose cell is on this rank."""
+        body = self._bodies[k]
+        corners = np.sort(body.mesh.surface("", surface), axis=1)
+        cells = [body.mesh.cell_of_facet[tuple(row)] for row in corners.tolist()]
+        own = np.concatenate([np.empty(0, np.int64), *(g.number for g in elements.groups)])
+        return np.isin(self.first_cell[k] + np.array(cells), own)
+
+    def _pressures(
+        self, block: FrameBlock, kind: FacetKind,
+        facets: Sequence[tuple[IntArray, int, float, int]],
+    ) -> SolidPressures:  # fmt: skip
+        """Pressures on facets of a kind (collective)."""
+        counts = [len(nodes) for nodes, *_ in facets]
+        body, pressure, load = (np.repeat([f[i] for f in facets], counts) for i in (1, 2, 3))
+        nodes = block.local_index(np.concatenate([nodes for nodes, *_ in facets]))
+        return SolidPressures(block.comm, kind, nodes, body, pressure.astype(np.float64), load)
+
+    def _traction(
+        self, k: int, load: SurfaceTraction, number: int, block: FrameBlock
+    ) -> Iterator[Force]:
+        """Dead forces at the nodes of a surface that this rank owns."""
+        owner = f'SurfaceTraction "{load.name}"'
+        nodes, areas = self._bodies[k].figure.area_weights(owner, load.surface)
+        local = block.owned_index(self.first[k] + nodes)
+        still = se3.frame(np.zeros(3), np.eye(3))
+        for at in np.flatnonzero(local >= 0):
+            force = float(areas[at]) * load.traction
+            yield Force(int(local[at]), still, force, NOTHING, False, number)
+
+    @override
+    def sensor(self, probe: AnyProbe, part: Any) -> Sensor | None:
+        if not isinstance(probe, SolidProbe):
+            return None
+        first = int(self.first_cell[self.number(probe.solid)])
+        return SolidSensor(part, self._bodies, first, probe)
+
+    @override
+    def fingerprint(self) -> Mapping[str, Any]:
+        return {"solids": [[b.points, b.nodes.cells, b.held] for b in self._bodies]}
+
+
+def kind_of(body: Solid) -> CellKind:
+    """Kind of the cells of a body."""
+    mesh = body.mesh
+    simplex = mesh.cell in ("triangle", "tetrahedron")
+    geometry = 0 if body.figure.straight else mesh.degree
+    order = body.quadrature
+    if order is None:
+        order = 2 * body.degree - (2 if simplex and mesh.degree == 1 else 0)
+        order += body.plane == "axisymmetric"
+    lowered = body.lowered if body.formulation == "dilatation" else -1
+    return CellKind(mesh.cell, body.degree, geometry, body.plane, lowered, order)
+
+
+def _places(body: Solid, kind: CellKind) -> FloatArray:
+    """Nodes (m, g, 3) of the geometry of the cells, m."""
+    mesh = body.mesh
+    places: FloatArray = mesh.points[mesh.corners if kind.geometry == 0 else mesh.cells]
+    return places
+
+
+def _sizes(law: SolidLaw) -> dict[str, int]:
+    """Number of components of each parameter of a law."""
+    sizes = {}
+    for name, value in law.parameters.items():
+        sizes[name] = 3 if not callable(value) and np.ndim(value) == 2 else 1
+    return sizes
+
+
+def values_of(body: Solid, region: str, name: str, size: int, t: float = 0.0) -> FloatArray:
+    """Values (m, 1) or (m, 3) of a parameter in the cells of a region, at a time, s.
+
+    Raises:
+        InputError: as many as there are cells are needed, or a function of time fails.
+    """
+    value, count = body.law[region].parameters[name], len(body.cells_of(region))
+    owner = f'Solid "{body.name}": parameter "{name}"'
+    if callable(value):
+        value = value(t)
+        if np.ndim(value) or not np.isfinite(value):
+            raise InputError(f"{owner} must be a finite number at t = {t:.6g} s, got {value}")
+    given = np.asarray(value, dtype=np.float64)
+    if given.ndim == 0 or (size == 3 and len(given) == 1):
+        return np.tile(given.reshape(1, size), (count, 1))
+    if len(given) != count:
+        raise InputError(f"{owner} has {len(given)} values for {count} cells")
+    return given.reshape(count, size)
+
+
+def _along(body: Solid) -> IntArray:
+    """Cells of a body ordered along its longest extent."""
+    middles = body.mesh.points[body.mesh.corners].mean(axis=1)
+    offsets = middles - middles.mean(axis=0)
+    axes = np.linalg.eigh(offsets.T @ offsets)[1]
+    return np.argsort(np.round(offsets @ axes[:, -1], 12), kind="stable")
+
+
+def check_start(comm: MPI.Intracomm, owner: str, group: SolidCells, points: FloatArray) -> None:
+    """Refuse energies that are not finite at the start, change as bodies rotate, or do not resist.
+
+    Args:
+        comm: communicator (collective).
+        owner: of the law, for messages.
+        group: its cells.
+        points: (n, 3) positions of the nodes at the start, m.
+
+    Raises:
+        InputError: on all ranks.
+    """
+    turn = _TURN if group.kind.plane is None else _TURN * [0.0, 0.0, 1.0]
+    shear, swell = np.zeros((3, 3)), np.eye(3)
+    shear[0, 1], swell[2, 2] = 1.0, float(group.kind.plane is None)
+    motions = [
+        np.eye(3), so3.exp(turn),
+        *(np.eye(3) + sign * _STRAIN * way for way in (shear, swell) for sign in (1.0, -1.0)),
+    ]  # fmt: skip
+    with np.errstate(all="ignore"):
+        energies = [group.energy_at(points @ motion.T) for motion in motions]
+        finite = np.isfinite(energies).all() and np.isfinite(group.force_at(points)).all()
+    values = np.where(np.isfinite(energies), energies, 0.0)
+    comm.Allreduce(MPI.IN_PLACE, values)
+    if not comm.allreduce(bool(finite), op=MPI.LAND):
+        raise InputError(f"{owner}: the energy or a derivative of it is not finite at the start")
+    rest, rotated, *strained = values.tolist()
+    for name, pair in (("shear", strained[:2]), ("change of volume", strained[2:])):
+        resisted = 0.5 * sum(pair) - rest
+        if not resisted > _ZERO * abs(rest):
+            raise InputError(
+                f"{owner}: the law has no stiffness: a {name} of {_STRAIN:g} changes its energy by "
+                f"{resisted:.4g} J"
+            )
+    least = min(0.5 * sum(strained[:2]), 0.5 * sum(strained[2:])) - rest
+    if group.kind.plane != "axisymmetric" and abs(rotated - rest) > _ZERO * max(least, abs(rest)):
+        raise InputError(
+            f"{owner}: the energy changes by {rotated - rest:.4g} J as the body rotates, where it "
+            f"must stay; a strain of {_STRAIN:g} changes it by {least:.4g} J"
+        )

@@ -1,0 +1,294 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""UFL forms of a solid cell: its energy, forces, their change along a step, and fields.
+
+Cells are integrated over the reference cell, with the inverse of the geometry's Jacobian and its
+determinant (of straight simplices), or the places of the geometry's nodes, as data of the cell: so
+several cells are evaluated at once. Data that are equal in a group of bodies are in the form.
+
+With a dilatation theta, J is replaced by a polynomial in each cell: theta is the projection of J,
+and the energy ``W((theta/J)^(1/3) F)`` depends on F through its shape alone (Simo, Taylor, Pister
+1985; Brink, Stein 1996). The forces are ``dE/dx + int pi dJ/dx`` with the projection pi of
+dE/dtheta, so that they are the derivative of the energy, and nothing is left to be solved.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from functools import cached_property
+from typing import Any, Protocol
+
+import basix.ufl
+import ufl
+
+from flexfem.families.solid.lagrange import CELLS
+
+__all__ = ["FIELDS", "CellKind", "LawFunctions", "Parameters", "SolidForms"]
+
+#: Fields of a solid in the order of :attr:`SolidForms.fields`, with their numbers of components:
+#: Cauchy stress and Green's strain (xx, yy, zz, yz, xz, xy), and J.
+FIELDS = {"stress": 6, "strain": 6, "J": 1}
+
+
+class LawFunctions(Protocol):
+    """What forms need of a law; see ``laws.SolidLaw``."""
+
+    def energy(self, F: Any, p: Any) -> Any:
+        """Strain energy, J/m^3."""
+
+    def dissipation(self, F: Any, rate: Any, p: Any) -> Any:
+        """Dissipation potential, W/m^3, or None."""
+
+
+@dataclass(frozen=True)
+class CellKind:
+    """What the cells of a group have in common.
+
+    Attributes:
+        cell: shape; degree: of the positions.
+        degree: of the positions.
+        geometry: degree of the geometry, 0 for straight simplices with a constant Jacobian.
+        plane: "strain", "stress" or "axisymmetric" of plane figures, None of solids.
+        dilatation: degree of theta, -1 for displacements alone.
+        quadrature: degree of polynomials that are integrated exactly.
+    """
+
+    cell: str
+    degree: int
+    geometry: int
+    plane: str | None
+    dilatation: int
+    quadrature: int
+
+    @property
+    def dimension(self) -> int:
+        """2 of plane figures, 3 of solids."""
+        return CELLS[self.cell]
+
+
+class Parameters:
+    """Parameters of a law as attributes and by names; records those that are used."""
+
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Take coefficients by name."""
+        self._values, self.asked = values, set[str]()
+
+    def __getitem__(self, name: str) -> Any:
+        """Return a parameter.
+
+        Raises:
+            ValueError: The law has none of this name.
+        """
+        if name not in self._values:
+            known = ", ".join(self._values) or "none"
+            raise ValueError(f'the energy needs a parameter "{name}"; given are {known}')
+        self.asked.add(name)
+        return self._values[name]
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a parameter."""
+        return self[name]
+
+
+class SolidForms:
+    """Forms of a law in cells of a kind.
+
+    Attributes:
+        kind: of the cells.
+        coefficients: all coefficients by name: position, velocity, step and rate of the nodes,
+            those of the cells, and the parameters of the law.
+        damped: True if the law has a dissipation potential.
+        volume: weight of the integrals over the reference cell, m^d.
+    """
+
+    def __init__(self, law: LawFunctions, kind: CellKind, sizes: Mapping[str, int]) -> None:
+        """Evaluate the law.
+
+        Args:
+            law: the law.
+            kind: of the cells.
+            sizes: number of components of each parameter, 1 or 3.
+
+        Raises:
+            ValueError: a function of the law fails, returns no scalar, or leaves out a parameter.
+        """
+        self.kind, d = kind, kind.dimension
+        self._domain = ufl.Mesh(basix.ufl.element("Lagrange", kind.cell, 1, shape=(d,)))
+        self._vectors = self._space("Lagrange", kind.degree, (3,))
+        names = "position", "velocity", "step", "rate"
+        self.coefficients = {name: ufl.Coefficient(self._vectors) for name in names}
+        self._geometry()
+        if kind.dilatation >= 0:
+            space = self._space("DG", kind.dilatation)
+            for name in ("dilatation", "multiplier", "dilatation_step", "multiplier_step"):
+                self.coefficients[name] = ufl.Coefficient(space)
+        values = {
+            name: ufl.Coefficient(self._space("DG", 0, () if size == 1 else (3,)))
+            for name, size in sizes.items()
+        }
+        self.coefficients |= values
+        self._law, self._parameters = law, Parameters(values)
+        self._measure = ufl.dx(self._domain, metadata={"quadrature_degree": kind.quadrature})
+        self._evaluate(list(values))
+
+    def _space(self, family: str, degree: int, shape: tuple[int, ...] = ()) -> Any:
+        """Space on the reference cell."""
+        variant: dict[str, Any] = {}
+        if degree > 0:
+            variant["lagrange_variant"] = basix.LagrangeVariant.equispaced
+        if family == "DG":
+            variant["discontinuous"] = True
+        element = basix.ufl.element("Lagrange", self.kind.cell, degree, shape=shape, **variant)
+        return ufl.FunctionSpace(self._domain, element)
+
+    def _geometry(self) -> None:
+        """Inverse Jacobian, weight, and, where it is needed, the place."""
+        kind, d = self.kind, self.kind.dimension
+        if kind.geometry == 0:
+            inverse = ufl.Coefficient(self._space("DG", 0, (d, d)))
+            size = ufl.Coefficient(self._space("DG", 0))
+            self.coefficients |= {"inverse": inverse, "size": size}
+            self._inverse, self.volume = inverse, size
+            return
+        place = ufl.Coefficient(self._space("Lagrange", kind.geometry, (3,)))
+        size = ufl.Coefficient(self._space("DG", 0))  # thickness of plane figures
+        self.coefficients |= {"place": place, "size": size}
+        jacobian = ufl.as_matrix([[ufl.grad(place)[i, j] for j in range(d)] for i in range(d)])
+        self._inverse, self.volume = ufl.inv(jacobian), size * ufl.det(jacobian)
+        if kind.plane == "axisymmetric":
+            self.volume = 2.0 * ufl.pi * place[0] * self.volume
+
+    def gradient(self, vector: Any, rate: bool = False) -> Any:
+        """Gradient (3, 3) of positions, or of velocities, by the places at the start."""
+        own = ufl.grad(vector) * self._inverse
+        if self.kind.dimension == 3:
+            return own
+        across = 0.0 if rate else 1.0
+        if self.kind.plane == "axisymmetric":
+            across = vector[0] / self.coefficients["place"][0]
+        return ufl.as_matrix(
+            [[own[0, 0], own[0, 1], 0.0], [own[1, 0], own[1, 1], 0.0], [0.0, 0.0, across]]
+        )
+
+    def _evaluate(self, names: list[str]) -> None:
+        """Energy and dissipation per volume."""
+        self._F = ufl.variable(self.gradient(self.coefficients["position"]))
+        seen = self._F
+        if self.kind.dilatation >= 0:
+            theta = self.coefficients["dilatation"]
+            seen = (theta / ufl.det(self._F)) ** (1.0 / 3.0) * self._F
+        rate = self.gradient(self.coefficients["velocity"], rate=True)
+        self._W = self._scalar("energy", self._law.energy, seen, self._parameters)
+        self._D = self._scalar(
+            "dissipation", self._law.dissipation, self._F, rate, self._parameters, optional=True
+        )
+        self.damped = self._D is not None
+        if idle := [name for name in names if name not in self._parameters.asked]:
+            raise ValueError(f'the energy does not depend on the parameter "{idle[0]}"')
+        if self.coefficients["position"] not in ufl.algorithms.extract_coefficients(self._W):
+            raise ValueError("the energy does not depend on F")
+
+    def _scalar(self, what: str, function: Any, *arguments: Any, optional: bool = False) -> Any:
+        """Value of a function of the law."""
+        try:
+            value = function(*arguments)
+            if optional and value is None:
+                return None
+            found = ufl.as_ufl(value)
+        except Exception as error:  # whatever a user's function raises
+            text = str(error).partition("\n")[0] or type(error).__name__
+            raise ValueError(f"{what} fails: {text}") from None
+        if found.ufl_shape != ():
+            raise ValueError(f"{what} must return a scalar, got shape {found.ufl_shape}")
+        return found
+
+    def _integral(self, density: Any) -> Any:
+        return density * self.volume * self._measure
+
+    @cached_property
+    def energy(self) -> Any:
+        """Strain energy, J."""
+        return self._integral(self._W)
+
+    @cached_property
+    def _dilated(self) -> Any:
+        """The dilatation's functions as test functions."""
+        return ufl.TestFunction(self.coefficients["dilatation"].ufl_function_space())
+
+    @cached_property
+    def moments(self) -> Any:
+        """Integrals of J times the dilatation's functions, m^3."""
+        return self._integral(ufl.det(self._F) * self._dilated)
+
+    @cached_property
+    def duals(self) -> Any:
+        """Derivatives of the energy by the dilatation, J."""
+        return ufl.derivative(self.energy, self.coefficients["dilatation"], self._dilated)
+
+    @cached_property
+    def force(self) -> Any:
+        """Elastic and viscous forces on the nodes, N."""
+        stored = self.energy
+        if self.kind.dilatation >= 0:
+            stored = stored + self._integral(self.coefficients["multiplier"] * ufl.det(self._F))
+        test = ufl.TestFunction(self._vectors)
+        total = ufl.derivative(stored, self.coefficients["position"], test)
+        if self._D is not None:
+            lost = self._integral(self._D)
+            total = total + ufl.derivative(lost, self.coefficients["velocity"], test)
+        return total
+
+    def _change(self, form: Any, *names: tuple[str, str]) -> Any:
+        """Change of a form along steps of some coefficients."""
+        parts = [
+            ufl.derivative(form, self.coefficients[of], self.coefficients[by]) for of, by in names
+        ]
+        return sum(parts[1:], start=parts[0])
+
+    @cached_property
+    def action(self) -> Any:
+        """Change of the forces along steps of positions and velocities."""
+        steps = [("position", "step")]
+        if self.kind.dilatation >= 0:
+            steps += [("dilatation", "dilatation_step"), ("multiplier", "multiplier_step")]
+        if self.damped:
+            steps.append(("velocity", "rate"))
+        return self._change(self.force, *steps)
+
+    @cached_property
+    def moments_action(self) -> Any:
+        """Change of the moments along a step of the positions."""
+        return self._change(self.moments, ("position", "step"))
+
+    @cached_property
+    def duals_action(self) -> Any:
+        """Change of the duals along steps of positions and dilatation."""
+        return self._change(self.duals, ("position", "step"), ("dilatation", "dilatation_step"))
+
+    @cached_property
+    def loss(self) -> Any:
+        """Power of the viscous forces, W."""
+        v = self.coefficients["velocity"]
+        return ufl.derivative(self._integral(self._D), v, v)
+
+    @cached_property
+    def fields(self) -> Any:
+        """Integrals of :data:`FIELDS` times the functions of degree p - 1, field by field."""
+        F, J = self._F, ufl.det(self._F)
+        P = ufl.diff(self._W, self._F)
+        if self.kind.dilatation >= 0:
+            P = P + self.coefficients["multiplier"] * J * ufl.inv(F).T
+        stress, strain = P * F.T / J, (F.T * F - ufl.Identity(3)) / 2.0
+        pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
+        values = [tensor[i, j] for tensor in (stress, strain) for i, j in pairs]
+        space = self._space("DG", self.kind.degree - 1, (len(values) + 1,))
+        return self._integral(ufl.inner(ufl.as_vector([*values, J]), ufl.TestFunction(space)))
+
+    def products(self, family: str, degree: int) -> Any:
+        """Products of the shape functions of a degree, integrated, m^3."""
+        space = self._space(family, degree)
+        more = {0: 0, 1: 1 if self.kind.cell in ("triangle", "tetrahedron") else 2}
+        order = 2 * degree + more.get(self.kind.geometry, 3 * self.kind.geometry)
+        order += self.kind.plane == "axisymmetric"
+        measure = ufl.dx(self._domain, metadata={"quadrature_degree": order})
+        return ufl.TestFunction(space) * ufl.TrialFunction(space) * self.volume * measure

@@ -1,0 +1,416 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Meshes of solids with named regions, surfaces and sets of nodes; built without DOLFINx."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from functools import cached_property
+from itertools import product
+from pathlib import Path
+from types import MappingProxyType
+from typing import Any, Self
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._types import FloatArray, IntArray
+from flexfem.families.solid.lagrange import (
+    CELLS,
+    lattice,
+    reference_facets,
+    reference_points,
+    shapes,
+)
+
+__all__ = ["SolidMesh"]
+
+#: Cells of files by the names of meshio: shape and degree.
+_KINDS = {
+    "triangle": ("triangle", 1), "triangle6": ("triangle", 2),
+    "quad": ("quadrilateral", 1), "quad9": ("quadrilateral", 2),
+    "tetra": ("tetrahedron", 1), "tetra10": ("tetrahedron", 2),
+    "hexahedron": ("hexahedron", 1), "hexahedron27": ("hexahedron", 2),
+}  # fmt: skip
+#: Reference points of cells of second order in the order of VTK, and of corners.
+_VTK_HEXAHEDRON = [
+    (0, 0, 0), (2, 0, 0), (2, 2, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (2, 2, 2), (0, 2, 2),
+    (1, 0, 0), (2, 1, 0), (1, 2, 0), (0, 1, 0), (1, 0, 2), (2, 1, 2), (1, 2, 2), (0, 1, 2),
+    (0, 0, 1), (2, 0, 1), (2, 2, 1), (0, 2, 1),
+    (0, 1, 1), (2, 1, 1), (1, 0, 1), (1, 2, 1), (1, 1, 0), (1, 1, 2), (1, 1, 1),
+]  # fmt: skip
+_VTK_QUADRILATERAL = [
+    (0, 0), (2, 0), (2, 2), (0, 2), (1, 0), (2, 1), (1, 2), (0, 1), (1, 1),
+]  # fmt: skip
+_VTK_TETRAHEDRON = [
+    (0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2),
+    (1, 0, 0), (1, 1, 0), (0, 1, 0), (0, 0, 1), (1, 0, 1), (0, 1, 1),
+]  # fmt: skip
+_VTK_TRIANGLE = [(0, 0), (2, 0), (0, 2), (1, 0), (1, 1), (0, 1)]
+_VTK_PRISM = [
+    (0, 0, 0), (2, 0, 0), (0, 2, 0), (0, 0, 2), (2, 0, 2), (0, 2, 2),
+    (1, 0, 0), (1, 1, 0), (0, 1, 0), (1, 0, 2), (1, 1, 2), (0, 1, 2),
+    (0, 0, 1), (2, 0, 1), (0, 2, 1), (1, 0, 1), (1, 1, 1), (0, 1, 1),
+]  # fmt: skip
+_VTK: Mapping[str, Any] = {
+    "triangle": _VTK_TRIANGLE, "quadrilateral": _VTK_QUADRILATERAL,
+    "tetrahedron": _VTK_TETRAHEDRON, "hexahedron": _VTK_HEXAHEDRON, "prism": _VTK_PRISM,
+}  # fmt: skip
+
+
+@dataclass(frozen=True, eq=False, init=False)
+class SolidMesh:
+    """Cells of one shape that fill a solid, or a plane figure, with names of parts of it.
+
+    Attributes:
+        points: Places of the geometry's nodes, shape (n, 3), metres; z = 0 of plane figures.
+        cells: Node indices, shape (m, k), in the order of Basix and DOLFINx.
+        cell: "tetrahedron", "hexahedron", "prism" (wedge), "triangle" or "quadrilateral".
+        degree: Degree of the geometry, 1 to 3.
+        regions: Cell indices by the name of the region.
+        surfaces: Corners (f, c) of facets (edges of plane figures) by the name of the surface.
+        nodes: Node indices by the name of the set.
+    """
+
+    points: FloatArray
+    cells: IntArray
+    cell: str
+    degree: int
+    regions: Mapping[str, IntArray]
+    surfaces: Mapping[str, IntArray]
+    nodes: Mapping[str, IntArray]
+
+    def __init__(
+        self,
+        points: npt.ArrayLike,
+        cells: npt.ArrayLike,
+        cell: str,
+        *,
+        degree: int = 1,
+        regions: Mapping[str, npt.ArrayLike] = MappingProxyType({}),
+        surfaces: Mapping[str, npt.ArrayLike] = MappingProxyType({}),
+        nodes: Mapping[str, npt.ArrayLike] = MappingProxyType({}),
+    ) -> None:
+        """Create a mesh.
+
+        Raises:
+            TypeError: An argument does not consist of numbers of the right kind.
+            ValueError: An unknown shape or degree, NaN, an index out of range, a node without
+                cell, a cell that is inside out or has no volume, or an empty or unknown set.
+        """
+        owner = "SolidMesh"
+        if cell not in CELLS:
+            raise ValueError(
+                f"{owner}: cell must be one of {', '.join(CELLS)}, got {_checks.show(cell)}"
+            )
+        if degree not in (1, 2, 3) or isinstance(degree, bool):
+            raise ValueError(f"{owner}: degree must be 1, 2 or 3, got {_checks.show(degree)}")
+        xyz = _checks.array(owner, "points", points, (-1, 3))
+        rows = _checks.indices(owner, "cells", cells, len(xyz), len(lattice(cell, degree)))
+        if len(rows) == 0:
+            raise ValueError(f"{owner}: cells must hold at least one cell, got none")
+        unused = np.setdiff1d(np.arange(len(xyz)), rows)
+        if len(unused):
+            raise ValueError(f"{owner}: node {unused[0]} belongs to no cell")
+        _checks.assign(
+            self, points=xyz, cells=_checks.freeze(rows, np.int64), cell=cell, degree=degree
+        )
+        self._check_volumes(owner)
+        _checks.assign(
+            self,
+            regions=_sets(owner, "regions", regions, len(rows)),
+            nodes=_sets(owner, "nodes", nodes, len(xyz)),
+            surfaces=MappingProxyType(
+                {name: self._surface(owner, name, rows) for name, rows in surfaces.items()}
+            ),
+        )
+
+    def _check_volumes(self, owner: str) -> None:
+        """Raise for cells that are inside out or flat, and for plane figures outside z = 0."""
+        if self.dimension == 2 and self.points[:, 2].any():
+            at = int(np.argmax(self.points[:, 2] != 0.0))
+            raise ValueError(
+                f"{owner}: plane figures lie at z = 0, node {at} is at z = {self.points[at, 2]:g}"
+            )
+        ratio = np.inf * np.ones(len(self.cells))
+        sizes = np.ptp(self.points[self.cells], axis=1).max(axis=1) ** self.dimension
+        for gradients in shapes(self.cell, self.degree, reference_points(self.cell, self.degree))[
+            1
+        ]:
+            sides = np.einsum("kd,mka->mad", gradients, self.points[self.cells])
+            ratio = np.minimum(ratio, np.linalg.det(sides[:, : self.dimension]) / sizes)
+        if not (ratio > _FLAT).all():
+            at = int(np.argmin(ratio))
+            what = "is inside out" if ratio[at] < 0.0 else "has no volume"
+            place = self.points[self.cells[at]].mean(axis=0)
+            raise ValueError(
+                f"{owner}: cell {at} at {_checks.show(place.round(9).tolist())} {what}"
+            )
+
+    def _surface(self, owner: str, name: str, corners: npt.ArrayLike) -> IntArray:
+        """Checked corners (f, c) of a named surface, as rows of :attr:`facets` are."""
+        _checks.text(owner, "name of a surface", name)
+        width = self.facets.shape[1]
+        what = f'surfaces["{name}"]'
+        given = _checks.indices(owner, what, corners, len(self.points), width)
+        if not len(given):
+            raise ValueError(f"{owner}: {what} is empty")
+        order = np.lexsort(np.sort(self.facets, axis=1).T[::-1])
+        known, wanted = np.sort(self.facets, axis=1)[order], np.sort(given, axis=1)
+        rows = _rows_in(known, wanted)
+        if (rows < 0).any():
+            at = int(np.argmax(rows < 0))
+            raise ValueError(f"{owner}: {what}: {given[at].tolist()} is no facet of a cell")
+        return _checks.freeze(self.facets[order[rows]], np.int64)
+
+    @property
+    def dimension(self) -> int:
+        """2 for plane figures, 3 for solids."""
+        return CELLS[self.cell]
+
+    @cached_property
+    def corners(self) -> IntArray:
+        """Corners (m, c) of the cells."""
+        return self.cells[:, : len(lattice(self.cell, 1))]
+
+    @cached_property
+    def _every_facet(self) -> tuple[IntArray, IntArray]:
+        """Corners (f, c) of all facets, those of cell after cell; ascending corners of each."""
+        local = reference_facets(self.cell)
+        width = max(len(facet) for facet in local)
+        rows = [self.corners[:, facet] for facet in local]
+        rows = [np.pad(r, ((0, 0), (0, width - r.shape[1])), constant_values=-1) for r in rows]
+        every = np.stack(rows, axis=1).reshape(-1, width)
+        return every, np.sort(every, axis=1)
+
+    @cached_property
+    def facets(self) -> IntArray:
+        """Corners (f, c) of all facets, once each, -1 for a fourth corner that is not there."""
+        every, ordered = self._every_facet
+        _, first = np.unique(ordered, axis=0, return_index=True)
+        return every[np.sort(first)]
+
+    @cached_property
+    def boundary(self) -> IntArray:
+        """Corners (f, c) of the facets that belong to one cell."""
+        every, ordered = self._every_facet
+        _, first, times = np.unique(ordered, axis=0, return_index=True, return_counts=True)
+        found: IntArray = every[np.sort(first[times == 1])]
+        return found
+
+    @cached_property
+    def cell_of_facet(self) -> Mapping[tuple[int, ...], int]:
+        """A cell that has each facet, by its ascending corners."""
+        _, ordered = self._every_facet
+        count = len(reference_facets(self.cell))
+        return {tuple(row): at // count for at, row in enumerate(ordered.tolist())}
+
+    def surface(self, owner: str, name: str) -> IntArray:
+        """Corners (f, c) of a named surface; "boundary" names all of it unless a surface does.
+
+        Raises:
+            ValueError: There is no such surface; the message begins with the owner.
+        """
+        if name in self.surfaces:
+            return self.surfaces[name]
+        if name == "boundary":
+            return self.boundary
+        known = _checks.show(", ".join([*self.surfaces, "boundary"]), 200)
+        raise ValueError(f"{owner}: no surface {_checks.show(name)}; there are {known}")
+
+    @classmethod
+    def box(
+        cls,
+        sizes: npt.ArrayLike,
+        counts: Sequence[int],
+        cell: str = "hexahedron",
+        *,
+        origin: npt.ArrayLike = (0.0, 0.0, 0.0),
+    ) -> Self:
+        """Return a box of hexahedra or tetrahedra, or a rectangle at z = 0, along the axes.
+
+        Its surfaces are "x0", "x1", "y0", ... at the lower and upper end of each axis.
+
+        Args:
+            sizes: Edge lengths, metres, three of a box, two of a rectangle.
+            counts: Numbers of cells along the axes; each is cut in six tetrahedra (two triangles).
+            cell: "hexahedron" or "tetrahedron", "quadrilateral" or "triangle".
+            origin: Lowest corner, metres.
+
+        Raises:
+            TypeError: An argument does not consist of numbers of the right kind.
+            ValueError: Sizes that are not positive, a number of cells below one, another shape.
+        """
+        owner = "SolidMesh.box"
+        if cell not in CELLS or cell == "prism":
+            raise ValueError(f"{owner}: cannot make cells {_checks.show(cell)}")
+        dimension = CELLS[cell]
+        lengths = _checks.array(owner, "sizes", sizes, (dimension,))
+        if not (lengths > 0.0).all():
+            raise ValueError(f"{owner}: sizes must be positive, got {lengths.tolist()}")
+        if len(counts) != dimension:
+            raise ValueError(
+                f"{owner}: counts must be {dimension} numbers, got {_checks.show(counts)}"
+            )
+        numbers = [_checks.count(owner, "counts", count, 1) for count in counts]
+        ticks = [np.linspace(0.0, s, n + 1) for s, n in zip(lengths, numbers, strict=True)]
+        grid = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, dimension)
+        points = np.zeros((len(grid), 3))
+        points[:, :dimension] = grid
+        shape = [n + 1 for n in numbers]
+        first = np.stack(np.meshgrid(*map(np.arange, numbers), indexing="ij"), -1)
+        first = first.reshape(-1, dimension)
+        steps = [offset[::-1] for offset in product((0, 1), repeat=dimension)]
+        rows = np.stack([np.ravel_multi_index((first + s).T, shape) for s in steps], axis=1)
+        if cell in ("tetrahedron", "triangle"):
+            rows = rows[:, _CUT[dimension]].reshape(-1, dimension + 1)
+        made = cls(points + _checks.vector(owner, "origin", origin), rows, cell)
+        ends = {}
+        for axis, name in enumerate("xyz"[:dimension]):
+            for side, end in enumerate((0.0, lengths[axis])):
+                on = np.append(points[:, axis] == end, True)
+                ends[f"{name}{side}"] = made.boundary[on[made.boundary].all(axis=1)]
+        return cls(made.points, rows, cell, surfaces=ends)
+
+    @classmethod
+    def read(
+        cls,
+        path: str | Path,
+        *,
+        scale: float = 1.0,
+        merge: float | None = None,
+        bodies: Sequence[str] | None = None,
+        facets: Sequence[str] | None = None,
+    ) -> Self:
+        """Read the solids of a file of gmsh, Abaqus, Nastran or VTK, or its plane cells.
+
+        Element sets are regions; sets of faces, of surface elements and of nodes that have faces at
+        the boundary are surfaces, other sets of nodes stay sets of nodes. Pyramids, wedges and
+        mixtures of cells are cut into tetrahedra (triangles).
+
+        Args:
+            path: As for :func:`read_mesh`.
+            scale: Metres in a unit of length of the file, 1e-3 for millimetres.
+            merge: Make nodes that are at most so far apart one, m; None leaves them apart.
+            bodies: Element sets to take; None for all.
+            facets: Sets to take as surfaces; None for all that have some.
+
+        Raises:
+            TypeError: An argument is of the wrong kind.
+            ValueError: The file is missing or unreadable, has neither solids nor surfaces or no
+                such set, groups overlap, or cells are inside out or without volume.
+        """
+        from flexfem.mesh.imported.body import body_data
+        from flexfem.mesh.imported.read import read_mesh_file
+
+        file = read_mesh_file(Path(path), scale, merge)
+        data = body_data(file, bodies, facets)
+        cell, degree = _KINDS[data.kind]
+        try:
+            made = cls._of_groups(
+                data.points, data.cells[:, _from_vtk(cell, degree)], cell, degree, data.values,
+                data.facets, data.facet_values, data.groups,
+            )  # fmt: skip
+        except ValueError as error:
+            raise ValueError(f"{file.owner}: {error}") from None
+        place = {tuple(x): k for k, x in enumerate(data.points.tolist())}
+        sets = {}
+        for name, rows in file.node_sets.items():
+            found = [place[x] for x in map(tuple, file.points[rows].tolist()) if x in place]
+            if found and name not in made.surfaces:
+                sets[name] = found
+        return made._with_nodes(sets)
+
+    @classmethod
+    def from_dolfinx(
+        cls, mesh: Any, cell_tags: Any = None, facet_tags: Any = None,
+        names: Mapping[str, tuple[int, int]] = MappingProxyType({}),
+    ) -> Self:  # fmt: skip
+        """Return the cells of a DOLFINx mesh, of all ranks on every rank (collective).
+
+        Args:
+            mesh: Mesh of one cell type, geometry of degree 1 to 3.
+            cell_tags: MeshTags of regions; None for one region.
+            facet_tags: MeshTags of surfaces; None without any.
+            names: Dimension and tag by name; a :class:`BodyMesh` has them as ``groups``. Tags
+                without a name are called "region 1" or "surface 1" after their number.
+
+        Raises:
+            TypeError: An argument is of the wrong kind.
+            ValueError: Cells of another shape, or several shapes.
+        """
+        from flexfem.families.solid.from_dolfinx import gathered
+
+        points, cells, cell, degree, values, facets, facet_values, groups = gathered(
+            mesh, cell_tags, facet_tags, names
+        )
+        return cls._of_groups(points, cells, cell, degree, values, facets, facet_values, groups)
+
+    @classmethod
+    def _of_groups(
+        cls, points: FloatArray, cells: IntArray, cell: str, degree: int, values: IntArray,
+        facets: IntArray, facet_values: IntArray, groups: Mapping[str, tuple[int, int]],
+    ) -> Self:  # fmt: skip
+        """Mesh with tagged cells and facets; plane figures lie at z = 0."""
+        dimension = CELLS[cell]
+        tagged = {2: facet_values, 3: facet_values} | {dimension: values}
+        tagged[dimension - 1] = facet_values
+        regions, surfaces = {}, {}
+        for name, (dim, tag) in groups.items():
+            if dim == dimension and (values == tag).any():
+                regions[name] = np.flatnonzero(values == tag)
+            elif dim == dimension - 1 and (facet_values == tag).any():
+                surfaces[name] = facets[facet_values == tag]
+        return cls(points, cells, cell, degree=degree, regions=regions, surfaces=surfaces)
+
+    def _with_nodes(self, sets: Mapping[str, npt.ArrayLike]) -> Self:
+        """The mesh with further sets of nodes."""
+        return type(self)(
+            self.points, self.cells, self.cell, degree=self.degree, regions=self.regions,
+            surfaces=self.surfaces, nodes={**self.nodes, **sets},
+        )  # fmt: skip
+
+    def moved(self, points: FloatArray) -> Self:
+        """The mesh with its nodes at other places (n, 3), m."""
+        return type(self)(
+            points, self.cells, self.cell, degree=self.degree, regions=self.regions,
+            surfaces=self.surfaces, nodes=self.nodes,
+        )  # fmt: skip
+
+
+#: Determinant of a cell's Jacobian over its extent to the power of its dimension, at least.
+_FLAT = 1e-12
+#: Corners of the simplices that fill a quadrilateral or a hexahedron, all with one diagonal.
+_CUT = {
+    2: [[0, 1, 3], [0, 3, 2]],
+    3: [[0, 1, 3, 7], [0, 3, 2, 7], [0, 2, 6, 7], [0, 6, 4, 7], [0, 4, 5, 7], [0, 5, 1, 7]],
+}
+
+
+def _sets(
+    owner: str, what: str, sets: Mapping[str, npt.ArrayLike], limit: int
+) -> Mapping[str, IntArray]:
+    """Checked ascending indices by name."""
+    found = {}
+    for name, rows in sets.items():
+        _checks.text(owner, f"name in {what}", name)
+        found[name] = _checks.freeze(
+            np.unique(_checks.indices(owner, f'{what}["{name}"]', rows, limit, 1)), np.int64
+        )
+        if not len(found[name]):
+            raise ValueError(f'{owner}: {what}["{name}"] is empty')
+    return MappingProxyType(found)
+
+
+def _rows_in(known: IntArray, wanted: IntArray) -> IntArray:
+    """Numbers of rows in a table that is in lexical order, -1 for rows that it does not have."""
+    table = {tuple(row): k for k, row in enumerate(known.tolist())}
+    return np.array([table.get(tuple(row), -1) for row in wanted.tolist()], dtype=np.int64)
+
+
+def _from_vtk(cell: str, degree: int) -> IntArray:
+    """Positions in the order of VTK of the nodes in that of Basix."""
+    given = np.array(_VTK[cell]) / 2.0
+    own = reference_points(cell, degree)
+    return np.array([int(np.abs(given - x).sum(axis=1).argmin()) for x in own], dtype=np.int64)

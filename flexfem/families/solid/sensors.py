@@ -1,0 +1,94 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Sensors of solids: fields at points, and means over cells."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from typing import TYPE_CHECKING
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.families.solid.body import Solid
+from flexfem.families.solid.elements import SolidElements
+from flexfem.families.solid.forms import FIELDS
+from flexfem.families.solid.lagrange import shapes
+from flexfem.families.solid.probes import SolidProbe
+
+if TYPE_CHECKING:
+    from flexfem.system.system import BlockPart
+
+__all__ = ["SolidSensor", "von_mises"]
+
+_STRESS, _STRAIN, _J = 0, FIELDS["stress"], FIELDS["stress"] + FIELDS["strain"]
+
+
+class SolidSensor:
+    """Share of this rank in the columns of a probe.
+
+    Fields are weighted means of those of cells; von Mises' stress, which is no linear function of
+    them, is evaluated on the rank that has a point, or in each cell.
+    """
+
+    def __init__(
+        self, part: BlockPart, bodies: Sequence[Solid], first_cell: int, probe: SolidProbe
+    ) -> None:
+        """Find the cells.
+
+        Args:
+            part: the family's.
+            bodies: of the family.
+            first_cell: number in the family of the first cell of the probe's solid.
+            probe: the probe.
+        """
+        elements = part.elements
+        assert isinstance(elements, SolidElements)
+        self._part, self._elements, self._probe = part, elements, probe
+        solid = next(body for body in bodies if body.name == probe.solid)
+        weight = np.zeros(solid.elements)
+        self._at: FloatArray | None = None
+        if probe.place is None or isinstance(probe.place, str):
+            weight[solid.cells_of(probe.place or "")] = 1.0
+        else:
+            cell, xi = solid.figure.place_in_cell(f'SolidProbe "{probe.name}"', probe.place)
+            weight[cell] = 1.0
+            kind = solid.mesh.cell, solid.degree - 1
+            at = shapes(*kind, xi[np.newaxis])[0][0] if solid.degree > 1 else np.ones(1)
+            self._at = at
+        self._weights = []
+        for group in elements.groups:
+            inside = (group.number >= first_cell) & (group.number < first_cell + solid.elements)
+            own = np.zeros(len(group.nodes))
+            own[inside] = weight[group.number[inside] - first_cell]
+            self._weights.append(own)
+        volumes = [w @ g.size for w, g in zip(self._weights, elements.groups, strict=True)]
+        self._volume = part.block.comm.allreduce(float(sum(volumes)))
+
+    def update(self) -> FloatArray:
+        """See :class:`flexfem.layout.family.Sensor`."""
+        total, volume = np.zeros(sum(FIELDS.values()) + 1), 0.0
+        fields = self._elements.fields(self._part.block)
+        for values, group, weight in zip(fields, self._elements.groups, self._weights, strict=True):
+            chosen = np.flatnonzero(weight)
+            if self._at is not None:
+                own = np.einsum("j,mjc->mc", self._at, values[chosen])
+                part = np.ones(len(chosen))
+            else:
+                own = group.means(values[chosen], chosen)
+                part = group.size[chosen] / self._volume
+            total[:-1] += part @ own
+            total[-1] += part @ von_mises(own[:, :_STRAIN])
+            volume += float(group.size[chosen] @ group.means(values[chosen], chosen)[:, _J])
+        found = {
+            "stress": total[_STRESS:_STRAIN], "strain": total[_STRAIN:_J], "J": total[_J : _J + 1],
+            "von_mises": total[-1:], "volume": np.array([volume]),
+        }  # fmt: skip
+        return np.concatenate([found[name] for name in self._probe.measures])
+
+
+def von_mises(stress: FloatArray) -> FloatArray:
+    """Von Mises' stress (m,) of stresses (m, 6), components as in ``forms.FIELDS``."""
+    normal, shear = stress[:, :3], stress[:, 3:]
+    around = normal - np.roll(normal, 1, axis=1)
+    found: FloatArray = np.sqrt(0.5 * (around**2).sum(axis=1) + 3.0 * (shear**2).sum(axis=1))
+    return found

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Series for ParaView of nonlinear solids: curved cells with fields at their nodes."""
+
+from collections.abc import Collection, Sequence
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.families.solid.cells import SolidCells
+from flexfem.families.solid.elements import SolidElements
+from flexfem.families.solid.forms import FIELDS
+from flexfem.families.solid.lagrange import CELLS, reference_points, shapes
+from flexfem.families.solid.sensors import von_mises
+from flexfem.io.vtu.series import VtuSeries
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.lie import se3
+from flexfem.system.system import BlockPart
+
+__all__ = ["SolidSeries"]
+
+#: Names of the series by shape and degree of the cells.
+_SERIES = {(cell, degree): f"solids_{cell}_{degree}" for cell in CELLS for degree in (1, 2, 3)}
+#: Components of symmetric tensors.
+_TENSOR = ("xx", "yy", "zz", "yz", "xz", "xy")
+
+
+class SolidSeries:
+    """Cells with displacements, velocities, energies, stresses and strains.
+
+    Cauchy stresses (Pa), von Mises' stress, Green's strains and J at nodes are means of the cells
+    around them; energies are per volume at the start, J/m^3. See
+    ``flexfem.io.paraview.family_series.Series``.
+    """
+
+    shown_as = tuple(_SERIES.values())
+
+    def __init__(
+        self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
+        resume: float | None, fields: Collection[str] | None = None,
+    ) -> None:  # fmt: skip
+        """See ``flexfem.io.paraview.family_series.Series``."""
+        self._parts = list(parts)
+        bodies = [body for part in parts for body in part.family.bodies]
+        self._written = sorted({(body.mesh.cell, body.degree) for body in bodies})
+        components = {"stress": _TENSOR, "strain": _TENSOR}
+        self._series = {
+            kind: VtuSeries(folder, name, comm, resume=resume, fields=fields, components=components)
+            for kind, name in _SERIES.items()
+        }
+        self._means = [_NodalMeans(part.block) for part in parts]
+
+    def write(self, time: float, step: int) -> None:
+        """See ``flexfem.io.paraview.family_series.Series``."""
+        for part, means in zip(self._parts, self._means, strict=True):
+            block, elements = part.block, part.elements
+            assert isinstance(elements, SolidElements)
+            values = elements.fields(block)
+            nodal = means.of(elements.groups, values)
+            energies = elements.energies(block.frames) / elements.size
+            for kind in self._written:
+                self._write(time, step, kind, block, elements.groups, nodal, energies)
+
+    def _write(
+        self, time: float, step: int, kind: tuple[str, int], block: FrameBlock,
+        groups: Sequence[SolidCells], nodal: FloatArray, energies: FloatArray,
+    ) -> None:  # fmt: skip
+        """Cells of a kind, those of all groups."""
+        x = np.ascontiguousarray(se3.position(block.frames))
+        turn = se3.rotation(block.frames)
+        order = _vtk_order(*kind)
+        cells, body, energy, first = [np.empty((0, len(order)), np.int64)], [], [], 0
+        for group in groups:
+            rows = slice(first, first + len(group.nodes))
+            first += len(group.nodes)
+            if (group.kind.cell, group.kind.degree) == kind:
+                cells.append(group.nodes[:, order].astype(np.int64))
+                body.append(group.body)
+                energy.append(energies[rows])
+        stress, strain, J = np.split(nodal, np.cumsum(list(FIELDS.values()))[:2], axis=1)
+        self._series[kind].write(
+            time, step, x, np.concatenate(cells), f"{kind[0]}_{kind[1]}",
+            {
+                "displacement": x - se3.position(block.start_frames),
+                "velocity": np.einsum("nij,nj->ni", turn, block.velocity[:, :3]),
+                "stress": stress,
+                "von_mises": von_mises(stress),
+                "strain": strain,
+                "J": J[:, 0],
+            },
+            {
+                "body": np.concatenate([np.empty(0, np.int64), *body]),
+                "energy": np.concatenate([np.empty(0), *energy]),
+            },
+        )  # fmt: skip
+
+    def close(self) -> None:
+        """See ``flexfem.io.paraview.family_series.Series``."""
+        for series in self._series.values():
+            series.close()
+
+
+class _NodalMeans:
+    """Means of the cells around nodes, over ranks."""
+
+    def __init__(self, block: FrameBlock) -> None:
+        """Allocate the sums (collective)."""
+        from dolfinx import la
+
+        width = sum(FIELDS.values()) + 1
+        self._block, self._vector = block, la.vector(block.index_map, width)
+        self._sums: FloatArray = self._vector.array.reshape(-1, width)
+        self._add = la.InsertMode.add
+
+    def of(self, groups: Sequence[SolidCells], values: Sequence[FloatArray]) -> FloatArray:
+        """Means (n, 13) of fields (m, j, 13) of groups (collective)."""
+        self._sums[:] = 0.0
+        for group, own in zip(groups, values, strict=True):
+            kind = group.kind
+            points = reference_points(kind.cell, kind.degree)
+            at = shapes(kind.cell, kind.degree - 1, points)[0] if kind.degree > 1 else None
+            nodal = np.repeat(own, group.nodes.shape[1], axis=1) if at is None else at @ own
+            np.add.at(self._sums[:, :-1], group.nodes, nodal)
+            np.add.at(self._sums[:, -1], group.nodes, 1.0)
+        if self._block.has_ghosts:
+            self._vector.scatter_reverse(self._add)
+            self._vector.scatter_forward()
+        means: FloatArray = self._sums[:, :-1] / np.maximum(self._sums[:, -1:], 1.0)
+        return means
+
+
+def _vtk_order(cell: str, degree: int) -> IntArray:
+    """Positions of the nodes of a cell in the order of VTK."""
+    from dolfinx.io.utils import cell_perm_vtk
+    from dolfinx.mesh import CellType
+
+    count = len(reference_points(cell, degree))
+    return np.argsort(cell_perm_vtk(CellType[cell], count)).astype(np.int64)
