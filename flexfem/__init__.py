@@ -275,7 +275,10 @@ _MODULES = {
     "shipped_data": "resources",
 }
 # Names that are modules, or hold the public names of several.
-_NAMESPACES = {"laws": ("core.laws", "families.solid.laws"), "research": ("research",)}
+_NAMESPACES = {
+    "laws": ("core.laws", "families.solid.laws", "families.solid.history"),
+    "research": ("research",),
+}
 __all__ = [*_MODULES, *_NAMESPACES, "__version__"]  # noqa: PLE0604
 
 

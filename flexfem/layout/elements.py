@@ -11,11 +11,15 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
     from flexfem.core.nodes.frame_block import FrameBlock
+    from flexfem.core.state import Numbering
 
 __all__ = [
     "DampedElements",
     "ElementFamily",
+    "HistoryElements",
     "StrainedElements",
     "StresslessElements",
     "TimedElements",
@@ -210,6 +214,26 @@ class DampedElements(Protocol):
         The product of the latter with other strains, as of ``ElementFamily.continued_strains``, is
         the work of the stresses on them, J.
         """
+        ...
+
+
+@runtime_checkable
+class HistoryElements(Protocol):
+    """Elements with internal variables, which advance from one accepted state to the next.
+
+    They learn the time of a step from ``TimedElements.set_time``.
+    """
+
+    def history(self) -> dict[str, tuple[Numbering, FloatArray]]:
+        """Accepted internal variables, with their numbering, by a name for checkpoints."""
+        ...
+
+    def restore_history(self, history: Mapping[str, FloatArray]) -> None:
+        """Accept internal variables, by the names of :meth:`history`, at the time set last."""
+        ...
+
+    def lost(self) -> FloatArray:
+        """Energies (m,) that the internal variables of each cell have dissipated, J."""
         ...
 
 

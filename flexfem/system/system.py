@@ -24,7 +24,7 @@ from flexfem.core.load import Load
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State, counts
-from flexfem.layout.elements import ElementFamily, StrainedElements, TimedElements
+from flexfem.layout.elements import ElementFamily, HistoryElements, StrainedElements, TimedElements
 from flexfem.layout.family import Family
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.node_loads import NodeForces, NodeMasses
@@ -224,6 +224,7 @@ class System:
         self.thin = any(p.elements is not None and p.elements.thin for p in self.parts)
         every: list[Any] = [part.elements for part in self.parts]
         self._strained = [e for e in every if isinstance(e, StrainedElements) and e.strained]
+        self._histories = [e for e in every if isinstance(e, HistoryElements)]
         self._timed = [e for e in every if isinstance(e, TimedElements)]
         kinds = [part.kind for part in self.parts]
         self.part_of_node: IntArray = np.array(
@@ -451,6 +452,8 @@ class System:
         own: dict[str, Numbering] = {}
         for contacts in self.contacts:
             own |= contacts.numberings()
+        for elements in self._histories:
+            own |= {name: numbering for name, (numbering, _) in elements.history().items()}
         return {**blocks, **self.constraints.numberings(), **own}
 
     def state(self) -> State:
@@ -463,6 +466,8 @@ class System:
             "factors": self._factors.copy(),
         }
         blocks = {part.block.name: part.block.state() for part in self.parts}
+        for elements in self._histories:
+            blocks |= {name: {"z": z.copy()} for name, (_, z) in elements.history().items()}
         state = State(values, blocks) | self.constraints.state()
         for contacts in self.contacts:
             state |= contacts.state()
@@ -488,6 +493,9 @@ class System:
         self.counters = Counters(*counts("counters", state.values["counters"]))
         for part in self.parts:
             part.block.restore(state.rows[part.block.name])
+        for elements in self._histories:
+            names = elements.history()
+            elements.restore_history({name: state.rows[name]["z"] for name in names})
         self.constraints.restore(state)
         for contacts in self.contacts:
             contacts.restore(state)

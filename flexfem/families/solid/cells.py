@@ -3,25 +3,36 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from math import isfinite, nan
+from typing import Any
 
 from mpi4py import MPI
 
 import numpy as np
 
+from flexfem import _checks
+from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.families.solid.forms import FIELDS, CellKind, LawFunctions, SolidForms
-from flexfem.families.solid.lagrange import lattice, reference_points, shapes
+from flexfem.families.solid.lagrange import (
+    lattice,
+    quadrature_weights,
+    reference_points,
+    shapes,
+)
 from flexfem.kernels.driver import CellKernel, Cells, Nodal, add_forces, cell_kernel, evaluate
 from flexfem.kernels.ffcx import Kernel, compile_kernel
 from flexfem.kernels.records import Float2D, Memory, Record
 
-__all__ = ["Kernels", "Motion", "SolidCells"]
+__all__ = ["Kernels", "Motion", "SolidCells", "TimedParameter"]
 
 _NOTHING = np.zeros(1)
 #: Cells whose matrices are computed together.
 _CHUNK = 2048
+#: Time of the central differences of parameters, s.
+_MOMENT = 1e-6
 
 
 class Motion(Record):
@@ -43,6 +54,7 @@ class Kernels:
         damped: True if there are viscous forces.
         dilatation: number of functions of the dilatation.
         fields: number of functions of each field.
+        initial: (z,) internal variables of a point at the start.
     """
 
     calls: Mapping[str, CellKernel]
@@ -50,6 +62,7 @@ class Kernels:
     damped: bool
     dilatation: int
     fields: int
+    initial: FloatArray
 
     @classmethod
     def compiled(
@@ -77,6 +90,8 @@ class Kernels:
             )
         if forms.damped:
             results["loss"] = 1
+        if len(law.initial):
+            results["advanced"] = forms.coefficients["history"].ufl_element().dim
         nodal = {
             name: (Nodal.POSITION, Motion.word(word))
             for name, word in zip(names[:4], ("points", "velocity", "step", "rate"), strict=True)
@@ -94,7 +109,35 @@ class Kernels:
             if name.endswith("action"):
                 of_sections = cell_kernel(kernel, size, names, still, columns, steps)
                 calls[name.replace("action", "column")] = of_sections
-        return cls(calls, columns, forms.damped, dilatation, averaged)
+        return cls(calls, columns, forms.damped, dilatation, averaged, law.initial)
+
+
+@dataclass(frozen=True)
+class TimedParameter:
+    """Parameter of some cells that changes with time.
+
+    Attributes:
+        owner: solid and parameter for messages.
+        name: of the parameter.
+        rows: the cells.
+        function: of time, s.
+    """
+
+    owner: str
+    name: str
+    rows: slice
+    function: Callable[[float], float]
+
+    def at(self, t: float) -> float:
+        """Value at a time, s; nan in a run where the function fails."""
+        try:
+            value = _checks.returned_number(self.name, self.function(t))
+            if isfinite(value):
+                return value
+            raise ReturnError(f"{self.name} is {value} at t = {t:.6g} s")
+        except FAILURES as error:
+            noted(self.owner, self.function, error)
+            return nan
 
 
 class SolidCells:
@@ -107,7 +150,10 @@ class SolidCells:
         size: (m,) volumes at the start, m^3.
         body: (m,) number of the body.
         number: (m,) number of the cell in the family.
+        timed: parameters that change with time.
     """
+
+    timed: Sequence[TimedParameter] = ()
 
     def __init__(
         self, kernels: Kernels, kind: CellKind, nodes: IndexArray, places: FloatArray,
@@ -142,6 +188,9 @@ class SolidCells:
             self.data("size")[:, 0] = thickness
         for name, values in parameters.items():
             self.data(name)[:] = values
+        if len(kernels.initial):
+            self._weights = quadrature_weights(kind.cell, kind.quadrature)
+            self.data("history")[:] = np.tile(kernels.initial, len(self._weights))
         self._gradients = self._mean_gradients()
         self._plain = self._cells(self._own)
 
@@ -202,6 +251,8 @@ class SolidCells:
         self.mass: FloatArray = density[:, np.newaxis, np.newaxis] * products
         own = self._products(comm, forms, "DG", self.kind.degree - 1)
         self._averages, self._parts = np.linalg.inv(own), own.sum(axis=2)
+        if len(self.kernels.initial):
+            self._volumes = self._tabulated(comm, forms, forms.volumes, len(self._weights))
         if self.kernels.dilatation:
             own = self._products(comm, forms, "DG", self.kind.dilatation)
             self._projection = np.linalg.inv(own)
@@ -211,13 +262,18 @@ class SolidCells:
         self, comm: MPI.Intracomm, forms: SolidForms, family: str, degree: int
     ) -> FloatArray:
         """Products (m, j, j) of functions of a degree."""
-        fields = tuple(forms.coefficients.values())
-        kernel = compile_kernel(comm, forms.products(family, degree), fields, batched=True)
         count = len(lattice(self.kind.cell, degree)) if degree > 0 else 1
-        call = cell_kernel(kernel, count**2, forms.coefficients, {}, self.kernels.columns)
-        return self._evaluated(call, self._plain, _still(np.zeros((1, 3)))).reshape(
-            -1, count, count
-        )
+        form = forms.products(family, degree)
+        return self._tabulated(comm, forms, form, count**2).reshape(-1, count, count)
+
+    def _tabulated(
+        self, comm: MPI.Intracomm, forms: SolidForms, form: Any, size: int
+    ) -> FloatArray:
+        """Results (m, s) of a form of the geometry alone (collective)."""
+        fields = tuple(forms.coefficients.values())
+        kernel = compile_kernel(comm, form, fields, batched=True)
+        call = cell_kernel(kernel, size, forms.coefficients, {}, self.kernels.columns)
+        return self._evaluated(call, self._plain, _still(np.zeros((1, 3))))
 
     def _evaluated(self, call: CellKernel, cells: Cells, motion: Memory) -> FloatArray:
         """Results (m, s) of a kernel."""
@@ -255,6 +311,47 @@ class SolidCells:
         self.settle(motion)
         self.add_forces(motion, forces)
         return forces
+
+    def set_time(self, t: float, span: float) -> bool:
+        """Set parameters at a time and the time of the step, s; True if something depends on it."""
+        self._set_parameters(t)
+        if len(self.kernels.initial):
+            self.data("span")[:] = span
+        return len(self.kernels.initial) + len(self.timed) > 0
+
+    def _set_parameters(self, t: float) -> None:
+        for one in self.timed:
+            self.data(one.name)[one.rows] = one.at(t)
+
+    def powers(self, t: float, motion: Memory) -> FloatArray:
+        """Rates (m,) of the energies by the change of parameters with time alone, W."""
+        if not self.timed:
+            return np.zeros(len(self.nodes))
+        energies = []
+        for at in (t - _MOMENT, t + _MOMENT):
+            self._set_parameters(at)
+            energies.append(self.energies(motion))
+        self._set_parameters(t)
+        rates: FloatArray = (energies[1] - energies[0]) / (2.0 * _MOMENT)
+        return rates
+
+    def advance(self, motion: Memory) -> None:
+        """Take the internal variables at the end of the step, and end it."""
+        if len(self.kernels.initial) and len(self.nodes):
+            values = self._evaluated(self.kernels.calls["advanced"], self._plain, motion)
+            weights = np.repeat(self._weights, len(self.kernels.initial))
+            self.data("history")[:] = values / weights
+            self.data("span")[:] = 0.0
+
+    @property
+    def lost(self) -> FloatArray:
+        """Energies (m,) that the internal variables have dissipated, J."""
+        if not len(self.kernels.initial):
+            return np.zeros(len(self.nodes))
+        count, points = len(self.kernels.initial), len(self._weights)
+        own = self.data("history").reshape(len(self.nodes), points, count)[:, :, -1]
+        found: FloatArray = (own * self._volumes).sum(axis=1)
+        return found
 
     def losses(self, motion: Memory) -> FloatArray:
         """Powers (m,) of the viscous forces, W."""

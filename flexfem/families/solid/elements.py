@@ -3,13 +3,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 import numpy as np
 from scipy.sparse import csr_array
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.state import Numbering
 from flexfem.families.common.corotating_axes import CorotatingAxes
 from flexfem.families.common.corotating_loops import (
     add_blocks,
@@ -52,13 +53,16 @@ class SolidElements(StresslessElements):
     thin = False
     stressed = False
 
-    def __init__(self, groups: Sequence[SolidCells], block: FrameBlock, plane: BoolArray) -> None:
+    def __init__(
+        self, groups: Sequence[SolidCells], block: FrameBlock, plane: BoolArray, cells: int
+    ) -> None:
         """Prepare pairs of nodes and masses (collective).
 
         Args:
             groups: the cells that this rank owns.
             block: their nodes, at the start.
             plane: (n,) True for nodes of plane bodies.
+            cells: number of cells of the family on all ranks.
         """
         self.groups = list(groups)
         self.body = np.concatenate([np.empty(0, np.int64), *(g.body for g in groups)])
@@ -73,6 +77,8 @@ class SolidElements(StresslessElements):
         self._mass = self._assembled_masses(count)
         self._axes = _Axes(block, plane)
         self._settled = np.full((count, 3), np.nan)
+        self._time = self._accepted = 0.0
+        self._name, self._cells = f"{block.name}_history", cells
 
     def _assembled_masses(self, count: int) -> csr_array:
         """Mass matrix of one direction of this rank's nodes, kg."""
@@ -150,9 +156,51 @@ class SolidElements(StresslessElements):
                 group.add_action(self._motion.memory, 1.0, total)
         add_to_nodes(block.frames, total, scale, block.residual)
 
+    def set_time(self, t: float) -> None:
+        """Set the time to which internal variables advance, and parameters that change, s."""
+        self._time = t
+        for group in self.groups:
+            if group.set_time(t, t - self._accepted):
+                self._settled[:] = np.nan
+
+    def powers(self, block: FrameBlock, gravity: FloatArray) -> FloatArray:
+        """Powers (m,) of parameters that change with time, W."""
+        self._settle(block.frames)
+        return self._of_groups([g.powers(self._time, self._motion.memory) for g in self.groups])
+
+    def lost(self) -> FloatArray:
+        """Energies (m,) that internal variables have dissipated, J."""
+        return self._of_groups([group.lost for group in self.groups])
+
+    def history(self) -> dict[str, tuple[Numbering, FloatArray]]:
+        """Internal variables of each group that has some, with the numbers of its cells."""
+        return {
+            f"{self._name}_{k}": (
+                Numbering(g.number, np.ones(len(g.number), dtype=np.bool_), self._cells),
+                g.data("history"),
+            )
+            for k, g in enumerate(self._histories)
+        }
+
+    def restore_history(self, history: Mapping[str, FloatArray]) -> None:
+        """Accept internal variables at the time set last."""
+        self._accepted = self._time
+        for k, group in enumerate(self._histories):
+            group.data("history")[:] = history[f"{self._name}_{k}"]
+            group.set_time(self._time, 0.0)
+        self._settled[:] = np.nan
+
+    @property
+    def _histories(self) -> list[SolidCells]:
+        return [group for group in self.groups if len(group.kernels.initial)]
+
     def accept(self, block: FrameBlock) -> None:
         """Rotate the axes of the nodes with the cells around them (collective)."""
-        positions_into(block.frames, self._points)
+        self._settle(block.frames)
+        for group in self._histories:
+            group.advance(self._motion.memory)
+            self._settled[:] = np.nan
+        self._accepted = self._time
         self._axes.turn(block, self._add_rotations)
 
     def _add_rotations(self, sums: FloatArray) -> None:

@@ -18,7 +18,7 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.runs import starts
 from flexfem.families.common.block_nodes import distributed
 from flexfem.families.solid.body import Solid, SolidMarker
-from flexfem.families.solid.cells import Kernels, SolidCells
+from flexfem.families.solid.cells import Kernels, SolidCells, TimedParameter
 from flexfem.families.solid.elements import SolidElements
 from flexfem.families.solid.forms import CellKind, SolidForms
 from flexfem.families.solid.laws import SolidLaw
@@ -167,7 +167,7 @@ class SolidFamily(Family):
         )  # fmt: skip
         groups = [self._cells(comm, parts, own, block) for parts in self._kinds().values()]
         plane = np.array([body.plane is not None for body in self._bodies])
-        elements = SolidElements(groups, block, plane[self.body_of_node[ids]])
+        elements = SolidElements(groups, block, plane[self.body_of_node[ids]], len(ranks))
         for part, group in zip(self._kinds().values(), groups, strict=True):
             name = f'Solid "{self._bodies[part[0][0]].name}"'
             check_start(comm, name, group, np.ascontiguousarray(self._frames[ids, :3]))
@@ -196,6 +196,7 @@ class SolidFamily(Family):
             raise InputError(f'Solid "{body.name}": {error}') from None
         nodes, places, thickness, density, bodies, numbers = [], [], [], [], [], []
         parameters: dict[str, list[FloatArray]] = {name: [] for name in sizes}
+        timed, first = list[TimedParameter](), 0
         for k, name in parts:
             one = self._bodies[k]
             cells = one.cells_of(name)
@@ -210,6 +211,12 @@ class SolidFamily(Family):
             for key, size in sizes.items():
                 values = values_of(one, name, key, size)
                 parameters[key].append(values[mine])
+                value = one.law[name].parameters[key]
+                if callable(value):
+                    rows = slice(first, first + len(cells))
+                    owner = f'Solid "{one.name}": parameter "{key}"'
+                    timed.append(TimedParameter(owner, key, rows, value))
+            first += len(cells)
         found = SolidCells(
             kernels, kind,
             np.ascontiguousarray(block.local_index(np.concatenate(nodes)), dtype=np.int32),
@@ -217,6 +224,7 @@ class SolidFamily(Family):
             {key: np.concatenate(values) for key, values in parameters.items()},
             np.concatenate(bodies), np.concatenate(numbers),
         )  # fmt: skip
+        found.timed = timed
         return found.with_masses(comm, forms, np.concatenate(density))
 
     @override

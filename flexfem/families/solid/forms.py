@@ -21,6 +21,7 @@ from typing import Any, Protocol
 import basix.ufl
 import ufl
 
+from flexfem._types import FloatArray
 from flexfem.families.solid.lagrange import CELLS
 
 __all__ = ["FIELDS", "CellKind", "LawFunctions", "Parameters", "SolidForms"]
@@ -31,7 +32,11 @@ FIELDS = {"stress": 6, "strain": 6, "J": 1}
 
 
 class LawFunctions(Protocol):
-    """What forms need of a law; see ``laws.SolidLaw``."""
+    """What forms need of a law; see ``laws.SolidLaw`` and ``history.HistoryLaw``."""
+
+    @property
+    def initial(self) -> FloatArray:
+        """Internal variables at the start."""
 
     def energy(self, F: Any, p: Any) -> Any:
         """Strain energy, J/m^3."""
@@ -128,6 +133,15 @@ class SolidForms:
         }
         self.coefficients |= values
         self._law, self._parameters = law, Parameters(values)
+        self._internal = len(law.initial)
+        if self._internal:
+            points = basix.ufl.quadrature_element(
+                kind.cell, value_shape=(self._internal,), degree=kind.quadrature
+            )
+            self._points = ufl.FunctionSpace(self._domain, points)
+            self.coefficients["history"] = ufl.Coefficient(self._points)
+            self.coefficients["span"] = ufl.Coefficient(self._space("DG", 0))
+            self._constant = ufl.Coefficient(self._points)
         self._measure = ufl.dx(self._domain, metadata={"quadrature_degree": kind.quadrature})
         self._evaluate(list(values))
 
@@ -173,20 +187,56 @@ class SolidForms:
     def _evaluate(self, names: list[str]) -> None:
         """Energy and dissipation per volume."""
         self._F = ufl.variable(self.gradient(self.coefficients["position"]))
-        seen = self._F
-        if self.kind.dilatation >= 0:
-            theta = self.coefficients["dilatation"]
-            seen = (theta / ufl.det(self._F)) ** (1.0 / 3.0) * self._F
+        seen = self._seen(self._F)
         rate = self.gradient(self.coefficients["velocity"], rate=True)
-        self._W = self._scalar("energy", self._law.energy, seen, self._parameters)
+        self._W = self._scalar("energy", self._stored, seen, self._parameters)
         self._D = self._scalar(
             "dissipation", self._law.dissipation, self._F, rate, self._parameters, optional=True
         )
         self.damped = self._D is not None
+        if self._internal:
+            self._advanced = self._end_of_step()
         if idle := [name for name in names if name not in self._parameters.asked]:
             raise ValueError(f'the energy does not depend on the parameter "{idle[0]}"')
         if self.coefficients["position"] not in ufl.algorithms.extract_coefficients(self._W):
             raise ValueError("the energy does not depend on F")
+
+    def _stored(self, F: Any, p: Any) -> Any:
+        """Stored energy at constant internal variables, for which :meth:`_closed` puts advanced."""
+        if not self._internal:
+            return self._law.energy(F, p)
+        law: Any = self._law
+        return law.stored(F, self._constant, p)
+
+    def _closed(self, form: Any) -> Any:
+        """A form, differentiated at constant internal variables, at the end of the step."""
+        return ufl.replace(form, {self._constant: self._advanced}) if self._internal else form
+
+    def _end_of_step(self) -> Any:
+        """Internal variables at the end of the step."""
+        law: Any = self._law
+        F = self._seen(self.gradient(self.coefficients["position"]))
+        z, h = self.coefficients["history"], self.coefficients["span"]
+        return ufl.as_vector(law.advance(F, z, h, self._parameters))
+
+    def _seen(self, F: Any) -> Any:
+        """Deformation gradient in the law: with the dilatation, if there is one."""
+        if self.kind.dilatation < 0:
+            return F
+        return (self.coefficients["dilatation"] / ufl.det(F)) ** (1.0 / 3.0) * F
+
+    @cached_property
+    def advanced(self) -> Any:
+        """Internal variables at the end of the step, times the weights of the points."""
+        test = ufl.TestFunction(self._points)
+        return ufl.inner(self._advanced, test) * self._measure
+
+    @cached_property
+    def volumes(self) -> Any:
+        """Volumes at the points of the quadrature, m^3."""
+        points = basix.ufl.quadrature_element(self.kind.cell, degree=self.kind.quadrature)
+        test = ufl.TestFunction(ufl.FunctionSpace(self._domain, points))
+        return self._integral(test)
 
     def _scalar(self, what: str, function: Any, *arguments: Any, optional: bool = False) -> Any:
         """Value of a function of the law."""
@@ -208,7 +258,7 @@ class SolidForms:
     @cached_property
     def energy(self) -> Any:
         """Strain energy, J."""
-        return self._integral(self._W)
+        return self._closed(self._integral(self._W))
 
     @cached_property
     def _dilated(self) -> Any:
@@ -223,12 +273,13 @@ class SolidForms:
     @cached_property
     def duals(self) -> Any:
         """Derivatives of the energy by the dilatation, J."""
-        return ufl.derivative(self.energy, self.coefficients["dilatation"], self._dilated)
+        stored = self._integral(self._W)
+        return self._closed(ufl.derivative(stored, self.coefficients["dilatation"], self._dilated))
 
     @cached_property
     def force(self) -> Any:
         """Elastic and viscous forces on the nodes, N."""
-        stored = self.energy
+        stored = self._integral(self._W)
         if self.kind.dilatation >= 0:
             stored = stored + self._integral(self.coefficients["multiplier"] * ufl.det(self._F))
         test = ufl.TestFunction(self._vectors)
@@ -236,7 +287,7 @@ class SolidForms:
         if self._D is not None:
             lost = self._integral(self._D)
             total = total + ufl.derivative(lost, self.coefficients["velocity"], test)
-        return total
+        return self._closed(total)
 
     def _change(self, form: Any, *names: tuple[str, str]) -> Any:
         """Change of a form along steps of some coefficients."""
@@ -282,7 +333,8 @@ class SolidForms:
         pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
         values = [tensor[i, j] for tensor in (stress, strain) for i, j in pairs]
         space = self._space("DG", self.kind.degree - 1, (len(values) + 1,))
-        return self._integral(ufl.inner(ufl.as_vector([*values, J]), ufl.TestFunction(space)))
+        found = ufl.inner(ufl.as_vector([*values, J]), ufl.TestFunction(space))
+        return self._closed(self._integral(found))
 
     def products(self, family: str, degree: int) -> Any:
         """Products of the shape functions of a degree, integrated, m^3."""

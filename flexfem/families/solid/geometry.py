@@ -5,14 +5,18 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property
-from typing import Any
 
-import basix
 import numpy as np
 
 from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
-from flexfem.families.solid.lagrange import Lagrange, reference_points, shapes
+from flexfem.families.solid.lagrange import (
+    Lagrange,
+    quadrature_points,
+    quadrature_weights,
+    reference_points,
+    shapes,
+)
 from flexfem.families.solid.mesh import SolidMesh
 
 __all__ = ["Figure"]
@@ -23,13 +27,6 @@ _STRAIGHT = 1e-9
 _STEPS, _CLOSE = 20, 1e-12
 #: Distance from the reference cell that is round-off, and candidates for a place.
 _INSIDE, _NEAREST = 1e-8, 30
-
-
-def _weighted_points(cell: str, order: int) -> tuple[FloatArray, FloatArray]:
-    """Points (q, d) and weights (q,) of a rule that is exact for polynomials of an order."""
-    rule: Any = basix.make_quadrature(basix.CellType[cell], order)
-    points, weights = rule
-    return points, weights
 
 
 @dataclass(frozen=True, eq=False)
@@ -116,7 +113,8 @@ class Figure:
         They are lengths times the thickness, or around the axis, of plane figures.
         """
         shape, facets = self.facets_of(owner, surface)
-        points, weights = _weighted_points(shape, 2 * self.degree + 1)
+        rule = shape, 2 * self.degree + 1
+        points, weights = quadrature_points(*rule), quadrature_weights(*rule)
         values, gradients = shapes(shape, self.degree, points)
         places = self.points[facets]
         sides = np.einsum("qkd,fka->fqda", gradients, places)
@@ -192,7 +190,8 @@ class Figure:
         """
         mesh = self.mesh
         d = mesh.dimension
-        points, weights = _weighted_points(mesh.cell, 2 + 3 * mesh.degree - 2)
+        rule = mesh.cell, 2 + 3 * mesh.degree - 2
+        points, weights = quadrature_points(*rule), quadrature_weights(*rule)
         values, gradients = shapes(mesh.cell, mesh.degree, points)
         nodes = mesh.points[mesh.cells]
         places = np.einsum("qk,mka->mqa", values, nodes)

@@ -22,6 +22,8 @@ __all__ = [
     "Lagrange",
     "element",
     "lattice",
+    "quadrature_points",
+    "quadrature_weights",
     "reference_facets",
     "reference_points",
     "shapes",
@@ -58,6 +60,23 @@ def shapes(cell: str, degree: int, points: FloatArray) -> tuple[FloatArray, Floa
     """Shape functions (q, k) at reference points (q, d), and their derivatives (q, k, d)."""
     table = element(cell, degree).tabulate(1, np.ascontiguousarray(points))[..., 0]
     return table[0], np.moveaxis(table[1:], 0, -1)
+
+
+@cache
+def _quadrature(cell: str, order: int) -> Any:
+    return basix.make_quadrature(basix.CellType[cell], order)
+
+
+def quadrature_points(cell: str, order: int) -> FloatArray:
+    """Points (q, d) of the rule of an order in the reference cell, those of FFCx."""
+    points: FloatArray = _quadrature(cell, order)[0]
+    return points
+
+
+def quadrature_weights(cell: str, order: int) -> FloatArray:
+    """Their weights (q,)."""
+    weights: FloatArray = _quadrature(cell, order)[1]
+    return weights
 
 
 @cache

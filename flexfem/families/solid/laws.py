@@ -70,6 +70,11 @@ class SolidLaw(ABC):
         """What distinguishes the law from others with the same parameters: hashable."""
         return type(self)
 
+    @property
+    def initial(self) -> FloatArray:
+        """Internal variables at the start, of a ``HistoryLaw``; none."""
+        return np.empty(0)
+
     def dissipation(self, F: Any, rate: Any, p: Any) -> Any:
         """Dissipation potential, W/m^3, in UFL; None without damping.
 
@@ -78,15 +83,15 @@ class SolidLaw(ABC):
         return None
 
 
-def _isochoric(F: Any) -> Any:
-    """Right Cauchy-Green tensor without the change of volume."""
+def isochoric(F: Any) -> Any:
+    """Right Cauchy-Green tensor without the change of volume, in UFL."""
     import ufl
 
     return ufl.det(F) ** (-2.0 / 3.0) * F.T * F
 
 
-def _volumetric(F: Any, bulk: Any) -> Any:
-    """Energy of the change of volume."""
+def volumetric(F: Any, bulk: Any) -> Any:
+    """Energy of the change of volume, J/m^3, in UFL."""
     import ufl
 
     J = ufl.det(F)
@@ -103,7 +108,7 @@ def _values(owner: str, what: str, value: Any, **bounds: bool) -> Any:
     return found
 
 
-def _modulus(*, default: Any = None, **bounds: bool) -> Any:
+def modulus(*, default: Any = None, **bounds: bool) -> Any:
     """Declare a number that may be one for each cell."""
 
     def check(owner: str, what: str, value: Any) -> Any:
@@ -141,8 +146,8 @@ class NeoHookean(SolidLaw):
         ValueError: A modulus is not positive.
     """
 
-    shear_modulus: Any = _modulus(positive=True)
-    bulk_modulus: Any = _modulus(positive=True)
+    shear_modulus: Any = modulus(positive=True)
+    bulk_modulus: Any = modulus(positive=True)
 
     @classmethod
     def from_young(cls, youngs_modulus: Any, poisson_ratio: Any) -> NeoHookean:
@@ -163,7 +168,7 @@ class NeoHookean(SolidLaw):
         """See :meth:`SolidLaw.energy`."""
         import ufl
 
-        return p.mu / 2.0 * (ufl.tr(_isochoric(F)) - 3.0) + _volumetric(F, p.bulk)
+        return p.mu / 2.0 * (ufl.tr(isochoric(F)) - 3.0) + volumetric(F, p.bulk)
 
 
 @declared
@@ -179,9 +184,9 @@ class MooneyRivlin(SolidLaw):
         ValueError: c10 or K is not positive, or c01 negative.
     """
 
-    c10: Any = _modulus(positive=True)
-    c01: Any = _modulus(nonnegative=True)
-    bulk_modulus: Any = _modulus(positive=True)
+    c10: Any = modulus(positive=True)
+    c01: Any = modulus(nonnegative=True)
+    bulk_modulus: Any = modulus(positive=True)
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -192,9 +197,9 @@ class MooneyRivlin(SolidLaw):
         """See :meth:`SolidLaw.energy`."""
         import ufl
 
-        C = _isochoric(F)
+        C = isochoric(F)
         first, second = ufl.tr(C), (ufl.tr(C) ** 2 - ufl.inner(C, C)) / 2.0
-        return p.c10 * (first - 3.0) + p.c01 * (second - 3.0) + _volumetric(F, p.bulk)
+        return p.c10 * (first - 3.0) + p.c01 * (second - 3.0) + volumetric(F, p.bulk)
 
 
 @declared
@@ -212,8 +217,8 @@ class SaintVenantKirchhoff(SolidLaw):
         ValueError: The modulus is not positive, or the ratio outside (-1, 0.5).
     """
 
-    youngs_modulus: Any = _modulus(positive=True)
-    poisson_ratio: Any = _modulus()
+    youngs_modulus: Any = modulus(positive=True)
+    poisson_ratio: Any = modulus()
 
     def __post_init__(self) -> None:
         """Check the ratio."""
@@ -255,7 +260,7 @@ class Ogden(SolidLaw):
 
     moduli: Any = array(-1)
     exponents: Any = array(-1)
-    bulk_modulus: Any = _modulus(positive=True)
+    bulk_modulus: Any = modulus(positive=True)
 
     def __post_init__(self) -> None:
         """Check moduli and exponents."""
@@ -290,8 +295,8 @@ class Ogden(SolidLaw):
 
     def energy(self, F: Any, p: Any) -> Any:
         """See :meth:`SolidLaw.energy`."""
-        C = _isochoric(F)
-        total = _volumetric(F, p.bulk)
+        C = isochoric(F)
+        total = volumetric(F, p.bulk)
         for k, alpha in enumerate(self.exponents):
             total = total + p[f"mu{k}"] / alpha * (trace_of_power(C, alpha / 2.0) - 3.0)
         return total
@@ -380,10 +385,10 @@ class HolzapfelGasserOgden(SolidLaw):
         ValueError: A number out of its range, or a direction that is zero.
     """
 
-    c: Any = _modulus(positive=True)
-    k1: Any = _modulus(positive=True)
-    k2: Any = _modulus(positive=True)
-    bulk_modulus: Any = _modulus(positive=True)
+    c: Any = modulus(positive=True)
+    k1: Any = modulus(positive=True)
+    k2: Any = modulus(positive=True)
+    bulk_modulus: Any = modulus(positive=True)
     fibres: Any = settled(default=())
     dispersion: float = number(default=0.0, nonnegative=True)
 
@@ -416,8 +421,8 @@ class HolzapfelGasserOgden(SolidLaw):
         """See :meth:`SolidLaw.energy`."""
         import ufl
 
-        C = _isochoric(F)
-        total = p.c / 2.0 * (ufl.tr(C) - 3.0) + _volumetric(F, p.bulk)
+        C = isochoric(F)
+        total = p.c / 2.0 * (ufl.tr(C) - 3.0) + volumetric(F, p.bulk)
         for k in range(len(self.fibres)):
             a = p[f"fibre{k}"]
             e = p.d * (ufl.tr(C) - 3.0) + (1.0 - 3.0 * p.d) * (ufl.dot(a, C * a) - 1.0)

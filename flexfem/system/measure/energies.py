@@ -11,7 +11,12 @@ from flexfem.core.laws import STORING_FUNCTIONS, LawKind
 from flexfem.core.nodes import motion
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.kernels.compiled import kernel
-from flexfem.layout.elements import SteppedElements, StrainedElements, TimedElements
+from flexfem.layout.elements import (
+    HistoryElements,
+    SteppedElements,
+    StrainedElements,
+    TimedElements,
+)
 from flexfem.model.model import Model
 from flexfem.system.measure.momenta import ChosenBodies
 from flexfem.system.system import System
@@ -144,12 +149,15 @@ class EnergyMeter:
         self._stepped: list[tuple[SteppedElements, FrameBlock, FloatArray]] = []
         self._timed: list[tuple[StrainedElements, FrameBlock]] = []
         self._growing: list[tuple[TimedElements, FrameBlock, FloatArray]] = []
+        self._wearing: list[tuple[HistoryElements, FloatArray]] = []
         timed, lengths = [np.zeros(0)], [np.zeros(0)]
         for part, cells in zip(system.parts, self._chosen.cells, strict=True):
             if part.elements is None:
                 continue
             weights = cells.astype(np.float64)
             self._elastic.append((part.elements, part.block, weights))
+            if isinstance(part.elements, HistoryElements):
+                self._wearing.append((part.elements, weights))
             if isinstance(part.elements, TimedElements):
                 self._growing.append((part.elements, part.block, weights))
             if part.elements.viscous and rows.mean_forces:
@@ -168,6 +176,7 @@ class EnergyMeter:
             for number, own in system.modal_dampers.parts.items()
         ]  # fmt: skip
         self._work = self._dissipation = 0.0
+        self._worn = self._wear()
         self._time = system.time
         refresh_rows(system)
         self._state = self._read()
@@ -188,6 +197,8 @@ class EnergyMeter:
         if self._timed:
             self._work += self._heat(before, self._state)
         self._dissipation += self._loss(before, self._state, h) + self._loss_beside()
+        before_wear, self._worn = self._worn, self._wear()
+        self._dissipation += self._worn - before_wear
         self._let_gravity_grow()
         stored = self._stored(self._state.sprung)
         balance = float(stored.sum()) - self._work + self._dissipation - self._initial
@@ -202,7 +213,11 @@ class EnergyMeter:
     def restore(self, shares: FloatArray) -> None:
         """Restore a result of :meth:`state`; only its sum over the ranks matters."""
         self._work, self._dissipation, self._growth, self._initial = shares[:4].tolist()
-        self._start = shares[4:].copy()
+        self._start, self._worn = shares[4:].copy(), self._wear()
+
+    def _wear(self) -> float:
+        """Energy that internal variables of the chosen elements have dissipated, J."""
+        return sum((float(elements.lost() @ cells) for elements, cells in self._wearing), 0.0)
 
     def total(self) -> Energies:
         """Update for the accepted state and sum over all ranks (collective)."""
