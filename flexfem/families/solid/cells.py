@@ -12,7 +12,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem import _checks
+from flexfem._checks import returned_number
 from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.families.solid.forms import FIELDS, CellKind, LawFunctions, SolidForms
@@ -131,7 +131,7 @@ class TimedParameter:
     def at(self, t: float) -> float:
         """Value at a time, s; nan in a run where the function fails."""
         try:
-            value = _checks.returned_number(self.name, self.function(t))
+            value = returned_number(self.name, self.function(t))
             if isfinite(value):
                 return value
             raise ReturnError(f"{self.name} is {value} at t = {t:.6g} s")

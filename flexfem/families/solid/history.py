@@ -176,7 +176,8 @@ class J2Plasticity(HistoryLaw):
     The elastic part is neo-Hookean, ``mu/2 (tr b - 3)`` of the shape with the elastic left
     Cauchy-Green tensor b, and the volumetric part; the plastic flow is associated and keeps the
     volume, and each step ends on the yield surface ``|dev tau| = sqrt(2/3) (s + H a)`` in closed
-    form (Simo, Hughes 1998, box 9.1, with the trace of b for which its determinant is one). What hardening takes counts as dissipated.
+    form (Simo, Hughes 1998, box 9.1, with the trace of b for which its determinant is one). What
+    hardening takes counts as dissipated.
 
     Attributes:
         shear_modulus: mu, Pa.
