@@ -74,20 +74,22 @@ class SolidElements(StresslessElements):
         names = "points", "velocity", "step", "rate"
         arrays = [self._points, *(np.zeros((count, 3)) for _ in names[1:])]
         self._motion = Motion(**dict(zip(names, arrays, strict=True)))
-        self._mass = self._assembled_masses(count)
+        self._mass = self._masses(np.ones(len(self.body), dtype=np.bool_))
         self._axes = _Axes(block, plane)
         self._settled = np.full((count, 3), np.nan)
         self._time = self._accepted = 0.0
         self._name, self._cells = f"{block.name}_history", cells
 
-    def _assembled_masses(self, count: int) -> csr_array:
-        """Mass matrix of one direction of this rank's nodes, kg."""
-        blocks = np.zeros((len(self._pairs.rows), 1, 1))
-        flat = blocks.reshape(-1)
-        for group, index in zip(self.groups, self._pairs.index, strict=True):
-            flat += np.bincount(index.ravel(), group.mass.ravel(), len(flat))
-        places = self._pairs.rows, self._pairs.columns
-        return csr_array((flat, places), shape=(count, count))
+    def _masses(self, chosen: BoolArray) -> csr_array:
+        """Mass matrix of one direction of this rank's nodes with the chosen cells (m,), kg."""
+        pairs, first = self._pairs, 0
+        values = np.zeros(len(pairs.rows))
+        for group, index in zip(self.groups, pairs.index, strict=True):
+            own = chosen[first : first + len(group.nodes)]
+            first += len(group.nodes)
+            values += np.bincount(index[own].ravel(), group.mass[own].ravel(), len(values))
+        count = len(self._points)
+        return csr_array((values, (pairs.rows, pairs.columns)), shape=(count, count))
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
@@ -271,14 +273,11 @@ class SolidElements(StresslessElements):
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         positions_into(block.frames, self._points)
         inertial_into(block.frames, block.velocity, self._vectors)
-        first = 0
-        for group in self.groups:
-            own = chosen[first : first + len(group.nodes)]
-            first += len(group.nodes)
-            x, v = self._points[group.nodes[own]], self._vectors[group.nodes[own]]
-            momenta = group.mass[own] @ v
-            motion[0] += 0.5 * float((momenta * v).sum())
-            motion[1] += float(group.mass[own].sum())
-            motion[2:5] += (group.mass[own] @ x).sum(axis=(0, 1))
-            motion[5:8] += momenta.sum(axis=(0, 1))
-            motion[8:11] += np.cross(x, momenta).sum(axis=(0, 1))
+        x, v = self._points, self._vectors
+        mass = self._mass if chosen.all() else self._masses(chosen)
+        momenta = mass @ v
+        motion[0] += 0.5 * float((momenta * v).sum())
+        motion[1] += float(mass.sum())
+        motion[2:5] += (mass @ x).sum(axis=0)
+        motion[5:8] += momenta.sum(axis=0)
+        motion[8:11] += np.cross(x, momenta).sum(axis=0)

@@ -357,7 +357,7 @@ def _fractions(exponent: float) -> tuple[float, FloatArray, FloatArray]:
 
     ends = np.log10(_RATIO) * 2.0 / 3.0
     z = np.logspace(-ends, ends, _SAMPLES)
-    shifts = -AAA(z, z**exponent, rtol=1e-13).poles().real
+    shifts = -AAA(z, z**exponent, rtol=1e-10).poles().real
     columns = 1.0 / (z[:, np.newaxis] + np.append(shifts, 0.0))
     columns[:, -1] = 1.0  # the constant
     found = np.linalg.lstsq(columns / z[:, np.newaxis] ** exponent, np.ones(len(z)))[0]
