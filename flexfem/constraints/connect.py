@@ -20,7 +20,7 @@ from flexfem.constraints.rows.placed_joint import PlacedJoint
 from flexfem.core.joint import Joint
 from flexfem.core.marker import Attachment, Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.core.places.line_points import BODY, FIXED, TRIANGLE, find_jacobian, turn_frames
+from flexfem.core.places.line_points import BODY, FIXED, SIDES, find_jacobian, turn_frames
 from flexfem.core.pose import Pose
 from flexfem.layout.lines import Line, LinePoint, Rail, RailPoint
 from flexfem.layout.node_key import NodeKey
@@ -126,7 +126,7 @@ def _on_surface(
         key = place.kind, place.nodes[0]
         carrier = serial.node_frames(place.kind)[key[1]]
         return key, None, se3.compose(se3.inverse(carrier), frame)
-    point = (serial.on_triangle(marker, place) if axes else place).carrier(axes)
+    point = (serial.with_axes(marker, place) if axes else place).carrier(axes)
     carrier = carrier_frame(point, serial.node_frames(place.kind)[:, :3])
     return None, point, se3.compose(se3.inverse(carrier), frame)
 
@@ -253,7 +253,7 @@ def _rail_points(
         if point is None:
             points.append(None)
             continue
-        if point.line.element in (TRIANGLE, FIXED):
+        if point.line.element in (SIDES, FIXED):
             rail = _rail(interface, point.line)
         else:
             rail = rails.setdefault(id(point.line), _rail(interface, point.line))

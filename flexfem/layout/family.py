@@ -256,7 +256,7 @@ class Family:
         return None
 
     def with_axes(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
-        """The same point on three nodes, whose triangle defines its axes.
+        """The same point on nodes that define its axes: three of a triangle, or more with sides.
 
         Raises:
             ValueError: there are no such nodes.

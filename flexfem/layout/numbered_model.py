@@ -190,8 +190,8 @@ class NumberedModel:
             return None
         return self.family_of(marker.body).surface_place(marker)
 
-    def on_triangle(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
-        """The place of a marker on three nodes, whose triangle defines its axes."""
+    def with_axes(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
+        """The place of a marker on three or more nodes that define its axes."""
         return self.family_of(marker.body).with_axes(marker, place)
 
     def local_node(self, marker: Observed, kind: int, block: FrameBlock) -> int:

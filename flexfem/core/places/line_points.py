@@ -5,10 +5,10 @@ A point lies at ``xi``, 0 at an element's first end and 1 at its second, of one 
 elements: ``SE3``, the helix ``H = H_1 exp(xi d)`` with ``d = log(H_1^-1 H_2)`` between two frames,
 and ``NURBS``, see ``nurbs_points``, or ``NURBS_VECTORS``, see ``nurbs_vector_points``. Frames are
 those of the sections; where these are rotated against the nodes, the functions ``turn_*`` lead to
-and from the nodes. Points of surfaces, see ``surface_points``, are of two more kinds, ``TRIANGLE``
-and ``FIXED`` (inertial axes): nothing of theirs depends on ``xi``, and the first column of the
-shape functions' coefficients holds weights. Lines that rigid bodies and bodies in floating frames
-carry, see ``body_points``, are of the kind ``BODY``.
+and from the nodes. Points of surfaces, see ``surface_points``, are of two more kinds, ``SIDES``
+(axes of a triangle or of a patch of nodes) and ``FIXED`` (inertial axes): nothing of theirs depends
+on ``xi``, and the first columns of the shape functions' coefficients hold weights. Lines that rigid
+bodies and bodies in floating frames carry, see ``body_points``, are of the kind ``BODY``.
 
 Derivatives are taken along local twists ``w_I = (u_I, theta_I)`` of the frames, ``H_I <- H_I
 exp(w_I)``, and along ``xi``: the ``6 k + 1`` columns of a Jacobian are those of the frames one
@@ -39,8 +39,8 @@ from flexfem.core.places.surface_points import (
     add_surface_second,
     fixed_jacobian,
     fixed_pose,
-    triangle_jacobian,
-    triangle_pose,
+    sides_jacobian,
+    sides_pose,
 )
 from flexfem.kernels.compiled import inlined, kernel, on_demand, subroutine
 from flexfem.lie.se3 import (
@@ -62,7 +62,7 @@ __all__ = [
     "NURBS",
     "NURBS_VECTORS",
     "SE3",
-    "TRIANGLE",
+    "SIDES",
     "add_line_second",
     "arc_length",
     "find_jacobian",
@@ -75,7 +75,7 @@ __all__ = [
     "turn_second",
 ]
 
-SE3, NURBS, TRIANGLE, FIXED, BODY, NURBS_VECTORS = range(6)
+SE3, NURBS, SIDES, FIXED, BODY, NURBS_VECTORS = range(6)
 
 
 @kernel
@@ -105,8 +105,9 @@ def line_pose(kind: int, frames: FloatArray, shape: FloatArray, xi: float, H: Fl
     """Frame of the point of an element.
 
     Args:
-        kind: ``SE3``, ``NURBS``, ``NURBS_VECTORS``, ``TRIANGLE``, ``FIXED`` or ``BODY``.
-        frames: (k, 12) frames of the sections at the nodes; k = 2 on ``SE3``, 3 on ``TRIANGLE``.
+        kind: ``SE3``, ``NURBS``, ``NURBS_VECTORS``, ``SIDES``, ``FIXED`` or ``BODY``.
+        frames: (k, 12) frames of the sections at the nodes; k = 2 on ``SE3``, at least 3 on
+            ``SIDES``.
         shape: (k, k) coefficients as in ``shape_functions``, not used on ``SE3``; on ``BODY``
             those of ``body_points``.
         xi: place in the element; outside [0, 1] the element is continued.
@@ -119,8 +120,8 @@ def line_pose(kind: int, frames: FloatArray, shape: FloatArray, xi: float, H: Fl
         nurbs_pose(frames, shape, xi, H)
     elif kind == NURBS_VECTORS:
         vectors_pose(frames, shape, xi, H)
-    elif kind == TRIANGLE:
-        triangle_pose(frames, shape, H)
+    elif kind == SIDES:
+        sides_pose(frames, shape, H)
     elif kind == BODY:
         body_pose(frames, shape, xi, H)
     else:
@@ -150,8 +151,8 @@ def line_jacobian(
     if kind == NURBS_VECTORS:
         vectors_jacobian(frames, shape, xi, H, J)
         return
-    if kind == TRIANGLE:
-        triangle_jacobian(frames, shape, H, J)
+    if kind == SIDES:
+        sides_jacobian(frames, shape, H, J)
         return
     if kind == BODY:
         body_jacobian(frames, shape, xi, H, J)
@@ -271,7 +272,7 @@ def add_line_second(
     elif kind == NURBS_VECTORS:
         add_vectors_second(frames, shape, xi, g, out)
     else:
-        add_surface_second(kind == TRIANGLE, frames, shape, g, out)
+        add_surface_second(kind == SIDES, frames, shape, g, out)
 
 
 @kernel

@@ -4,14 +4,17 @@
 A point has the position ``x = sum N_I x_I`` with constant weights N_I, which are area coordinates
 in a triangle and those of an interpolation along an edge. Its carrier has the axes
 
-- of a triangle, by side alignment (Shi, Liu, Hong 2018): e1 along the side from its first node to
-  its second, e3 the unit normal, e2 = e3 x e1; or
+- of two sides ``a = sum p_I x_I`` and ``b = sum q_I x_I`` with constant weights whose sums vanish,
+  by side alignment (Shi, Liu, Hong 2018): e1 along a, e3 along a x b, e2 = e3 x e1. Those of a
+  triangle are ``a = x_1 - x_0`` and ``b = x_2 - x_0``; those of a patch of nodes are the images of
+  two directions under the affine map fitted to its nodes, see ``layout.surface_places``; or
 - inertial axes, where the nodes do not define a rotation.
 
-With the sides ``a = x_1 - x_0 = (l, 0, 0)`` and ``b = x_2 - x_0 = (b_1, b_2, 0)`` in the triangle's
-axes, and changes p and q of these sides in the same axes, the triangle rotates by
-``theta = ((q_3 - b_1 p_3 / l) / b_2, -p_3 / l, p_2 / l) = sum W_I R^T dx_I``. Nodes have frames:
-``dx_I = R_I u_I`` with their local twists (u_I, theta_I), and rotations of nodes move nothing.
+With ``a = (l, 0, 0)`` and ``b = (b_1, b_2, 0)`` in these axes, and changes da and db of the sides
+in the same axes, they rotate by
+``theta = ((db_3 - b_1 da_3 / l) / b_2, -da_3 / l, da_2 / l) = sum W_I R^T dx_I``. Nodes have
+frames: ``dx_I = R_I u_I`` with their local twists (u_I, theta_I), and rotations of nodes move
+nothing.
 """
 
 import numpy as np
@@ -23,8 +26,8 @@ __all__ = [
     "add_surface_second",
     "fixed_jacobian",
     "fixed_pose",
-    "triangle_jacobian",
-    "triangle_pose",
+    "sides_jacobian",
+    "sides_pose",
 ]
 
 
@@ -38,25 +41,21 @@ def _position(frames: FloatArray, shape: FloatArray, H: FloatArray) -> None:
 
 @subroutine
 def fixed_pose(frames: FloatArray, shape: FloatArray, H: FloatArray) -> None:
-    """Frame (12,) of a point with inertial axes; arguments as in ``triangle_pose``."""
+    """Frame (12,) of a point with inertial axes; arguments as in ``sides_pose``."""
     _position(frames, shape, H)
     for i in range(9):
         H[3 + i] = 1.0 if i % 4 == 0 else 0.0
 
 
 @inlined
-def _axes(frames: FloatArray, H: FloatArray) -> tuple[float, float, float]:
-    """Axes of a triangle in ``H`` (12,); l, b_1 and b_2."""
-    a0, a1, a2 = (
-        frames[1, 0] - frames[0, 0],
-        frames[1, 1] - frames[0, 1],
-        frames[1, 2] - frames[0, 2],
-    )
-    b0, b1, b2 = (
-        frames[2, 0] - frames[0, 0],
-        frames[2, 1] - frames[0, 1],
-        frames[2, 2] - frames[0, 2],
-    )
+def _axes(frames: FloatArray, shape: FloatArray, H: FloatArray) -> tuple[float, float, float]:
+    """Axes of two sides in ``H`` (12,); l, b_1 and b_2."""
+    a0, a1, a2, b0, b1, b2 = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
+    for node in range(frames.shape[0]):
+        x0, x1, x2 = frames[node, 0], frames[node, 1], frames[node, 2]
+        p, q = shape[node, 1], shape[node, 2]
+        a0, a1, a2 = a0 + p * x0, a1 + p * x1, a2 + p * x2
+        b0, b1, b2 = b0 + q * x0, b1 + q * x1, b2 + q * x2
     n0, n1, n2 = a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0
     side, area = np.sqrt(a0 * a0 + a1 * a1 + a2 * a2), np.sqrt(n0 * n0 + n1 * n1 + n2 * n2)
     a0, a1, a2 = a0 / side, a1 / side, a2 / side
@@ -68,16 +67,16 @@ def _axes(frames: FloatArray, H: FloatArray) -> tuple[float, float, float]:
 
 
 @on_demand
-def triangle_pose(frames: FloatArray, shape: FloatArray, H: FloatArray) -> None:
-    """Frame of a point of a triangle.
+def sides_pose(frames: FloatArray, shape: FloatArray, H: FloatArray) -> None:
+    """Frame of a point with the axes of two sides.
 
     Args:
-        frames: (3, 12) frames of the nodes.
-        shape: (3, k) weights of the nodes in the first column.
+        frames: (k, 12) frames of the nodes, at least three.
+        shape: (k, k) weights of the nodes in the point and in the two sides, in columns 0 to 2.
         H: (12,) result.
     """
     _position(frames, shape, H)
-    _axes(frames, H)
+    _axes(frames, shape, H)
 
 
 @inlined
@@ -94,7 +93,7 @@ def _back(frames: FloatArray, node: int, H: FloatArray, B: FloatArray) -> None:
 
 @subroutine
 def fixed_jacobian(frames: FloatArray, shape: FloatArray, H: FloatArray, J: FloatArray) -> None:
-    """Frame of a point with inertial axes and its twist; arguments as in ``triangle_jacobian``."""
+    """Frame of a point with inertial axes and its twist; arguments as in ``sides_jacobian``."""
     fixed_pose(frames, shape, H)
     J[:] = 0.0
     for node in range(frames.shape[0]):
@@ -104,20 +103,19 @@ def fixed_jacobian(frames: FloatArray, shape: FloatArray, H: FloatArray, J: Floa
 
 
 @on_demand
-def triangle_jacobian(frames: FloatArray, shape: FloatArray, H: FloatArray, J: FloatArray) -> None:
-    """Frame ``H`` (12,) of a point of a triangle and its local twist ``J`` (6, 19).
+def sides_jacobian(frames: FloatArray, shape: FloatArray, H: FloatArray, J: FloatArray) -> None:
+    """Frame ``H`` (12,) of a point with the axes of two sides, its local twist ``J`` (6, 6k + 1).
 
     The columns are those of the nodes' local twists; the last one is zero: the place is fixed. The
-    other arguments are those of ``triangle_pose``.
+    other arguments are those of ``sides_pose``.
     """
     _position(frames, shape, H)
-    side, b1, b2 = _axes(frames, H)
+    side, b1, b2 = _axes(frames, shape, H)
     J[:] = 0.0
     B = np.empty((3, 3))
-    for node in range(3):
+    for node in range(frames.shape[0]):
         _back(frames, node, H, B)
-        p = 1.0 if node == 1 else -1.0 if node == 0 else 0.0
-        q = 1.0 if node == 2 else -1.0 if node == 0 else 0.0
+        p, q = shape[node, 1], shape[node, 2]
         for j in range(3):
             at = 6 * node + j
             for i in range(3):
@@ -131,37 +129,25 @@ def triangle_jacobian(frames: FloatArray, shape: FloatArray, H: FloatArray, J: F
 def _node_forces(
     shape: FloatArray, g: FloatArray, side: float, b1: float, b2: float, h: FloatArray
 ) -> None:
-    """Forces ``h`` (3, 3) on the nodes in the triangle's axes from force and moment ``g``."""
-    for node in range(3):
+    """Forces ``h`` (k, 3) on the nodes in the axes of the point from force and moment ``g``."""
+    along, first, second = g[5] / side, -(g[3] * b1 / b2 + g[4]) / side, g[3] / b2
+    for node in range(h.shape[0]):
         for i in range(3):
             h[node, i] = shape[node, 0] * g[i]
-    first, second = -(g[3] * b1 / b2 + g[4]) / side, g[3] / b2
-    h[1, 1] += g[5] / side
-    h[1, 2] += first
-    h[2, 2] += second
-    h[0, 1] -= g[5] / side
-    h[0, 2] -= first + second
+        h[node, 1] += shape[node, 1] * along
+        h[node, 2] += shape[node, 1] * first + shape[node, 2] * second
 
 
 @inlined
-def _node_changes(
-    g: FloatArray,
-    side: float,
-    b1: float,
-    b2: float,
-    dl: float,
-    db1: float,
-    db2: float,
-    h: FloatArray,
-) -> None:
-    """Changes of these forces with the sides of the triangle."""
+def _side_changes(
+    g: FloatArray, side: float, b1: float, b2: float, dl: float, db1: float, db2: float
+) -> tuple[float, float, float]:
+    """Changes of these forces with the sides: those along e2 and e3 of p, and along e3 of q."""
     along = -g[5] * dl / (side * side)
     slope = g[3] * b1 / b2
     first = -(g[3] * db1 / b2 - slope * db2 / b2) / side + (slope + g[4]) * dl / (side * side)
     second = -g[3] * db2 / (b2 * b2)
-    h[:] = 0.0
-    h[1, 1], h[1, 2], h[2, 2] = along, first, second
-    h[0, 1], h[0, 2] = -along, -first - second
+    return along, first, second
 
 
 @inlined
@@ -186,9 +172,9 @@ def add_surface_second(
     """Add to ``out`` (6k + 1, 6k + 1) the derivative of ``J^T g`` at a constant ``g`` (6,).
 
     Args:
-        turning: the axes are those of the triangle, not inertial ones.
+        turning: the axes are those of two sides, not inertial ones.
         frames: (k, 12) frames of the nodes.
-        shape: (k, k) weights in the first column.
+        shape: (k, k) weights as in ``sides_pose``; with inertial axes those in the first column.
         g: force and moment at the point in its axes.
         out: result; columns are directions.
     """
@@ -200,29 +186,29 @@ def add_surface_second(
                 forces[node, i] = shape[node, 0] * g[i]
         _add_turns(frames, forces, out)
         return
-    H, J, B = np.empty(12), np.empty((6, 19)), np.empty((3, 3))
-    h, dh = np.empty((3, 3)), np.empty((3, 3))
-    triangle_jacobian(frames, shape, H, J)
-    side, b1, b2 = _axes(frames, H)
+    H, J, B = np.empty(12), np.empty((6, 6 * k + 1)), np.empty((3, 3))
+    h, dh = np.empty((k, 3)), np.empty((k, 3))
+    sides_jacobian(frames, shape, H, J)
+    side, b1, b2 = _axes(frames, shape, H)
     _node_forces(shape, g, side, b1, b2, h)
-    for node in range(3):
+    for node in range(k):
         for i in range(3):
             a = 3 + 3 * i
             forces[node, i] = H[a] * h[node, 0] + H[a + 1] * h[node, 1] + H[a + 2] * h[node, 2]
     _add_turns(frames, forces, out)
-    for moved in range(3):
+    for moved in range(k):
         _back(frames, moved, H, B)
-        p = 1.0 if moved == 1 else -1.0 if moved == 0 else 0.0
-        q = 1.0 if moved == 2 else -1.0 if moved == 0 else 0.0
+        p, q = shape[moved, 1], shape[moved, 2]
         for j in range(3):
             c = 6 * moved + j
             w0, w1, w2 = J[3, c], J[4, c], J[5, c]
             db1, db2 = q * B[0, j] + w2 * b2, q * B[1, j] - w2 * b1
-            _node_changes(g, side, b1, b2, p * B[0, j], db1, db2, dh)
-            for node in range(3):
-                dh[node, 0] += w1 * h[node, 2] - w2 * h[node, 1]
-                dh[node, 1] += w2 * h[node, 0] - w0 * h[node, 2]
-                dh[node, 2] += w0 * h[node, 1] - w1 * h[node, 0]
+            along, first, second = _side_changes(g, side, b1, b2, p * B[0, j], db1, db2)
+            for node in range(k):
+                dh[node, 0] = w1 * h[node, 2] - w2 * h[node, 1]
+                dh[node, 1] = w2 * h[node, 0] - w0 * h[node, 2] + shape[node, 1] * along
+                dh[node, 2] = w0 * h[node, 1] - w1 * h[node, 0]
+                dh[node, 2] += shape[node, 1] * first + shape[node, 2] * second
             _add_column(frames, H, dh, c, out)
 
 
@@ -230,9 +216,9 @@ def add_surface_second(
 def _add_column(
     frames: FloatArray, H: FloatArray, dh: FloatArray, column: int, out: FloatArray
 ) -> None:
-    """Add changes ``dh`` (3, 3) of forces in the triangle's axes, carried to the nodes' axes."""
+    """Add changes ``dh`` (k, 3) of forces in the axes of the point, carried to the nodes' axes."""
     B = np.empty((3, 3))
-    for node in range(3):
+    for node in range(frames.shape[0]):
         _back(frames, node, H, B)
         for i in range(3):
             for j in range(3):

@@ -15,11 +15,12 @@ from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.load import NOTHING, Load
 from flexfem.core.marker import Marker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.core.places.line_points import TRIANGLE
+from flexfem.core.places.line_points import SIDES
 from flexfem.layout.line_loads import LineForce
 from flexfem.layout.lines import ElementPlace
 from flexfem.layout.node_key import NodeKey
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.layout.surface_places import TRIANGLE_SIDES
 from flexfem.lie import se3
 from flexfem.loads.edge_load import EdgeLoad
 from flexfem.mesh.surface_mesh import SurfaceMesh
@@ -64,10 +65,9 @@ def _mesh(serial: NumberedModel) -> SurfaceMesh:
 
 def _triangle(kind: int, nodes: IntArray, row: int, weights: FloatArray) -> ElementPlace:
     """Point of the triangle with these corners, with the weights of its position."""
-    shape = np.zeros((3, 3))
-    shape[:, 0] = weights
+    shape = np.column_stack([weights, TRIANGLE_SIDES])
     return ElementPlace(
-        kind=kind, nodes=nodes, cell=row, shape=shape, xi=0.0, element=TRIANGLE,
+        kind=kind, nodes=nodes, cell=row, shape=shape, xi=0.0, element=SIDES,
         turns=np.empty((0, 9)),
     )  # fmt: skip
 

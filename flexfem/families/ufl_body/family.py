@@ -2,6 +2,7 @@
 """Bodies of finite elements whose strain energy the user writes in UFL."""
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, override
 
 from mpi4py import MPI
@@ -26,7 +27,7 @@ from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.lines import Line
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.layout.surface_places import SurfacePlace
+from flexfem.layout.surface_places import SurfacePlace, fitted_sides
 from flexfem.lie import se3
 from flexfem.loads.pressure import Pressure
 from flexfem.mesh.surface_mesh import SurfaceMesh
@@ -128,6 +129,14 @@ class UFLBodyFamily(Family):
         body, first = self._bodies[number], int(self.first[number])
         own = np.array(place.nodes) - first
         found = cells_of(own, body.mesh) if len(own) <= 3 else np.empty(0, np.int64)
+        if not len(found) and len(own) >= 3:
+            try:
+                sides = fitted_sides(body.mesh.points[own], np.array(place.weights))
+            except ValueError as error:
+                raise ValueError(
+                    f'Marker on "{body.name}": {len(own)} nodes define no axes, {error}'
+                ) from None
+            return replace(place, sides=sides)
         if body.mesh.dimension == 1 or not len(found):
             raise ValueError(
                 f'Marker on "{body.name}": a joint that needs axes takes those of a triangle, '

@@ -43,6 +43,11 @@ Energy = Callable[[Any, Any, Any], Any]
 class NodeSetMarker(SurfaceMarker):
     """Mean place of some nodes of an :class:`UFLBody`, for joints; inertial axes at the start.
 
+    Where a joint needs axes, three nodes or more that are not on one line define them: they rotate
+    with the affine map that is fitted to all of the nodes by least squares. A force and a moment
+    there are statically equivalent forces at the nodes, which stay free to move apart, as of an
+    interpolation element (RBE3). Corners of one triangle, or of one face of a solid, take its axes.
+
     Attributes:
         nodes: The nodes.
         weights: Their parts in the position, equal ones.
@@ -72,7 +77,8 @@ class UFLBody(Body):
     """Body of finite elements with a strain energy in UFL, for example bars, membranes, solids.
 
     The unknowns are the positions of the nodes. A node has no axes: forces act there, joints hold
-    its position; joints that need axes take those of a triangle or of the face of a solid.
+    its position; joints that need axes take those of a triangle, of the face of a solid or of many
+    nodes, see :class:`NodeSetMarker`.
 
     Attributes:
         name: Unique name in the model.
