@@ -337,7 +337,8 @@ class Solid(Body):
         else:
             nodes = self.figure.nodes_of(owner, surface)
             weights = np.ones(len(nodes))
-        return SolidMarker(self.name, nodes, weights / weights.sum())
+        used = np.abs(weights) > _NONE * np.abs(weights).max()  # not corners of quadratic triangles
+        return SolidMarker(self.name, nodes[used], weights[used] / weights[used].sum())
 
     def point_marker(self, position: npt.ArrayLike) -> SolidMarker:
         """Return a point inside the solid, anywhere between its nodes.

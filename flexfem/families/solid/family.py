@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import replace
 from typing import Any, override
 
 from mpi4py import MPI
@@ -32,7 +33,7 @@ from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.lines import Line
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.layout.surface_places import SurfacePlace
+from flexfem.layout.surface_places import SurfacePlace, fitted_sides
 from flexfem.lie import se3, so3
 from flexfem.model.contact import Contact
 from flexfem.model.probes.base import AnyProbe
@@ -122,6 +123,22 @@ class SolidFamily(Family):
             nodes = tuple(first + node for node in marker.nodes)
             return SurfacePlace(self.kind, nodes, marker.weights)
         return SurfacePlace(self.kind, (first + self._bodies[number].node(marker),), (1.0,))
+
+    @override
+    def with_axes(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
+        number = self.number(marker.body)
+        body, first = self._bodies[number], int(self.first[number])
+        own, weights = np.array(place.nodes) - first, np.array(place.weights)
+        try:
+            return replace(place, sides=fitted_sides(body.points[own], weights))
+        except ValueError:  # too few nodes, or on one line: those of the cells around join them
+            cells = np.isin(body.nodes.cells, own).any(axis=1)
+        more = np.setdiff1d(body.nodes.cells[cells], own)
+        nodes = np.concatenate([own, more])
+        sides = fitted_sides(body.points[nodes], np.ones(len(nodes)))
+        weights = np.concatenate([weights, np.zeros(len(more))])
+        places = tuple((first + nodes).tolist())
+        return SurfacePlace(self.kind, places, tuple(weights.tolist()), sides)
 
     @override
     def line(self, carrier: Carrier) -> Line:
