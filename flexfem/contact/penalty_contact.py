@@ -11,6 +11,7 @@ from flexfem.contact.surfaces.bodies import ContactBodies, connections, contact_
 from flexfem.contact.surfaces.shapes import axes_along, shape_mesh, simple_shapes
 from flexfem.core.marker import Marker
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.model.bodies.base import Body
 from flexfem.model.bodies.basic import Beam, RigidBody
 from flexfem.model.bodies.shapes import Cylinder, Shape, Sphere
 from flexfem.model.contact import Contact
@@ -50,6 +51,12 @@ def _penalty(serial: NumberedModel, who: ContactBodies) -> Contact:
     masters = tuple(name for name in who.against if not _is(serial, name, (RigidBody, Beam)))
     for first, second in who.pairs():
         _check_pair(serial, owner, who, first, second)
+    for name in dict.fromkeys([*who.bodies, *who.against]):
+        body = model[name]
+        if isinstance(body, Body) and not body.penalty:
+            raise ValueError(
+                f"{owner}: {_named(serial, name)} touches by the barrier alone, leave law out"
+            )
     _check_surfaces(serial, owner, who)
     for name in slaves:
         if _is(serial, name, Beam) and model[name].formulation != "se3":

@@ -73,8 +73,10 @@ class ContactSurface:
         owner: (n,) number of the body of each node in ``bodies``.
         held: (n, width) fixed unknowns of the nodes.
         triangles: (m, 3) numbers of nodes in the family.
-        radius: (m,) distance from the triangle at which it touches, m: half of the thickness.
+        radius: (m,) distance from the triangle at which it touches, m: half of the thickness, zero
+            of surfaces that are closed.
         body: (m,) number of the body of each triangle; element: (m,) its element in the family.
+        closed: True if triangles bound solids, False if they have matter on both sides.
     """
 
     bodies: Sequence[Any]
@@ -86,6 +88,7 @@ class ContactSurface:
     radius: FloatArray
     body: IntArray
     element: IntArray
+    closed: bool = False
 
 
 @dataclass(frozen=True)

@@ -34,7 +34,7 @@ def add_surfaces(made: Collected, family: Family, names: set[str]) -> dict[str, 
     for k in chosen:
         body, mine = surface.bodies[k], surface.body == k
         label, radius = f'{type(body).__name__} "{body.name}"', float(surface.radius[mine].min())
-        if radius <= 0.0:
+        if radius <= 0.0 and not surface.closed:
             raise ValueError(f"{label}: contact needs a thickness, got {2.0 * radius:g}")
         numbers = family.surface_numbers(body, radius)
         found[body.name] = made.body(CollisionBody(label, body.name, False, False, *numbers))

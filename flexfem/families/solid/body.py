@@ -105,6 +105,7 @@ class Solid(Body):
         ValueError: A value out of range, or a region, surface or set that the mesh does not have.
     """
 
+    penalty = False
     family = "flexfem.families.solid.family:SolidFamily"
 
     name: str

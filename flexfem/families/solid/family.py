@@ -35,7 +35,6 @@ from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.layout.surface_places import SurfacePlace, fitted_sides
 from flexfem.lie import se3, so3
-from flexfem.model.contact import Contact
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.structure.place import Place
 
@@ -261,14 +260,8 @@ class SolidFamily(Family):
         return ContactSurface(
             bodies, every, self._frames[every, :3],
             np.repeat(np.arange(len(bodies)), [len(n) for n in nodes]), self._held[every],
-            np.concatenate(triangles), np.zeros(len(body)), body, np.concatenate(elements),
+            np.concatenate(triangles), np.zeros(len(body)), body, np.concatenate(elements), closed=True,
         )  # fmt: skip
-
-    @override
-    def contact_numbers(self, body: Solid, contact: Contact) -> tuple[float, float]:
-        raise ValueError(
-            f'Solid "{body.name}": solids touch by the barrier alone, leave out law="penalty"'
-        )
 
     @override
     def surface_numbers(self, body: Solid, radius: float) -> tuple[float, float]:

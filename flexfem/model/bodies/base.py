@@ -25,6 +25,7 @@ class Body(ABC):
         angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s.
         width: Unknowns of a node, 3 (positions) or 6 (positions and rotations).
         touches: Whether contacts may name it.
+        penalty: Whether contacts may have the penalty, beside the barrier.
     """
 
     family: ClassVar[Any]
@@ -34,6 +35,7 @@ class Body(ABC):
     angular_velocity: FloatArray
     width: ClassVar[int] = 3
     touches: bool = False
+    penalty: ClassVar[bool] = True
 
     @property
     def surface(self) -> SurfaceMesh | None:
