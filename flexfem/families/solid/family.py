@@ -260,7 +260,8 @@ class SolidFamily(Family):
         return ContactSurface(
             bodies, every, self._frames[every, :3],
             np.repeat(np.arange(len(bodies)), [len(n) for n in nodes]), self._held[every],
-            np.concatenate(triangles), np.zeros(len(body)), body, np.concatenate(elements), closed=True,
+            np.concatenate(triangles), np.zeros(len(body)), body, np.concatenate(elements),
+            closed=True,
         )  # fmt: skip
 
     @override
