@@ -16,7 +16,7 @@ import pyvista as pv
 from vtkmodules.vtkCommonCore import vtkLogger
 
 # what is coloured by a field
-FLEXIBLE = ("beam_surfaces", "beams", "shells", "floating_bodies", "floating_lines")
+FLEXIBLE = ("beam_surfaces", "beams", "shells", "solids", "floating_bodies", "floating_lines")
 SERIES = (*FLEXIBLE, "rigid_bodies", "joints", "cables", "contact_surfaces")
 #: Obstacles, which may be much larger than what moves.
 OBSTACLES = "contact_surfaces"

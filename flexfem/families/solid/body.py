@@ -321,10 +321,12 @@ class Solid(Body):
         """Flat triangles (t, 3) between nodes of the surface that touches, and their cells (t,).
 
         Raises:
-            ValueError: A plane body, or a surface of facets of two shapes.
+            ValueError: A plane body.
         """
         owner = f'Solid "{self.name}": touching'
-        return self.figure.contact_triangles(owner, self.touching or "")
+        if self.plane is not None:
+            raise ValueError(f"{owner}: plane bodies do not touch")
+        return self.figure.triangles(owner, self.touching or "")
 
     def surface_marker(self, surface: str) -> SolidMarker:
         """Return the mean place of a surface, weighted by area, or of a set of nodes.

@@ -166,19 +166,26 @@ class Figure:
             )
         return found
 
-    def contact_triangles(self, owner: str, surface: str) -> tuple[IntArray, IntArray]:
+    def triangles(self, owner: str, surface: str) -> tuple[IntArray, IntArray]:
         """Flat triangles (t, 3) between the nodes of a surface, and their cells (t,).
 
-        Raises:
-            ValueError: a plane body, or a surface of facets of two shapes.
+        Of plane figures they fill the figure, whatever the surface.
         """
+        mesh = self.mesh
         if self.plane is not None:
-            raise ValueError(f"{owner}: plane bodies do not touch")
-        shape, facets = self.facets_of(owner, surface)
-        corners = np.sort(self.mesh.surface(owner, surface), axis=1)
-        cells = np.array([self.mesh.cell_of_facet[tuple(row)] for row in corners.tolist()])
-        pieces = _pieces(shape, self.degree)
-        return facets[:, pieces].reshape(-1, 3), np.repeat(cells, len(pieces))
+            pieces = _pieces(mesh.cell, self.degree)
+            every = self.nodes.cells[:, pieces].reshape(-1, 3)
+            return every, np.repeat(np.arange(len(mesh.cells)), len(pieces))
+        corners = _outward(mesh, mesh.surface(owner, surface))
+        count, found, cells = (corners >= 0).sum(axis=1), [], []
+        for own in (corners[count == k] for k in np.unique(count)):
+            shape, facets = self.nodes.of_facets(own)
+            pieces = _pieces(shape, self.degree)
+            found.append(facets[:, pieces].reshape(-1, 3))
+            ordered = np.sort(own, axis=1).tolist()
+            of = np.array([mesh.cell_of_facet[tuple(row)] for row in ordered])
+            cells.append(np.repeat(of, len(pieces)))
+        return np.concatenate(found), np.concatenate(cells)
 
     def masses(self, density: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Points (q, 3), m, and masses (q,), kg, whose inertia is that of a solid.

@@ -23,6 +23,7 @@ COLOURS = {
     "beam_surfaces": (("CELLS", "bending_moment"),),
     "beams": (("CELLS", "bending_moment"),),
     "shells": (("CELLS", "bending_moment"),),
+    "solids": (("POINTS", "von_mises"),),
     "floating_bodies": (("CELLS", "von_mises"),),
     "floating_lines": (("CELLS", "von_mises"),),
     "cables": (("CELLS", "tension"),),
@@ -56,6 +57,8 @@ def series(folder: Path) -> dict[str, list[float]]:
     """Names of the series in the folder, and their times."""
     found = {}
     for file in sorted(folder.glob("*.pvd")):
+        if file.stem.startswith("solid_cells_"):  # what "solids" shows the surface of
+            continue
         sets = ET.parse(file).getroot().iter("DataSet")
         times = sorted(float(entry.attrib["timestep"]) for entry in sets)
         if times:

@@ -12,6 +12,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.solid.cells import SolidCells
 from flexfem.families.solid.elements import SolidElements
+from flexfem.families.solid.family import SolidFamily
 from flexfem.families.solid.forms import FIELDS
 from flexfem.families.solid.lagrange import CELLS, reference_points, shapes
 from flexfem.families.solid.sensors import von_mises
@@ -23,20 +24,20 @@ from flexfem.system.system import BlockPart
 __all__ = ["SolidSeries"]
 
 #: Names of the series by shape and degree of the cells.
-_SERIES = {(cell, degree): f"solids_{cell}_{degree}" for cell in CELLS for degree in (1, 2, 3)}
+_SERIES = {(cell, degree): f"solid_cells_{cell}_{degree}" for cell in CELLS for degree in (1, 2, 3)}
 #: Components of symmetric tensors.
 _TENSOR = ("xx", "yy", "zz", "yz", "xz", "xy")
 
 
 class SolidSeries:
-    """Cells with displacements, velocities, energies, stresses and strains.
+    """Surfaces (``solids``) and cells (``solid_cells_SHAPE_DEGREE``) with stresses and strains.
 
     Cauchy stresses (Pa), von Mises' stress, Green's strains and J at nodes are means of the cells
     around them; energies are per volume at the start, J/m^3. See
     ``flexfem.io.paraview.family_series.Series``.
     """
 
-    shown_as = tuple(_SERIES.values())
+    shown_as = ("solids", *_SERIES.values())
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
@@ -46,31 +47,37 @@ class SolidSeries:
         self._parts = list(parts)
         bodies = [body for part in parts for body in part.family.bodies]
         self._written = sorted({(body.mesh.cell, body.degree) for body in bodies})
-        components = {"stress": _TENSOR, "strain": _TENSOR}
+        components = {"stress": _TENSOR, "strain": [f"e{pair}" for pair in _TENSOR]}
         self._series = {
             kind: VtuSeries(folder, name, comm, resume=resume, fields=fields, components=components)
             for kind, name in _SERIES.items()
         }
         self._means = [_NodalMeans(part.block) for part in parts]
+        self._surface = VtuSeries(
+            folder, "solids", comm, resume=resume, fields=fields, components=components
+        )
+        self._triangles = [_triangles(part) for part in parts]
 
     def write(self, time: float, step: int) -> None:
         """See ``flexfem.io.paraview.family_series.Series``."""
-        for part, means in zip(self._parts, self._means, strict=True):
+        for part, means, (triangles, body) in zip(
+            self._parts, self._means, self._triangles, strict=True
+        ):
             block, elements = part.block, part.elements
             assert isinstance(elements, SolidElements)
             values = elements.fields(block)
             nodal = means.of(elements.groups, values)
             energies = elements.energies(block.frames) / elements.size
+            x, data = _nodal_fields(block, nodal)
+            self._surface.write(time, step, x, triangles, "triangle", data, {"body": body})
             for kind in self._written:
-                self._write(time, step, kind, block, elements.groups, nodal, energies)
+                self._write(time, step, kind, elements.groups, (x, data), energies)
 
     def _write(
-        self, time: float, step: int, kind: tuple[str, int], block: FrameBlock,
-        groups: Sequence[SolidCells], nodal: FloatArray, energies: FloatArray,
+        self, time: float, step: int, kind: tuple[str, int], groups: Sequence[SolidCells],
+        nodal: tuple[FloatArray, dict[str, FloatArray]], energies: FloatArray,
     ) -> None:  # fmt: skip
         """Cells of a kind, those of all groups."""
-        x = np.ascontiguousarray(se3.position(block.frames))
-        turn = se3.rotation(block.frames)
         order = _vtk_order(*kind)
         cells, body, energy, first = [np.empty((0, len(order)), np.int64)], [], [], 0
         for group in groups:
@@ -80,27 +87,47 @@ class SolidSeries:
                 cells.append(group.nodes[:, order].astype(np.int64))
                 body.append(group.body)
                 energy.append(energies[rows])
-        stress, strain, J = np.split(nodal, np.cumsum(list(FIELDS.values()))[:2], axis=1)
-        self._series[kind].write(
-            time, step, x, np.concatenate(cells), f"{kind[0]}_{kind[1]}",
-            {
-                "displacement": x - se3.position(block.start_frames),
-                "velocity": np.einsum("nij,nj->ni", turn, block.velocity[:, :3]),
-                "stress": stress,
-                "von_mises": von_mises(stress),
-                "strain": strain,
-                "J": J[:, 0],
-            },
-            {
-                "body": np.concatenate([np.empty(0, np.int64), *body]),
-                "energy": np.concatenate([np.empty(0), *energy]),
-            },
-        )  # fmt: skip
+        of_cells = {
+            "body": np.concatenate([np.empty(0, np.int64), *body]),
+            "energy": np.concatenate([np.empty(0), *energy]),
+        }
+        x, data = nodal
+        name = f"{kind[0]}_{kind[1]}"
+        self._series[kind].write(time, step, x, np.concatenate(cells), name, data, of_cells)
 
     def close(self) -> None:
         """See ``flexfem.io.paraview.family_series.Series``."""
-        for series in self._series.values():
+        for series in (self._surface, *self._series.values()):
             series.close()
+
+
+def _nodal_fields(block: FrameBlock, nodal: FloatArray) -> tuple[FloatArray, dict[str, FloatArray]]:
+    """Positions of the nodes, and their fields from means (n, 13) of the cells around."""
+    x, turn = np.ascontiguousarray(se3.position(block.frames)), se3.rotation(block.frames)
+    stress, strain, J = np.split(nodal, np.cumsum(list(FIELDS.values()))[:2], axis=1)
+    return x, {
+        "displacement": x - se3.position(block.start_frames),
+        "velocity": np.einsum("nij,nj->ni", turn, block.velocity[:, :3]),
+        "stress": stress,
+        "von_mises": von_mises(stress),
+        "strain": strain,
+        "J": J[:, 0],
+    }
+
+
+def _triangles(part: BlockPart) -> tuple[IntArray, IntArray]:
+    """Triangles (t, 3) of the surfaces of this rank's cells, local nodes, and their bodies (t,)."""
+    family, elements = part.family, part.elements
+    assert isinstance(family, SolidFamily)
+    assert isinstance(elements, SolidElements)
+    own = np.concatenate([np.empty(0, np.int64), *(g.number for g in elements.groups)])
+    found, bodies = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
+    for k, body in enumerate(family.bodies):
+        triangles, cells = body.figure.triangles("", "boundary")
+        mine = np.isin(family.first_cell[k] + cells, own)
+        found.append(part.block.local_index(family.first[k] + triangles[mine]))
+        bodies.append(np.full(int(mine.sum()), k))
+    return np.concatenate(found), np.concatenate(bodies)
 
 
 class _NodalMeans:

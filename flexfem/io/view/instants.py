@@ -17,10 +17,12 @@ __all__ = ["SERIES", "Series", "evenly", "find_series"]
 
 #: Series of the package, what lies in front last.
 SERIES = (
-    "contact_surfaces", "rigid_bodies", "shells", "floating_bodies", "floating_lines",
+    "contact_surfaces", "rigid_bodies", "solids", "shells", "floating_bodies", "floating_lines",
     "energy_solids", "energy_triangles", "energy_lines", "beam_surfaces", "beams", "cables",
     "joints", "reactions",
 )  # fmt: skip
+#: Begin of the names of series of curved cells, whose surfaces are in ``solids``.
+CURVED = "solid_cells_"
 #: Series of other names, as scripts write them, that are shown at most.
 _OTHERS = 50
 #: Instants of a run beyond which an index must be something else.
@@ -57,14 +59,15 @@ def find_series(folder: Path) -> tuple[list[Series], np.ndarray]:
     """
     if not folder.is_dir():
         raise InputError(f"{folder}: there is no such folder")
-    others = sorted({path.stem for path in folder.glob("*.pvd")} - {*SERIES})[:_OTHERS]
+    names = {path.stem for path in folder.glob("*.pvd")} - {*SERIES}
+    others = sorted(name for name in names if not name.startswith(CURVED))[:_OTHERS]
     there = {name: folder / f"{name}.pvd" for name in (*others, *SERIES)}
     indices = {name: read_index(path, name) for name, path in there.items() if path.exists()}
     series = [Series(name, instants) for name, instants in indices.items() if instants]
     if not series:
         reason = _reason(folder)
         raise InputError(
-            f"{folder}: nothing to show, {reason} (no {SERIES[1]}.pvd, {SERIES[9]}.pvd, ...)"
+            f"{folder}: nothing to show, {reason} (no {SERIES[1]}.pvd, {SERIES[10]}.pvd, ...)"
         )
     times = np.unique([one.time for each in series for one in each.instants])
     if len(times) > _MOST:
