@@ -13,7 +13,7 @@ from abc import ABC, abstractmethod
 from collections.abc import Callable, Mapping
 from functools import cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -65,10 +65,17 @@ class SolidLaw(ABC):
             p: The parameters as attributes and by name.
         """
 
+    #: Whether internal variables change with time alone.
+    rate_dependent: ClassVar[bool] = False
+
     @property
     def form(self) -> Any:
-        """What distinguishes the law from others with the same parameters: hashable."""
-        return type(self)
+        """What distinguishes the law from others with the same parameters, hashable: itself.
+
+        A class whose objects differ in their parameters alone returns itself, so that all of them
+        are one group of cells.
+        """
+        return self
 
     @property
     def initial(self) -> FloatArray:
@@ -133,6 +140,19 @@ def moduli(youngs_modulus: Any, poisson_ratio: Any) -> tuple[Any, Any]:
     return E / (2.0 * (1.0 + nu)), E / (3.0 * (1.0 - 2.0 * nu))
 
 
+def joined(
+    owner: str, inner: Mapping[str, Parameter], own: Mapping[str, Parameter]
+) -> Mapping[str, Parameter]:
+    """Parameters of a law and of the one that it contains.
+
+    Raises:
+        ValueError: both have one of a name.
+    """
+    if both := sorted({*inner} & {*own}):
+        raise ValueError(f'{owner}: its law has a parameter "{both[0]}", too: give it another name')
+    return {**inner, **own}
+
+
 @declared
 class NeoHookean(SolidLaw):
     """Neo-Hookean rubber, ``mu/2 (tr C / J^(2/3) - 3)`` and the volumetric part.
@@ -158,6 +178,11 @@ class NeoHookean(SolidLaw):
             ValueError: A modulus that is not positive, or a ratio outside (-1, 0.5).
         """
         return cls(*moduli(youngs_modulus, poisson_ratio))
+
+    @property
+    def form(self) -> Any:
+        """See :attr:`SolidLaw.form`."""
+        return type(self)
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -187,6 +212,11 @@ class MooneyRivlin(SolidLaw):
     c10: Any = modulus(positive=True)
     c01: Any = modulus(nonnegative=True)
     bulk_modulus: Any = modulus(positive=True)
+
+    @property
+    def form(self) -> Any:
+        """See :attr:`SolidLaw.form`."""
+        return type(self)
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -223,6 +253,11 @@ class SaintVenantKirchhoff(SolidLaw):
     def __post_init__(self) -> None:
         """Check the ratio."""
         moduli(self.youngs_modulus, self.poisson_ratio)
+
+    @property
+    def form(self) -> Any:
+        """See :attr:`SolidLaw.form`."""
+        return type(self)
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -549,7 +584,8 @@ class ActiveStress(SolidLaw):
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """See :attr:`SolidLaw.parameters`."""
-        return {**self.passive.parameters, "tension": self.tension, "pulled": self.fibre}
+        own = {"tension": self.tension, "pulled": self.fibre}
+        return joined("ActiveStress", self.passive.parameters, own)
 
     def energy(self, F: Any, p: Any) -> Any:
         """See :meth:`SolidLaw.energy`."""
@@ -596,7 +632,7 @@ class Growth(SolidLaw):
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """See :attr:`SolidLaw.parameters`."""
-        return {**self.grown.parameters, "growth": self.stretch}
+        return joined("Growth", self.grown.parameters, {"growth": self.stretch})
 
     def energy(self, F: Any, p: Any) -> Any:
         """See :meth:`SolidLaw.energy`."""
