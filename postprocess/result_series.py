@@ -15,8 +15,11 @@ import numpy as np
 import pyvista as pv
 from vtkmodules.vtkCommonCore import vtkLogger
 
+_CELLS = ("tetrahedron", "hexahedron", "prism", "triangle", "quadrilateral")
+#: Nonlinear solids, by shape and degree of their cells.
+SOLIDS = tuple(f"solids_{cell}_{degree}" for cell in _CELLS for degree in (1, 2, 3))
 # what is coloured by a field
-FLEXIBLE = ("beam_surfaces", "beams", "shells", "floating_bodies", "floating_lines")
+FLEXIBLE = ("beam_surfaces", "beams", "shells", "floating_bodies", "floating_lines", *SOLIDS)
 SERIES = (*FLEXIBLE, "rigid_bodies", "joints", "cables", "contact_surfaces")
 #: Obstacles, which may be much larger than what moves.
 OBSTACLES = "contact_surfaces"
@@ -79,7 +82,8 @@ def read_series(folder: Path, *, arrows: bool = False) -> list[Instant]:
         except (ET.ParseError, KeyError, ValueError) as exc:
             raise RenderError(f"{pvd}: not a readable series ({exc})") from exc
     if not times:
-        raise RenderError(f"{folder}: no series to draw ({', '.join(n + '.pvd' for n in SERIES)})")
+        names = [*(name for name in SERIES if name not in SOLIDS), "solids_*"]
+        raise RenderError(f"{folder}: no series to draw ({', '.join(n + '.pvd' for n in names)})")
     for files in times.values():
         for file in files.values():
             if not file.is_file():
