@@ -79,8 +79,10 @@ def build(
         ff.PrescribedTranslation("move", ff.Ground(), ring, lambda t: (radial * t, 0.0, axial * t)),
         ff.PrescribedRotation("turn", ff.Ground(), ring, lambda t: (0, 0, math.radians(turn) * t)),
         ff.Probe(
-            "motion", [ring, ff.Marker("rubber", (half, 0.0, 0.0))],
-            ("turn", "axial", "radial", "mid_turn"), motion,
+            "motion",
+            [ring, ff.Marker("rubber", (half, 0.0, 0.0))],
+            ("turn", "axial", "radial", "mid_turn"),
+            motion,
         ),
         ff.ReactionProbe("force", "move"),
         ff.ReactionProbe("moment", "turn"),

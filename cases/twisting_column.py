@@ -53,7 +53,10 @@ def build(
     """Model of the column with so many cells across."""
     along = max(1, round(cells * height / width / 2.0))
     mesh = ff.SolidMesh.box(
-        (width, width, height), (cells, cells, along), cell, origin=(-0.5 * width, -0.5 * width, 0.0)
+        (width, width, height),
+        (cells, cells, along),
+        cell,
+        origin=(-0.5 * width, -0.5 * width, 0.0),
     )
 
     def velocity(x: Values) -> Values:

@@ -49,13 +49,16 @@ def build(
         base = geo.addPlaneSurface([loop])
         geo.mesh.setTransfiniteSurface(base)
         geo.mesh.setRecombine(2, base)
-        made = geo.extrude(
-            [(2, base)], 0.0, 0.0, length, numElements=[cells_along], recombine=True
-        )
+        made = geo.extrude([(2, base)], 0.0, 0.0, length, numElements=[cells_along], recombine=True)
         # the top, the volume, and the sides in the order of the loop
         tags = [tag for _, tag in made]
         volumes.append(tags[1])
-        for name, tag in (("bottom", base), ("top", tags[0]), ("outer", tags[3]), ("inner", tags[5])):
+        for name, tag in (
+            ("bottom", base),
+            ("top", tags[0]),
+            ("outer", tags[3]),
+            ("inner", tags[5]),
+        ):
             names[name].append(tag)
     geo.synchronize()
     gmsh.model.addPhysicalGroup(3, volumes, name="tube")
