@@ -12,8 +12,11 @@ of its corner; ``volume_J``, present over initial volume of all of the column;
 ``energy_kinetic, energy_strain, energy_gravity, energy_work, energy_dissipation, energy_balance``
 (J).
 
-Expected: the end turns by about three quarters of a turn, the column becomes shorter, and comes
-back; no closed form. Run: ``python cases/twisting_column.py``, then
+Expected: the end turns by nearly a full turn within 0.09 s and comes back; no closed form. It turns
+by 5.88 rad with 2 and with 3 cells across; with nu = 0.499 by 5.96 and 5.98 rad, with
+``--formulation displacement`` by 5.95 and 5.97 rad, and of tetrahedra, 2 across, by 5.88 and 5.72
+rad in the two formulations. Some 4e-4 of the energy is lost.
+Run: ``python cases/twisting_column.py``, then
 ``flexfem plot results/twisting_column --columns twist``.
 """
 
