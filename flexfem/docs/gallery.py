@@ -57,6 +57,8 @@ DRAWINGS = {
     "gear_pair": Drawing("--from 0.395 --interval 1"),
     "knot": Drawing("--from 0.4 --to 2 --interval 1.6 --view=0.1,-0.5,1"),
     "plectoneme": Drawing("--from 3.7 --to 7 --interval 3.3 --view=-0.3,-0.5,1"),
+    "turek_hron": Drawing("--view z --to 0.5 --interval 0.15"),
+    "twisting_column": Drawing("--interval 1"),
     "tape_spring": Drawing("--view=0.35,-1,0.2 --from 0.5 --interval 0.02"),
     "rope_heap": Drawing("--from 1.49 --interval 1"),
 }

@@ -63,7 +63,8 @@ def test_smoke_run_leaves_complete_results(case: str, folders: dict[int, Path]) 
     assert summary["steps"] == values["load_steps"]
     assert summary["critical_points"] == summary["buckling"] == []
     assert all(isinstance(value, float) for value in summary["results"].values())
-    assert [name for name in ("beams.pvd", "shells.pvd") if (folders[2] / case / name).is_file()]
+    shown = ("beams.pvd", "shells.pvd", "solids.pvd")
+    assert [name for name in shown if (folders[2] / case / name).is_file()]
 
 
 @pytest.mark.parametrize("case", [*CASES, "path"])

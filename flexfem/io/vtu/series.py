@@ -374,13 +374,17 @@ class VtuSeries:
         return False
 
 
+#: Of grids: readers exchange two edges of hexahedra of older versions than 2.1.
+_VERSION = "2.2"
+
+
 def _data_set(instant: tuple[float, str]) -> str:
     time, file = instant
     return f'<DataSet timestep="{time!r}" part="0" file={quoteattr(file)}/>'
 
 
 def _document(kind: str, version: str, lines: Sequence[str]) -> str:
-    header = ' header_type="UInt64"' if version == "1.0" else ""
+    header = ' header_type="UInt64"' if version == _VERSION else ""
     return "\n".join(
         [
             '<?xml version="1.0"?>',
@@ -443,7 +447,7 @@ class _Text:
             '<AppendedData encoding="raw">',
             "_",
         ]
-        head, tail = _document("UnstructuredGrid", "1.0", body).split("\n_\n")
+        head, tail = _document("UnstructuredGrid", _VERSION, body).split("\n_\n")
         before, after = f"{head}\n_".split(_TIME)
         self._before, self._after = before.encode(), after.encode()
         self._end = f"\n</AppendedData>\n{tail}".encode()
@@ -479,7 +483,7 @@ def _pvtu(
         *(f"<Piece Source={quoteattr(s)}/>" for s in sources),
         "</PUnstructuredGrid>",
     ]
-    return _document("PUnstructuredGrid", "1.0", lines)
+    return _document("PUnstructuredGrid", _VERSION, lines)
 
 
 def _read_pvd(path: Path, name: str) -> dict[int, tuple[float, str]]:
