@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
-from flexfem.families.solid.lagrange import CELLS, lattice
+from flexfem.families.solid.lagrange import CELLS, lattice, reference_facets
 
 __all__ = ["gathered"]
 
@@ -34,8 +34,9 @@ def gathered(
     owner = "SolidMesh"
     _checks.instance(owner, "mesh", mesh, Mesh)
     topology, geometry = mesh.topology, mesh.geometry
-    if len(topology.cell_types) > 1:
-        kinds = ", ".join(kind.name for kind in topology.cell_types)
+    shapes = topology.entity_types[topology.dim]
+    if len(shapes) > 1:
+        kinds = ", ".join(kind.name for kind in shapes)
         raise ValueError(f"{owner}: the mesh has cells of several shapes ({kinds})")
     cell, degree = topology.cell_type.name, int(mesh.geometry.cmap.degree)
     if cell not in CELLS or degree > 3 or geometry.dofmap.shape[1] != len(lattice(cell, degree)):
@@ -55,7 +56,8 @@ def gathered(
         topology.create_connectivity(d - 1, d)
         topology.create_connectivity(d, d - 1)
         mine = facet_tags.indices < topology.index_map(d - 1).size_local
-        corners = entities_to_geometry(mesh, d - 1, facet_tags.indices[mine])
+        closure = entities_to_geometry(mesh, d - 1, facet_tags.indices[mine])
+        corners = closure[:, : len(reference_facets(cell)[0])]  # of curved cells there are more
         facets, facet_values = given[corners], facet_tags.values[mine]
     parts = comm.allgather(
         (given, geometry.x[: len(given)], rows, original, values, facets, facet_values)
