@@ -10,7 +10,7 @@ functions of it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from functools import cache
 from types import MappingProxyType
 from typing import Any
@@ -117,18 +117,23 @@ def modulus(*, default: Any = None, **bounds: bool) -> Any:
     return checked(check) if default is None else checked(check, default=default)
 
 
-def moduli(youngs_modulus: Any, poisson_ratio: Any) -> tuple[Any, Any]:
+def moduli(owner: str, youngs_modulus: Any, poisson_ratio: Any) -> tuple[Any, Any]:
     """Shear and bulk modulus, Pa, of small strains.
 
     Raises:
         TypeError: They are no numbers.
         ValueError: A modulus that is not positive, or a ratio outside (-1, 0.5).
     """
-    E = _values("law", "youngs_modulus", youngs_modulus, positive=True)
-    nu = _values("law", "poisson_ratio", poisson_ratio)
+    E = _values(owner, "youngs_modulus", youngs_modulus, positive=True)
+    nu = _values(owner, "poisson_ratio", poisson_ratio)
     if not (np.all(np.asarray(nu) > -1.0) and np.all(np.asarray(nu) < 0.5)):
         raise ValueError(
-            f"law: poisson_ratio must lie in (-1, 0.5), got {_checks.show(poisson_ratio)}"
+            f"{owner}: poisson_ratio must lie in (-1, 0.5), got {_checks.show(poisson_ratio)}"
+        )
+    if np.ndim(E) and np.ndim(nu) and len(E) != len(nu):
+        raise ValueError(
+            f"{owner}: youngs_modulus has {len(E)} values, poisson_ratio {len(nu)}: one of each "
+            "cell"
         )
     return E / (2.0 * (1.0 + nu)), E / (3.0 * (1.0 - 2.0 * nu))
 
@@ -157,7 +162,7 @@ class NeoHookean(SolidLaw):
             TypeError: A value is not a number.
             ValueError: A modulus that is not positive, or a ratio outside (-1, 0.5).
         """
-        return cls(*moduli(youngs_modulus, poisson_ratio))
+        return cls(*moduli(cls.__name__, youngs_modulus, poisson_ratio))
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -222,12 +227,13 @@ class SaintVenantKirchhoff(SolidLaw):
 
     def __post_init__(self) -> None:
         """Check the ratio."""
-        moduli(self.youngs_modulus, self.poisson_ratio)
+        moduli("SaintVenantKirchhoff", self.youngs_modulus, self.poisson_ratio)
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """See :attr:`SolidLaw.parameters`."""
-        mu, bulk = moduli(self.youngs_modulus, self.poisson_ratio)
+        owner = "SaintVenantKirchhoff"
+        mu, bulk = moduli(owner, self.youngs_modulus, self.poisson_ratio)
         return {"mu": mu, "lame": bulk - 2.0 / 3.0 * mu}
 
     def energy(self, F: Any, p: Any) -> Any:
@@ -268,13 +274,13 @@ class Ogden(SolidLaw):
         mu, alpha = np.asarray(self.moduli), np.asarray(self.exponents)
         if len(mu) != len(alpha) or not len(mu):
             raise ValueError(
-                f"{owner}: needs as many exponents as moduli, got {_checks.show(self.moduli)} and "
-                f"{_checks.show(self.exponents)}"
+                f"{owner}: needs as many exponents as moduli, got {_checks.show(mu.tolist())} and "
+                f"{_checks.show(alpha.tolist())}"
             )
         if not ((alpha != 0.0) & (np.abs(alpha) <= _LARGEST)).all():
             raise ValueError(
                 f"{owner}: exponents must not be zero and at most {_LARGEST}, got "
-                f"{_checks.show(self.exponents)}"
+                f"{_checks.show(alpha.tolist())}"
             )
         if not mu @ alpha > 0.0:
             raise ValueError(
@@ -480,7 +486,10 @@ class Hyperelastic(SolidLaw):
             if not callable(value):
                 shape = {0: (), 1: (-1,), 2: (-1, 3)}.get(np.ndim(value))
                 if shape is None:
-                    raise ValueError(f'{owner}: values["{name}"] has too many dimensions')
+                    raise ValueError(
+                        f'{owner}: values["{name}"] must be a number, one of each cell or vectors, '
+                        f"got {_checks.show(value)}"
+                    )
                 if shape == ():
                     _checks.number(owner, f'values["{name}"]', value)
                 else:
@@ -514,6 +523,19 @@ def _call(function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments[: min(wanted, len(arguments))])
 
 
+def _within(owner: str, what: str, law: SolidLaw, names: Sequence[str]) -> None:
+    """Refuse a law within another one that cannot be there."""
+    if len(law.initial):
+        raise ValueError(
+            f"{owner}: {what} must have no internal variables, got {_checks.show(law)}"
+        )
+    for name in names:
+        if name in law.parameters:
+            raise ValueError(
+                f'{owner}: {what} must have no parameter "{name}", got {_checks.show(law)}'
+            )
+
+
 @declared
 class ActiveStress(SolidLaw):
     """A law with fibres that pull, as muscles: the energy of a force along them is added.
@@ -528,7 +550,7 @@ class ActiveStress(SolidLaw):
 
     Raises:
         TypeError: An argument has the wrong type.
-        ValueError: The direction is zero.
+        ValueError: The direction is zero, or the law has internal variables or such fibres itself.
     """
 
     passive: SolidLaw = instance(SolidLaw)
@@ -540,6 +562,7 @@ class ActiveStress(SolidLaw):
         if not callable(self.tension):
             _checks.assign(self, tension=_values("ActiveStress", "tension", self.tension))
         _checks.assign(self, fibre=unit_vectors("ActiveStress", "fibre", self.fibre))
+        _within("ActiveStress", "passive", self.passive, ("tension", "fibre"))
 
     @property
     def form(self) -> Any:
@@ -549,13 +572,13 @@ class ActiveStress(SolidLaw):
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """See :attr:`SolidLaw.parameters`."""
-        return {**self.passive.parameters, "tension": self.tension, "pulled": self.fibre}
+        return {**self.passive.parameters, "tension": self.tension, "fibre": self.fibre}
 
     def energy(self, F: Any, p: Any) -> Any:
         """See :meth:`SolidLaw.energy`."""
         import ufl
 
-        along = F * p.pulled
+        along = F * p.fibre
         return self.passive.energy(F, p) + p.tension * (ufl.sqrt(ufl.inner(along, along)) - 1.0)
 
     def dissipation(self, F: Any, rate: Any, p: Any) -> Any:
@@ -576,7 +599,7 @@ class Growth(SolidLaw):
 
     Raises:
         TypeError: An argument has the wrong type.
-        ValueError: The ratio is not positive.
+        ValueError: The ratio is not positive, or the law has internal variables or grows itself.
     """
 
     grown: SolidLaw = instance(SolidLaw)
@@ -587,6 +610,7 @@ class Growth(SolidLaw):
         if not callable(self.stretch):
             checked_stretch = _values("Growth", "stretch", self.stretch, positive=True)
             _checks.assign(self, stretch=checked_stretch)
+        _within("Growth", "grown", self.grown, ("growth",))
 
     @property
     def form(self) -> Any:
