@@ -195,6 +195,7 @@ _MODULES = {
     "Distance": "joints.distance",
     "Generic": "joints.generic",
     "RigidNodes": "joints.rigid_nodes",
+    "RigidPoints": "joints.rigid_points",
     "HingeLine": "joints.hinge_line",
     "ClampedLine": "joints.clamped_line",
     "PrescribedTranslation": "joints.prescribed_translation",

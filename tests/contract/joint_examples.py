@@ -155,6 +155,10 @@ EXAMPLES |= {
         ff.RigidNodes, 12, {}, APART, markers=3,
         make=lambda: ff.RigidNodes("joint", *_ground(1), nodes=_ground(2)),
     ),
+    "RigidPoints": Example(
+        ff.RigidPoints, 6, {}, APART, markers=3,
+        make=lambda: ff.RigidPoints("joint", *_ground(1), nodes=_ground(2)),
+    ),
     "Generic-locked": Example(ff.Generic, 6, {}, HERE),
     "Generic-one": Example(ff.Generic, 4, {"free": ("x", "ry")}, HERE),
     "Generic-two": Example(ff.Generic, 4, {"free": ("rz", "rx")}, HERE),

@@ -157,6 +157,7 @@ def test_traces_of_powers_are_those_of_the_eigenvalues(exponent):
         assert trace == pytest.approx((values**exponent).sum(), rel=1e-7)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize("formulation", ["displacement", "dilatation"])
 def test_patches_of_distorted_cells_strain_uniformly(formulation):
     """A linear motion of quadratic cells gives one stress, and no force on inner nodes."""
@@ -187,6 +188,7 @@ def test_patches_of_distorted_cells_strain_uniformly(formulation):
     assert np.abs(s.block.owned_residual[inner]).max(initial=0.0) < 1e-12 * largest
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize("name", CELLS)
 def test_masses_are_those_of_the_figure(name):
     """Mass, centre and momenta of a rotation, by the cells' matrices and by a quadrature."""

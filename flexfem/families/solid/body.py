@@ -379,6 +379,18 @@ class Solid(Body):
         used = np.abs(weights) > _NONE * np.abs(weights).max()  # not corners of quadratic triangles
         return SolidMarker(self.name, nodes[used], weights[used] / weights[used].sum())
 
+    def node_markers(self, surface: str) -> list[SolidMarker]:
+        """Return markers of all nodes of a surface or set, for :class:`RigidPoints`.
+
+        Nodes that are fixed in all directions are left out.
+
+        Raises:
+            ValueError: There is neither.
+        """
+        nodes = self.figure.nodes_of(f'Marker on "{self.name}"', surface)
+        free = nodes[~self.held[nodes].all(axis=1)]
+        return [SolidMarker(self.name, [node], [1.0]) for node in free.tolist()]
+
     def point_marker(self, position: npt.ArrayLike) -> SolidMarker:
         """Return a point inside the solid, anywhere between its nodes.
 

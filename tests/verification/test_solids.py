@@ -1,0 +1,125 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Nonlinear solids in mechanisms: joints on surfaces, bonds, contact, restart."""
+
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from tests.histories import columns
+
+COMM = MPI.COMM_WORLD
+NEO = ff.laws.NeoHookean.from_young(1e6, 0.4)
+
+
+def run(model: ff.Model, folder: Path, **options) -> dict[str, np.ndarray]:
+    """History of a motion, on all ranks; bodies are split over them."""
+    return columns(ff.simulate(model, ff.RunOptions(output=folder, split_above=1, **options)))
+
+
+def test_bonded_surface_carries_the_load_of_a_rigid_plate(shared_tmp_path):
+    """All nodes of a surface on a plate: more rows than dense checks take, one resultant."""
+    mesh = ff.SolidMesh.box((1.0, 1.0, 0.1), (10, 10, 1), "tetrahedron")
+    pad = ff.Solid("pad", NEO, mesh, density=1000.0, degree=1, fixed={"z0": "xyz"})
+    plate = ff.Marker("plate")
+    model = ff.Model("pad")
+    model.add(
+        pad,
+        ff.RigidBody("plate", mass=1.0, inertia=np.eye(3), position=(0.5, 0.5, 0.1)),
+        ff.RigidPoints("bond", plate, nodes=pad.node_markers("z1")),
+        ff.PointForce("push", plate, (1e4, 0.0, -1e4)),
+        ff.PositionProbe("plate_at", plate),
+        ff.ReactionProbe("bond_on", "bond"),
+    )
+    options = ff.StaticOptions(output=shared_tmp_path, load_steps=2, split_above=1)
+    last = {name: values[-1] for name, values in columns(ff.solve_static(model, options)).items()}
+    # equilibrium to the tolerance of Newton's method
+    assert last["bond_on_fx"] == pytest.approx(-1e4, rel=1e-6)
+    assert last["bond_on_fz"] == pytest.approx(1e4, rel=1e-6)
+    # a thin pad is sheared uniformly but at its rim, and compresses by less than a free bar
+    assert last["plate_at_x"] - 0.5 == pytest.approx(1e4 * 0.1 / NEO.shear_modulus, rel=0.05)
+    assert 0.1 * (1.0 - 1e4 / 1e6) < last["plate_at_z"] < 0.1
+
+
+@pytest.mark.three_ranks
+def test_solid_pendulum_falls_on_an_averaged_hinge(shared_tmp_path):
+    """From the horizontal, with a rigid tip on its end: energy, momentum, ranks."""
+    mesh = ff.SolidMesh.box((1.0, 0.1, 0.1), (4, 1, 1), "tetrahedron", origin=(0.0, -0.05, -0.05))
+    bar = ff.Solid("bar", ff.laws.NeoHookean.from_young(1e7, 0.4), mesh, density=1000.0)
+    tip = ff.Marker("tip", offset=(-0.05, 0.0, 0.0))
+    model = ff.Model("pendulum")
+    model.add(
+        bar,
+        ff.RigidBody("tip", mass=2.0, inertia=0.01 * np.eye(3), position=(1.05, 0.0, 0.0)),
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Revolute("pin", ff.Ground(), bar.surface_marker("x0"), axis=(0.0, 1.0, 0.0)),
+        ff.Rigid("weld", bar.surface_marker("x1"), tip),
+        ff.PositionProbe("end", tip),
+        ff.EnergyProbe(),
+        ff.MomentumProbe("all"),
+        ff.ReactionProbe("pin_on", "pin"),
+    )
+    history = run(model, shared_tmp_path, t_end=0.3, dt=5e-3)
+    # what the scheme dissipates; a wrong mass or work would show in percents
+    assert np.abs(history["energy_balance"]).max() < 2e-3 * history["energy_kinetic"].max()
+    # the impulse of weight and pin is the momentum, by the trapezoidal rule
+    impulse = np.trapezoid(history["pin_on_fz"] - 12.0 * 9.81, history["t"])
+    assert history["all_pz"][-1] == pytest.approx(impulse, rel=2e-3)
+    # the bar bends by millimetres
+    reach = float(np.hypot(history["end_x"][-1], history["end_z"][-1]))
+    assert reach == pytest.approx(1.0, abs=0.02)
+    # the same on any number of ranks
+    assert history["end_z"][-1] == pytest.approx(END, abs=1e-9)
+
+
+#: Height of the tip at the end on one rank, m.
+END = -0.5256745317634196
+
+
+@pytest.mark.slow_on_ranks
+def test_solid_lands_without_penetration_and_makes_no_energy(shared_tmp_path):
+    """A cube on a plane: forces of the barrier, at steps of a tenth of the time of contact."""
+    mesh = ff.SolidMesh.box((0.2, 0.2, 0.2), (1, 1, 1), "tetrahedron", origin=(0.0, 0.0, 0.01))
+    model = ff.Model("drop")
+    model.add(
+        ff.Solid("cube", NEO, mesh, density=1000.0, touching="boundary", velocity=(0, 0, -1)),
+        ff.Contact("floor", "cube", surfaces=ff.RigidPlane(ff.Ground())),
+        ff.ContactProbe("floor_at", "floor"),
+        ff.EnergyProbe(),
+        ff.MomentumProbe("all"),
+    )
+    history = run(model, shared_tmp_path, t_end=0.06, dt=2e-3)
+    assert history["floor_at_gap"].min() > 0.0
+    assert history["floor_at_normal"].max() > 100.0
+    # nothing but the scheme's own dissipation
+    assert history["energy_balance"].max() < 1e-9 * history["energy_kinetic"][0]
+    # to the tolerance of Newton's method
+    impulse = np.sum(history["floor_at_fz"][1:] * np.diff(history["t"]))
+    assert history["all_pz"][-1] - history["all_pz"][0] == pytest.approx(impulse, rel=1e-6)
+
+
+@pytest.mark.slow_on_ranks
+def test_plastic_motion_restarts_with_its_internal_variables(shared_tmp_path):
+    """A bar that is bent beyond its yield stress: the rest of the motion from a checkpoint."""
+    mesh = ff.SolidMesh.box((0.4, 0.1, 0.1), (2, 1, 1), "tetrahedron")
+    law = ff.laws.J2Plasticity(4e5, 1e6, 2e4, 1e4)
+    model = ff.Model("bar")
+    model.add(
+        ff.Solid("bar", law, mesh, density=1000.0, degree=1, fixed={"x0": "xyz"}),
+        ff.SurfaceTraction("push", "bar", "x1", (0.0, 0.0, 4e3), amplitude=lambda t: min(9 * t, 1)),
+        ff.PositionProbe("end", ff.Marker("bar", (0.4, 0.1, 0.1))),
+        ff.EnergyProbe(),
+    )
+    options = {"dt": 5e-3, "checkpoint_every": 10}
+    whole = run(model, shared_tmp_path / "whole", t_end=0.15, **options)
+    half = shared_tmp_path / "half"
+    run(model, half, t_end=0.1, **options)
+    found = run(model, half, t_end=0.15, restart=sorted(half.glob("checkpoint*"))[-1], **options)
+    assert whole["energy_dissipation"][-1] > 0.1 * whole["energy_work"][-1]
+    # second order in the steps; without the dissipation half of the work is missing
+    assert abs(whole["energy_balance"][-1]) < 0.02 * whole["energy_work"][-1]
+    for name in ("end_z", "energy_dissipation", "energy_strain"):
+        assert found[name][-1] == pytest.approx(whole[name][-1], rel=1e-9)
