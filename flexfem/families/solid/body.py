@@ -290,6 +290,17 @@ class Solid(Body):
         return f"{self.elements} {plural} of degree {self.degree}, {laws}"
 
     @cached_property
+    def materials(self) -> list[tuple[float, float, float]]:
+        """See :attr:`Body.materials`."""
+        found = []
+        for region, law in self.law.items():
+            density = float(self.cell_density[self.cells_of(region)].mean())
+            shear, bulk = law.small_strain_moduli()
+            modulus = 9.0 * bulk * shear / (3.0 * bulk + shear)
+            found.append((modulus, density, ((bulk + 4.0 / 3.0 * shear) / density) ** 0.5))
+        return found
+
+    @cached_property
     def masses(self) -> tuple[FloatArray, FloatArray]:
         """Points (q, 3) in the body at the start, m, and masses (q,), kg, with its inertia."""
         return self.figure.masses(self.cell_density)

@@ -40,6 +40,8 @@ Parameter = npt.ArrayLike | Callable[[float], float]
 
 #: Ratio of the squares of stretches within which powers are approximated, and samples there.
 _RATIO, _SAMPLES = 1e4, 400
+#: Strain of second differences of an energy.
+_SMALL = 1e-3
 
 
 class SolidLaw(ABC):
@@ -81,6 +83,46 @@ class SolidLaw(ABC):
         Its derivative by the rate of F is the viscous part of the first Piola stress.
         """
         return None
+
+    def small_strain_moduli(self) -> tuple[float, float]:
+        """Shear and bulk modulus at the start, Pa, of a mean cell; NaN if they are not found."""
+        try:
+            return _second_differences(self)
+        except Exception:  # whatever a user's function raises; the start of a run says so
+            return float("nan"), float("nan")
+
+
+def _second_differences(law: SolidLaw) -> tuple[float, float]:
+    """Shear and bulk modulus, Pa, by the energies of small strains."""
+    import ufl
+    from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+
+    values: dict[str, Any] = {}
+    for name, value in law.parameters.items():
+        given = np.asarray(value(0.0) if callable(value) else value, dtype=np.float64)
+        if given.ndim == 2:
+            values[name] = ufl.as_vector(np.mean(given, axis=0).tolist())
+        else:
+            values[name] = float(given.mean())
+
+    def energy(size: float, way: FloatArray) -> float:
+        F = ufl.as_matrix((np.eye(3) + size * way).tolist())
+        return float(apply_algebra_lowering(ufl.as_ufl(law.energy(F, Numbers(values)))))
+
+    rest, found = energy(0.0, np.eye(3)), []
+    shear = np.array([[0.0, 0.5, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    for way in (shear, np.eye(3) / 3.0):
+        change = energy(_SMALL, way) + energy(-_SMALL, way) - 2.0 * rest
+        found.append(change / _SMALL**2)
+    return found[0], found[1]
+
+
+class Numbers(dict[str, Any]):
+    """Numbers by name and as attributes."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a number."""
+        return self[name]
 
 
 def isochoric(F: Any) -> Any:
@@ -293,6 +335,10 @@ class Ogden(SolidLaw):
     def form(self) -> Any:
         """See :attr:`SolidLaw.form`."""
         return type(self), self.exponents
+
+    def small_strain_moduli(self) -> tuple[float, float]:
+        """See :meth:`SolidLaw.small_strain_moduli`."""
+        return 0.5 * float(np.dot(self.moduli, self.exponents)), float(np.mean(self.bulk_modulus))
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
