@@ -159,13 +159,15 @@ class SolidMesh:
         given = _checks.indices(owner, what, corners, len(self.points), width)
         if not len(given):
             raise ValueError(f"{owner}: {what} is empty")
-        order = np.lexsort(np.sort(self.facets, axis=1).T[::-1])
-        known, wanted = np.sort(self.facets, axis=1)[order], np.sort(given, axis=1)
-        rows = _rows_in(known, wanted)
+        known = np.flatnonzero(np.isin(self.facets.max(axis=1), given.max(axis=1)))
+        number = _numbers_of_rows(np.sort(np.concatenate([self.facets[known], given]), axis=1))
+        row = np.full(len(number), -1)
+        row[number[: len(known)]] = known
+        rows = row[number[len(known) :]]
         if (rows < 0).any():
             at = int(np.argmax(rows < 0))
             raise ValueError(f"{owner}: {what}: {given[at].tolist()} is no facet of a cell")
-        return _checks.freeze(self.facets[order[rows]], np.int64)
+        return _checks.freeze(self.facets[rows], np.int64)
 
     @property
     def dimension(self) -> int:
@@ -179,34 +181,34 @@ class SolidMesh:
 
     @cached_property
     def _every_facet(self) -> tuple[IntArray, IntArray]:
-        """Corners (f, c) of all facets, those of cell after cell; ascending corners of each."""
+        """Corners (f, c) of all facets, those of cell after cell, and numbers of equal ones."""
         local = reference_facets(self.cell)
         width = max(len(facet) for facet in local)
         rows = [self.corners[:, facet] for facet in local]
         rows = [np.pad(r, ((0, 0), (0, width - r.shape[1])), constant_values=-1) for r in rows]
         every = np.stack(rows, axis=1).reshape(-1, width)
-        return every, np.sort(every, axis=1)
+        return every, _numbers_of_rows(np.sort(every, axis=1))
 
     @cached_property
     def facets(self) -> IntArray:
         """Corners (f, c) of all facets, once each, -1 for a fourth corner that is not there."""
-        every, ordered = self._every_facet
-        _, first = np.unique(ordered, axis=0, return_index=True)
+        every, number = self._every_facet
+        _, first = np.unique(number, return_index=True)
         return every[np.sort(first)]
 
     @cached_property
     def boundary(self) -> IntArray:
         """Corners (f, c) of the facets that belong to one cell."""
-        every, ordered = self._every_facet
-        _, first, times = np.unique(ordered, axis=0, return_index=True, return_counts=True)
+        every, number = self._every_facet
+        _, first, times = np.unique(number, return_index=True, return_counts=True)
         found: IntArray = every[np.sort(first[times == 1])]
         return found
 
     @cached_property
     def cell_of_facet(self) -> Mapping[tuple[int, ...], int]:
         """A cell that has each facet, by its ascending corners."""
-        _, ordered = self._every_facet
-        count = len(reference_facets(self.cell))
+        every, _ = self._every_facet
+        count, ordered = len(reference_facets(self.cell)), np.sort(every, axis=1)
         return {tuple(row): at // count for at, row in enumerate(ordered.tolist())}
 
     def surface(self, owner: str, name: str) -> IntArray:
@@ -438,10 +440,13 @@ def _sets(
     return MappingProxyType(found)
 
 
-def _rows_in(known: IntArray, wanted: IntArray) -> IntArray:
-    """Numbers of rows in a table that is in lexical order, -1 for rows that it does not have."""
-    table = {tuple(row): k for k, row in enumerate(known.tolist())}
-    return np.array([table.get(tuple(row), -1) for row in wanted.tolist()], dtype=np.int64)
+def _numbers_of_rows(rows: IntArray) -> IntArray:
+    """Numbers (m,) of rows (m, c) of numbers from -1, equal for equal rows alone."""
+    base = int(rows.max(initial=0)) + 2
+    found: IntArray = np.zeros(len(rows), dtype=np.int64)
+    for column in rows.T:
+        found = np.unique(found * base + column + 1, return_inverse=True)[1]
+    return found
 
 
 def _from_vtk(cell: str, degree: int) -> IntArray:
