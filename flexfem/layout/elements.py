@@ -222,7 +222,14 @@ class HistoryElements(Protocol):
     """Elements with internal variables, which advance from one accepted state to the next.
 
     They learn the time of a step from ``TimedElements.set_time``.
+
+    Attributes:
+        remembering: True if there are any; rate_dependent: True if they change with time alone. The
+            same on all ranks.
     """
+
+    remembering: bool
+    rate_dependent: bool
 
     def history(self) -> dict[str, tuple[Numbering, FloatArray]]:
         """Accepted internal variables, with their numbering, by a name for checkpoints."""

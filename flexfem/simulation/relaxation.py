@@ -13,6 +13,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem import _checks
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.relaxation import RelaxationOptions
 from flexfem.core.status import Status
@@ -91,6 +92,11 @@ class _Iterations(Steps):
         self._serial, self.system = set_up(
             model, comm, options.split_above, kernels=options.kernels
         )
+        if self.system.remembering:
+            raise InputError(
+                f"RelaxationOptions: {model!r} has solids with internal variables, which depend on "
+                "the path: use statics, or a motion"
+            )
         self.cautions = Cautions.of_model(self._serial, options, self.system)
         if restart is not None:
             restart.check(self._serial)

@@ -145,6 +145,11 @@ class StaticSteps(Steps):
         self._serial, self.system = set_up(
             model, comm, options.split_above, check, kernels=options.kernels
         )
+        if options.arc_length > 0.0 and self.system.rate_dependent:
+            raise InputError(
+                f"StaticOptions: arc_length {options.arc_length:g} has no time for viscoelastic "
+                "solids: use load steps, whose load factor counts as time"
+            )
         self.cautions = Cautions.of_model(self._serial, options, self.system)
         self._probes = ProbeRecorder(self.system, self._serial, depth=1)
         self._check_column()

@@ -315,6 +315,16 @@ class System:
             contacts.time = t
 
     @property
+    def remembering(self) -> bool:
+        """True if elements have internal variables, which depend on the path."""
+        return any(elements.remembering for elements in self._histories)
+
+    @property
+    def rate_dependent(self) -> bool:
+        """True if elements have internal variables that change with time alone."""
+        return any(elements.rate_dependent for elements in self._histories)
+
+    @property
     def strained(self) -> bool:
         """True if elements have initial strains."""
         return len(self._strained) > 0

@@ -55,6 +55,7 @@ class Kernels:
         dilatation: number of functions of the dilatation.
         fields: number of functions of each field.
         initial: (z,) internal variables of a point at the start.
+        rate_dependent: True if internal variables change with time alone.
     """
 
     calls: Mapping[str, CellKernel]
@@ -63,6 +64,7 @@ class Kernels:
     dilatation: int
     fields: int
     initial: FloatArray
+    rate_dependent: bool
 
     @classmethod
     def compiled(
@@ -109,7 +111,9 @@ class Kernels:
             if name.endswith("action"):
                 of_sections = cell_kernel(kernel, size, names, still, columns, steps)
                 calls[name.replace("action", "column")] = of_sections
-        return cls(calls, columns, forms.damped, dilatation, averaged, law.initial)
+        return cls(
+            calls, columns, forms.damped, dilatation, averaged, law.initial, law.rate_dependent
+        )
 
 
 @dataclass(frozen=True)

@@ -76,6 +76,8 @@ class SolidElements(StresslessElements):
         self._motion = Motion(**dict(zip(names, arrays, strict=True)))
         self._mass = self._masses(np.ones(len(self.body), dtype=np.bool_))
         self._axes = _Axes(block, plane)
+        self.remembering = len(self._histories) > 0
+        self.rate_dependent = any(g.kernels.rate_dependent for g in self._histories)
         self._settled = np.full((count, 3), np.nan)
         self._time = self._accepted = 0.0
         self._name, self._cells = f"{block.name}_history", cells

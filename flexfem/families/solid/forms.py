@@ -38,6 +38,10 @@ class LawFunctions(Protocol):
     def initial(self) -> FloatArray:
         """Internal variables at the start."""
 
+    @property
+    def rate_dependent(self) -> bool:
+        """True if these change with time alone."""
+
     def energy(self, F: Any, p: Any) -> Any:
         """Strain energy, J/m^3."""
 

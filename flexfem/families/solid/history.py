@@ -21,6 +21,7 @@ from flexfem.families.solid.laws import (
     Parameter,
     SolidLaw,
     isochoric,
+    joined,
     modulus,
     volumetric,
 )
@@ -91,6 +92,8 @@ class Viscoelastic(HistoryLaw):
         ValueError: Not as many times as moduli, none, or one that is not positive.
     """
 
+    rate_dependent = True
+
     elastic: SolidLaw = instance(SolidLaw)
     shear_moduli: Any = array(-1)
     times: Any = array(-1)
@@ -124,7 +127,7 @@ class Viscoelastic(HistoryLaw):
         branches: dict[str, Parameter] = {}
         for k, (mu, tau) in enumerate(zip(self.shear_moduli, self.times, strict=True)):
             branches |= {f"branch{k}": float(mu), f"time{k}": float(tau)}
-        return {**self.elastic.parameters, **branches}
+        return joined("Viscoelastic", self.elastic.parameters, branches)
 
     @property
     def initial(self) -> FloatArray:
@@ -197,6 +200,11 @@ class J2Plasticity(HistoryLaw):
     bulk_modulus: Any = modulus(positive=True)
     yield_stress: Any = modulus(positive=True)
     hardening: Any = modulus(default=0.0, nonnegative=True)
+
+    @property
+    def form(self) -> Any:
+        """See :attr:`SolidLaw.form`."""
+        return type(self)
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:

@@ -10,10 +10,10 @@ functions of it.
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Mapping
 from functools import cache
 from types import MappingProxyType
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -67,10 +67,17 @@ class SolidLaw(ABC):
             p: The parameters as attributes and by name.
         """
 
+    #: Whether internal variables change with time alone.
+    rate_dependent: ClassVar[bool] = False
+
     @property
     def form(self) -> Any:
-        """What distinguishes the law from others with the same parameters: hashable."""
-        return type(self)
+        """What distinguishes the law from others with the same parameters, hashable: itself.
+
+        A class whose objects differ in their parameters alone returns itself, so that all of them
+        are one group of cells.
+        """
+        return self
 
     @property
     def initial(self) -> FloatArray:
@@ -180,6 +187,19 @@ def moduli(owner: str, youngs_modulus: Any, poisson_ratio: Any) -> tuple[Any, An
     return E / (2.0 * (1.0 + nu)), E / (3.0 * (1.0 - 2.0 * nu))
 
 
+def joined(
+    owner: str, inner: Mapping[str, Parameter], own: Mapping[str, Parameter]
+) -> Mapping[str, Parameter]:
+    """Parameters of a law and of the one that it contains.
+
+    Raises:
+        ValueError: both have one of a name.
+    """
+    if both := sorted({*inner} & {*own}):
+        raise ValueError(f'{owner}: its law has a parameter "{both[0]}", too: give it another name')
+    return {**inner, **own}
+
+
 @declared
 class NeoHookean(SolidLaw):
     """Neo-Hookean rubber, ``mu/2 (tr C / J^(2/3) - 3)`` and the volumetric part.
@@ -205,6 +225,11 @@ class NeoHookean(SolidLaw):
             ValueError: A modulus that is not positive, or a ratio outside (-1, 0.5).
         """
         return cls(*moduli(cls.__name__, youngs_modulus, poisson_ratio))
+
+    @property
+    def form(self) -> Any:
+        """See :attr:`SolidLaw.form`."""
+        return type(self)
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -234,6 +259,11 @@ class MooneyRivlin(SolidLaw):
     c10: Any = modulus(positive=True)
     c01: Any = modulus(nonnegative=True)
     bulk_modulus: Any = modulus(positive=True)
+
+    @property
+    def form(self) -> Any:
+        """See :attr:`SolidLaw.form`."""
+        return type(self)
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -270,6 +300,11 @@ class SaintVenantKirchhoff(SolidLaw):
     def __post_init__(self) -> None:
         """Check the ratio."""
         moduli("SaintVenantKirchhoff", self.youngs_modulus, self.poisson_ratio)
+
+    @property
+    def form(self) -> Any:
+        """See :attr:`SolidLaw.form`."""
+        return type(self)
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -569,17 +604,12 @@ def _call(function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments[: min(wanted, len(arguments))])
 
 
-def _within(owner: str, what: str, law: SolidLaw, names: Sequence[str]) -> None:
-    """Refuse a law within another one that cannot be there."""
+def _without_history(owner: str, what: str, law: SolidLaw) -> None:
+    """Refuse a law with internal variables within another one."""
     if len(law.initial):
         raise ValueError(
             f"{owner}: {what} must have no internal variables, got {_checks.show(law)}"
         )
-    for name in names:
-        if name in law.parameters:
-            raise ValueError(
-                f'{owner}: {what} must have no parameter "{name}", got {_checks.show(law)}'
-            )
 
 
 @declared
@@ -608,7 +638,8 @@ class ActiveStress(SolidLaw):
         if not callable(self.tension):
             _checks.assign(self, tension=_values("ActiveStress", "tension", self.tension))
         _checks.assign(self, fibre=unit_vectors("ActiveStress", "fibre", self.fibre))
-        _within("ActiveStress", "passive", self.passive, ("tension", "fibre"))
+        _without_history("ActiveStress", "passive", self.passive)
+        self.parameters  # noqa: B018 - names that the passive law has are refused
 
     @property
     def form(self) -> Any:
@@ -618,7 +649,8 @@ class ActiveStress(SolidLaw):
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """See :attr:`SolidLaw.parameters`."""
-        return {**self.passive.parameters, "tension": self.tension, "fibre": self.fibre}
+        own = {"tension": self.tension, "fibre": self.fibre}
+        return joined("ActiveStress", self.passive.parameters, own)
 
     def energy(self, F: Any, p: Any) -> Any:
         """See :meth:`SolidLaw.energy`."""
@@ -656,7 +688,8 @@ class Growth(SolidLaw):
         if not callable(self.stretch):
             checked_stretch = _values("Growth", "stretch", self.stretch, positive=True)
             _checks.assign(self, stretch=checked_stretch)
-        _within("Growth", "grown", self.grown, ("growth",))
+        _without_history("Growth", "grown", self.grown)
+        self.parameters  # noqa: B018 - names that the law has are refused
 
     @property
     def form(self) -> Any:
@@ -666,7 +699,7 @@ class Growth(SolidLaw):
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """See :attr:`SolidLaw.parameters`."""
-        return {**self.grown.parameters, "growth": self.stretch}
+        return joined("Growth", self.grown.parameters, {"growth": self.stretch})
 
     def energy(self, F: Any, p: Any) -> Any:
         """See :meth:`SolidLaw.energy`."""
