@@ -86,6 +86,8 @@ def _not_found(model: Structure, name: str) -> str:
             f"{text}, which is a {kind}: give what it touches with as surfaces=[RigidSphere(Marker("
             f'"{name}"), ...)], or another RigidSurface'
         )
+    if kind == "Solid":
+        return f'{text}, which is a {kind}: name its surface, touching="boundary"'
     if isinstance(thing, Body):
         return f"{text}, which is a {kind}: it needs linear triangles and a thickness"
     return f"{text}, which is a {kind}"

@@ -272,6 +272,36 @@ def beside_a_ball(length: float) -> ff.Model:
     return model
 
 
+def rubber(length: float, law: ff.laws.SolidLaw) -> ff.Model:
+    """A cube of a solid, and a ball on its side."""
+    model = ff.Model("rubber")
+    mesh = ff.SolidMesh.box(length * np.ones(3), (1, 1, 1))
+    model.add(
+        ff.Solid("cube", law, mesh, density=1000.0, fixed={"x0": "xyz"}),
+        ff.RigidBody("ball", 1.0, (1e-3, 1e-3, 1e-3), shape=ff.Sphere(0.05)),
+    )
+    return model
+
+
+#: Laws with the shear modulus 2e5 Pa and the bulk modulus 1e6 Pa at small strains.
+LAWS = {
+    "neo-Hooke": ff.laws.NeoHookean([1e5, 3e5], 1e6),
+    "Mooney": ff.laws.MooneyRivlin(6e4, 4e4, 1e6),
+    "Ogden": ff.laws.Ogden([3e5, -2e5], [2.0, 1.0], 1e6),
+    "Hooke": ff.laws.SaintVenantKirchhoff(9e6 * 2e5 / 3.2e6, 2.6 / 6.4),
+    "muscle": ff.laws.ActiveStress(ff.laws.NeoHookean(2e5, 1e6), lambda t: t, (1, 0, 0)),
+    "metal": ff.laws.J2Plasticity(2e5, 1e6, 1e3),
+    "relaxing": ff.laws.Viscoelastic(ff.laws.NeoHookean(1e5, 1e6), [1e5], [1.0]),
+}
+
+
+@pytest.mark.parametrize("name", LAWS)
+def test_moduli_of_small_strains(name: str) -> None:
+    """Of all laws by the same energies; strains of 1e-3 leave out 1e-6."""
+    # twice a modulus, as of shear strains that are counted half, would be 2e-1
+    assert LAWS[name].small_strain_moduli() == pytest.approx((2e5, 1e6), rel=1e-4)
+
+
 def sized(E: float, density: float, diameter: float = 0.02) -> ff.Section:
     return ff.Section.circle(diameter, ff.Material(E, 0.3, density))
 
@@ -377,6 +407,14 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     "mesh in millimetres": (
         "units", 'Shell "sheet": 141 m long, other bodies have 0.173 m',
         lambda: beside_a_ball(100.0), lambda: beside_a_ball(10.0), None,
+    ),
+    "solid in MPa": (
+        "units", 'Solid "cube": its Young', lambda: rubber(0.2, ff.laws.NeoHookean(1, 2)),
+        lambda: rubber(0.2, ff.laws.NeoHookean(1e6, 2e6)), MOTION,
+    ),
+    "solid in millimetres": (
+        "units", 'Solid "cube": 173 m long', lambda: rubber(100.0, ff.laws.NeoHookean(1e6, 2e6)),
+        lambda: rubber(10.0, ff.laws.NeoHookean(1e6, 2e6)), None,
     ),
     "gap": (
         "gaps", "0.5 m from", lambda: body(ground=(0.3, 0.4, 0.0)), body, None

@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._faults import FAILURES, located
 from flexfem._fields import ZERO, Array, checked, choice, declared, number, settled, vector
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.load import Load
@@ -32,8 +33,13 @@ __all__ = ["Solid", "SolidMarker"]
 FORMULATIONS = ("displacement", "dilatation")
 #: States of plane figures.
 PLANES = ("strain", "axisymmetric")
-#: Weight of a node that has none at a point.
-_NONE = 1e-9
+#: Weight of a node that has none at a point, and difference of a sum of weights from one.
+_NONE, _ONE = 1e-9, 1e-9
+#: Names of what forms of cells have beside the parameters of a law.
+TAKEN = frozenset({
+    "asked", "position", "velocity", "step", "rate", "inverse", "size", "place", "dilatation",
+    "multiplier", "dilatation_step", "multiplier_step", "history", "span",
+})  # fmt: skip
 
 
 class SolidMarker(SurfaceMarker):
@@ -48,10 +54,23 @@ class SolidMarker(SurfaceMarker):
     """
 
     def __init__(self, body: str, nodes: npt.ArrayLike, weights: npt.ArrayLike) -> None:
-        """Create the marker; :meth:`Solid.surface_marker` and :meth:`Solid.point_marker` do."""
+        """Create the marker; :meth:`Solid.surface_marker` and :meth:`Solid.point_marker` do.
+
+        Raises:
+            TypeError: Nodes or weights are no numbers.
+            ValueError: A node twice, not as many weights as nodes, or weights that do not add up.
+        """
         Marker.__init__(self, body)
-        own = np.asarray(nodes, dtype=np.int64).tolist()
-        parts = np.asarray(weights, dtype=np.float64).tolist()
+        owner = f'SolidMarker on "{body}"'
+        own = _checks.indices(owner, "nodes", nodes, np.iinfo(np.int64).max, 1).tolist()
+        parts = _checks.array(owner, "weights", weights, (-1,)).tolist()
+        if not own or len(set(own)) < len(own) or len(own) != len(parts):
+            raise ValueError(
+                f"{owner}: needs different nodes with a weight each, got {_checks.show(own)} and "
+                f"{_checks.show(parts)}"
+            )
+        if abs(sum(parts) - 1.0) > _ONE:
+            raise ValueError(f"{owner}: weights must add up to one, got {_checks.show(parts)}")
         _checks.assign(self, nodes=tuple(own), weights=tuple(parts))
 
     def __str__(self) -> str:
@@ -60,9 +79,9 @@ class SolidMarker(SurfaceMarker):
 
 
 def _degree(owner: str, what: str, value: Any) -> int:
-    if value not in (1, 2, 3) or isinstance(value, bool):
+    if type(value) is not int or not 1 <= value <= 3:
         raise ValueError(f"{owner}: {what} must be 1, 2 or 3, got {_checks.show(value)}")
-    return int(value)
+    return value
 
 
 def _quadrature(owner: str, what: str, value: Any) -> int:
@@ -145,10 +164,20 @@ class Solid(Body):
             )
         if self.formulation == "dilatation" and self.lowered < 0:
             raise ValueError(f'{owner}: formulation "dilatation" needs degree 2 at least')
-        laws = self._by_region(owner, "law", self.law, SolidLaw)
-        densities = self._by_region(owner, "density", self.density, (int, float))
-        for value in densities.values():
-            _checks.number(owner, "density", value, positive=True)
+        if self.plane != "strain" and self.thickness != 1.0:
+            raise ValueError(
+                f"{owner}: thickness belongs to bodies in plane strain, got {self.thickness:g}"
+            )
+        if mesh.cell == "prism" and self.degree > 2:
+            raise ValueError(f"{owner}: wedges have degree 1 or 2, got {self.degree}")
+        if self.quadrature is not None and self.quadrature < 2 * (self.degree - 1):
+            raise ValueError(
+                f"{owner}: quadrature must be at least {2 * (self.degree - 1)} of cells of degree "
+                f"{self.degree}, got {self.quadrature}"
+            )
+        laws = self._by_region(owner, "law", self.law, _law)
+        densities = self._by_region(owner, "density", self.density, _density)
+        _checks.instance(owner, "fixed", self.fixed, Mapping)
         _checks.assign(self, law=laws, density=densities, fixed=MappingProxyType(dict(self.fixed)))
         for place, axes in self.fixed.items():
             self.figure.nodes_of(f"{owner}: fixed", place)
@@ -157,30 +186,41 @@ class Solid(Body):
                     f'{owner}: fixed["{place}"] must be some of "xyz", got {_checks.show(axes)}'
                 )
         if self.touching is not None:
+            _checks.text(owner, "touching", self.touching)
             mesh.surface(f"{owner}: touching", self.touching)
+            if self.plane is not None:
+                raise ValueError(
+                    f"{owner}: plane bodies do not touch, got touching="
+                    f"{_checks.show(self.touching)}"
+                )
         if self.start_velocities is not None:
             self._checked_velocities(owner)
 
-    def _by_region(self, owner: str, what: str, value: Any, kind: Any) -> Mapping[str, Any]:
+    def _by_region(
+        self, owner: str, what: str, value: Any, check: Callable[[str, str, Any], None]
+    ) -> Mapping[str, Any]:
         """One value for each region, "" for the only one."""
         if not isinstance(value, Mapping):
-            _checks.instance(owner, what, value, kind)
+            check(owner, what, value)
             return MappingProxyType({"": value})
         for name, one in value.items():
             if name not in self.mesh.regions:
-                known = _checks.show(", ".join(self.mesh.regions) or "none", 200)
+                known = ", ".join(self.mesh.regions) or "none"
                 raise ValueError(
                     f"{owner}: {what}: the mesh has no region {_checks.show(name)}; there are "
                     f"{known}"
                 )
-            _checks.instance(owner, f'{what}["{name}"]', one, kind)
+            check(owner, f'{what}["{name}"]', one)
         times = np.zeros(len(self.mesh.cells), dtype=np.int64)
         for name in value:
             times[self.mesh.regions[name]] += 1
         if (times != 1).any():
             at = int(np.argmax(times != 1))
             much = "no" if times[at] == 0 else "more than one"
-            raise ValueError(f"{owner}: {what}: cell {at} has {much} region of {sorted(value)}")
+            raise ValueError(
+                f"{owner}: {what}: cell {at} has {much} region of "
+                f"{_checks.show(sorted(value), 200)}"
+            )
         return MappingProxyType(dict(value))
 
     def _checked_velocities(self, owner: str) -> FloatArray:
@@ -191,7 +231,10 @@ class Solid(Body):
                 f"{owner}: start_velocities must be a function of places, got "
                 f"{_checks.show(self.start_velocities)}"
             )
-        given = self.start_velocities(self.points)
+        try:
+            given = self.start_velocities(self.points)
+        except FAILURES as error:
+            raise ValueError(f"{owner}: {located(self.start_velocities, error)}") from error
         return _checks.array(owner, "start_velocities(x)", given, (len(self.points), 3))
 
     def cells_of(self, region: str) -> IntArray:
@@ -245,6 +288,17 @@ class Solid(Body):
             "triangle": "triangles", "quadrilateral": "quadrilaterals",
         }[self.mesh.cell]  # fmt: skip
         return f"{self.elements} {plural} of degree {self.degree}, {laws}"
+
+    @cached_property
+    def materials(self) -> list[tuple[float, float, float]]:
+        """See :attr:`Body.materials`."""
+        found = []
+        for region, law in self.law.items():
+            density = float(self.cell_density[self.cells_of(region)].mean())
+            shear, bulk = law.small_strain_moduli()
+            modulus = 9.0 * bulk * shear / (3.0 * bulk + shear)
+            found.append((modulus, density, ((bulk + 4.0 / 3.0 * shear) / density) ** 0.5))
+        return found
 
     @cached_property
     def masses(self) -> tuple[FloatArray, FloatArray]:
@@ -318,15 +372,8 @@ class Solid(Body):
         self.figure.facets_of(owner, load.surface)
 
     def contact_triangles(self) -> tuple[IntArray, IntArray]:
-        """Flat triangles (t, 3) between nodes of the surface that touches, and their cells (t,).
-
-        Raises:
-            ValueError: A plane body.
-        """
-        owner = f'Solid "{self.name}": touching'
-        if self.plane is not None:
-            raise ValueError(f"{owner}: plane bodies do not touch")
-        return self.figure.triangles(owner, self.touching or "")
+        """Flat triangles (t, 3) between nodes of the surface that touches, and their cells (t,)."""
+        return self.figure.triangles(f'Solid "{self.name}": touching', self.touching or "")
 
     def surface_marker(self, surface: str) -> SolidMarker:
         """Return the mean place of a surface, weighted by area, or of a set of nodes.
@@ -397,6 +444,18 @@ class Solid(Body):
     @staticmethod
     def _as_given(values: Mapping[str, Any]) -> Any:
         return values.get("", values)
+
+
+def _law(owner: str, what: str, value: Any) -> None:
+    """Refuse what is no law, or has a parameter of a name that forms use."""
+    _checks.instance(owner, what, value, SolidLaw)
+    for name in value.parameters:
+        if name in TAKEN or name.startswith("_"):
+            raise ValueError(f'{owner}: {what}: a parameter must have another name than "{name}"')
+
+
+def _density(owner: str, what: str, value: Any) -> None:
+    _checks.number(owner, what, value, positive=True)
 
 
 def _mesh(owner: str, mesh: Any) -> SolidMesh:

@@ -10,11 +10,13 @@ from typing import Any, override
 from mpi4py import MPI
 
 import numpy as np
+import ufl
 
-from flexfem._checks import InputError
+from flexfem._checks import InputError, returned_number
+from flexfem._faults import FAILURES, located
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.load import NOTHING
-from flexfem.core.marker import Carrier, Marker
+from flexfem.core.marker import Carrier, Marker, SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.runs import starts
 from flexfem.families.common.block_nodes import distributed
@@ -121,6 +123,11 @@ class SolidFamily(Family):
         if isinstance(marker, SolidMarker):
             nodes = tuple(first + node for node in marker.nodes)
             return SurfacePlace(self.kind, nodes, marker.weights)
+        if isinstance(marker, SurfaceMarker):
+            raise ValueError(
+                f'Marker on "{marker.body}": a Solid takes those of its surface_marker and '
+                f"point_marker, got a {type(marker).__name__}"
+            )
         return SurfacePlace(self.kind, (first + self._bodies[number].node(marker),), (1.0,))
 
     @override
@@ -207,6 +214,8 @@ class SolidFamily(Family):
         law, kind, sizes = body.law[region], kind_of(body), _sizes(body.law[region])
         try:
             forms = SolidForms(law, kind, sizes)
+            if forms.damped and ufl.algorithms.expand_derivatives(forms.loss).empty():
+                raise ValueError("the dissipation does not depend on the rate of F")
             kernels = Kernels.compiled(comm, law, kind, sizes)
         except ValueError as error:
             raise InputError(f'Solid "{body.name}": {error}') from None
@@ -371,8 +380,12 @@ def values_of(body: Solid, region: str, name: str, size: int, t: float = 0.0) ->
     value, count = body.law[region].parameters[name], len(body.cells_of(region))
     owner = f'Solid "{body.name}": parameter "{name}"'
     if callable(value):
-        value = value(t)
-        if np.ndim(value) or not np.isfinite(value):
+        function = value
+        try:
+            value = returned_number(name, function(t))
+        except FAILURES as error:
+            raise InputError(f"{owner}: {located(function, error)}") from error
+        if not np.isfinite(value):
             raise InputError(f"{owner} must be a finite number at t = {t:.6g} s, got {value}")
     given = np.asarray(value, dtype=np.float64)
     if given.ndim == 0 or (size == 3 and len(given) == 1):

@@ -29,22 +29,34 @@ def gathered(
         TypeError: not a mesh of DOLFINx.
         ValueError: cells of another shape, or of several.
     """
-    from dolfinx.mesh import Mesh, entities_to_geometry
+    from dolfinx.mesh import Mesh, MeshTags, entities_to_geometry
 
     owner = "SolidMesh"
     _checks.instance(owner, "mesh", mesh, Mesh)
+    for what, tags in (("cell_tags", cell_tags), ("facet_tags", facet_tags)):
+        _checks.instance(owner, what, tags, (MeshTags, type(None)))
+    for name, group in names.items():
+        _checks.indices(owner, f'names["{name}"]', group, np.iinfo(np.int32).max, 1)
+        if len(group) != 2:
+            raise ValueError(
+                f'{owner}: names["{name}"] must be dimension and tag, got {_checks.show(group)}'
+            )
     topology, geometry = mesh.topology, mesh.geometry
     shapes = topology.entity_types[topology.dim]
     if len(shapes) > 1:
         kinds = ", ".join(kind.name for kind in shapes)
         raise ValueError(f"{owner}: the mesh has cells of several shapes ({kinds})")
-    cell, degree = topology.cell_type.name, int(mesh.geometry.cmap.degree)
-    if cell not in CELLS or degree > 3 or geometry.dofmap.shape[1] != len(lattice(cell, degree)):
+    cell, degree = topology.cell_type.name, int(mesh.geometry.cmaps[0].degree)
+    if (
+        cell not in CELLS
+        or degree > 3
+        or geometry.dofmaps[0].shape[1] != len(lattice(cell, degree))
+    ):
         raise ValueError(f"{owner}: cannot use cells {cell} with a geometry of degree {degree}")
     comm, d = mesh.comm, topology.dim
     owned = topology.index_map(d).size_local
     given = geometry.input_global_indices
-    rows = given[geometry.dofmap[:owned]]
+    rows = given[geometry.dofmaps[0][:owned]]
     original = np.asarray(topology.original_cell_index)[:owned]
     values = np.zeros(owned, dtype=np.int64)
     if cell_tags is not None:

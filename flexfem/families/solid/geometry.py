@@ -96,7 +96,7 @@ class Figure:
             ]
             return np.unique(np.concatenate(parts))
         if name not in mesh.nodes:
-            known = _checks.show(", ".join([*mesh.surfaces, "boundary", *mesh.nodes]), 200)
+            known = ", ".join([*mesh.surfaces, "boundary", *mesh.nodes])
             raise ValueError(
                 f"{owner}: no surface or set of nodes {_checks.show(name)}; there are {known}"
             )

@@ -102,7 +102,10 @@ class Viscoelastic(HistoryLaw):
         """Check moduli and times."""
         owner = "Viscoelastic"
         if isinstance(self.elastic, HistoryLaw):
-            raise ValueError(f"{owner}: elastic must have no internal variables")
+            raise ValueError(
+                f"{owner}: elastic must have no internal variables, got "
+                f"{_checks.show(self.elastic)}"
+            )
         if len(self.shear_moduli) != len(self.times) or not len(self.times):
             raise ValueError(
                 f"{owner}: needs as many times as shear_moduli, got "

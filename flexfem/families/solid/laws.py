@@ -40,6 +40,8 @@ Parameter = npt.ArrayLike | Callable[[float], float]
 
 #: Ratio of the squares of stretches within which powers are approximated, and samples there.
 _RATIO, _SAMPLES = 1e4, 400
+#: Strain of second differences of an energy.
+_SMALL = 1e-3
 
 
 class SolidLaw(ABC):
@@ -89,6 +91,46 @@ class SolidLaw(ABC):
         """
         return None
 
+    def small_strain_moduli(self) -> tuple[float, float]:
+        """Shear and bulk modulus at the start, Pa, of a mean cell; NaN if they are not found."""
+        try:
+            return _second_differences(self)
+        except Exception:  # whatever a user's function raises; the start of a run says so
+            return float("nan"), float("nan")
+
+
+def _second_differences(law: SolidLaw) -> tuple[float, float]:
+    """Shear and bulk modulus, Pa, by the energies of small strains."""
+    import ufl
+    from ufl.algorithms.apply_algebra_lowering import apply_algebra_lowering
+
+    values: dict[str, Any] = {}
+    for name, value in law.parameters.items():
+        given = np.asarray(value(0.0) if callable(value) else value, dtype=np.float64)
+        if given.ndim == 2:
+            values[name] = ufl.as_vector(np.mean(given, axis=0).tolist())
+        else:
+            values[name] = float(given.mean())
+
+    def energy(size: float, way: FloatArray) -> float:
+        F = ufl.as_matrix((np.eye(3) + size * way).tolist())
+        return float(apply_algebra_lowering(ufl.as_ufl(law.energy(F, Numbers(values)))))
+
+    rest, found = energy(0.0, np.eye(3)), []
+    shear = np.array([[0.0, 0.5, 0.0], [0.5, 0.0, 0.0], [0.0, 0.0, 0.0]])
+    for way in (shear, np.eye(3) / 3.0):
+        change = energy(_SMALL, way) + energy(-_SMALL, way) - 2.0 * rest
+        found.append(change / _SMALL**2)
+    return found[0], found[1]
+
+
+class Numbers(dict[str, Any]):
+    """Numbers by name and as attributes."""
+
+    def __getattr__(self, name: str) -> Any:
+        """Return a number."""
+        return self[name]
+
 
 def isochoric(F: Any) -> Any:
     """Right Cauchy-Green tensor without the change of volume, in UFL."""
@@ -124,18 +166,23 @@ def modulus(*, default: Any = None, **bounds: bool) -> Any:
     return checked(check) if default is None else checked(check, default=default)
 
 
-def moduli(youngs_modulus: Any, poisson_ratio: Any) -> tuple[Any, Any]:
+def moduli(owner: str, youngs_modulus: Any, poisson_ratio: Any) -> tuple[Any, Any]:
     """Shear and bulk modulus, Pa, of small strains.
 
     Raises:
         TypeError: They are no numbers.
         ValueError: A modulus that is not positive, or a ratio outside (-1, 0.5).
     """
-    E = _values("law", "youngs_modulus", youngs_modulus, positive=True)
-    nu = _values("law", "poisson_ratio", poisson_ratio)
+    E = _values(owner, "youngs_modulus", youngs_modulus, positive=True)
+    nu = _values(owner, "poisson_ratio", poisson_ratio)
     if not (np.all(np.asarray(nu) > -1.0) and np.all(np.asarray(nu) < 0.5)):
         raise ValueError(
-            f"law: poisson_ratio must lie in (-1, 0.5), got {_checks.show(poisson_ratio)}"
+            f"{owner}: poisson_ratio must lie in (-1, 0.5), got {_checks.show(poisson_ratio)}"
+        )
+    if np.ndim(E) and np.ndim(nu) and len(E) != len(nu):
+        raise ValueError(
+            f"{owner}: youngs_modulus has {len(E)} values, poisson_ratio {len(nu)}: one of each "
+            "cell"
         )
     return E / (2.0 * (1.0 + nu)), E / (3.0 * (1.0 - 2.0 * nu))
 
@@ -177,7 +224,7 @@ class NeoHookean(SolidLaw):
             TypeError: A value is not a number.
             ValueError: A modulus that is not positive, or a ratio outside (-1, 0.5).
         """
-        return cls(*moduli(youngs_modulus, poisson_ratio))
+        return cls(*moduli(cls.__name__, youngs_modulus, poisson_ratio))
 
     @property
     def form(self) -> Any:
@@ -252,7 +299,7 @@ class SaintVenantKirchhoff(SolidLaw):
 
     def __post_init__(self) -> None:
         """Check the ratio."""
-        moduli(self.youngs_modulus, self.poisson_ratio)
+        moduli("SaintVenantKirchhoff", self.youngs_modulus, self.poisson_ratio)
 
     @property
     def form(self) -> Any:
@@ -262,7 +309,8 @@ class SaintVenantKirchhoff(SolidLaw):
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """See :attr:`SolidLaw.parameters`."""
-        mu, bulk = moduli(self.youngs_modulus, self.poisson_ratio)
+        owner = "SaintVenantKirchhoff"
+        mu, bulk = moduli(owner, self.youngs_modulus, self.poisson_ratio)
         return {"mu": mu, "lame": bulk - 2.0 / 3.0 * mu}
 
     def energy(self, F: Any, p: Any) -> Any:
@@ -303,13 +351,13 @@ class Ogden(SolidLaw):
         mu, alpha = np.asarray(self.moduli), np.asarray(self.exponents)
         if len(mu) != len(alpha) or not len(mu):
             raise ValueError(
-                f"{owner}: needs as many exponents as moduli, got {_checks.show(self.moduli)} and "
-                f"{_checks.show(self.exponents)}"
+                f"{owner}: needs as many exponents as moduli, got {_checks.show(mu.tolist())} and "
+                f"{_checks.show(alpha.tolist())}"
             )
         if not ((alpha != 0.0) & (np.abs(alpha) <= _LARGEST)).all():
             raise ValueError(
                 f"{owner}: exponents must not be zero and at most {_LARGEST}, got "
-                f"{_checks.show(self.exponents)}"
+                f"{_checks.show(alpha.tolist())}"
             )
         if not mu @ alpha > 0.0:
             raise ValueError(
@@ -322,6 +370,10 @@ class Ogden(SolidLaw):
     def form(self) -> Any:
         """See :attr:`SolidLaw.form`."""
         return type(self), self.exponents
+
+    def small_strain_moduli(self) -> tuple[float, float]:
+        """See :meth:`SolidLaw.small_strain_moduli`."""
+        return 0.5 * float(np.dot(self.moduli, self.exponents)), float(np.mean(self.bulk_modulus))
 
     @property
     def parameters(self) -> Mapping[str, Parameter]:
@@ -515,7 +567,10 @@ class Hyperelastic(SolidLaw):
             if not callable(value):
                 shape = {0: (), 1: (-1,), 2: (-1, 3)}.get(np.ndim(value))
                 if shape is None:
-                    raise ValueError(f'{owner}: values["{name}"] has too many dimensions')
+                    raise ValueError(
+                        f'{owner}: values["{name}"] must be a number, one of each cell or vectors, '
+                        f"got {_checks.show(value)}"
+                    )
                 if shape == ():
                     _checks.number(owner, f'values["{name}"]', value)
                 else:
@@ -549,6 +604,14 @@ def _call(function: Callable[..., Any], *arguments: Any) -> Any:
     return function(*arguments[: min(wanted, len(arguments))])
 
 
+def _without_history(owner: str, what: str, law: SolidLaw) -> None:
+    """Refuse a law with internal variables within another one."""
+    if len(law.initial):
+        raise ValueError(
+            f"{owner}: {what} must have no internal variables, got {_checks.show(law)}"
+        )
+
+
 @declared
 class ActiveStress(SolidLaw):
     """A law with fibres that pull, as muscles: the energy of a force along them is added.
@@ -563,7 +626,7 @@ class ActiveStress(SolidLaw):
 
     Raises:
         TypeError: An argument has the wrong type.
-        ValueError: The direction is zero.
+        ValueError: The direction is zero, or the law has internal variables or such fibres itself.
     """
 
     passive: SolidLaw = instance(SolidLaw)
@@ -575,6 +638,8 @@ class ActiveStress(SolidLaw):
         if not callable(self.tension):
             _checks.assign(self, tension=_values("ActiveStress", "tension", self.tension))
         _checks.assign(self, fibre=unit_vectors("ActiveStress", "fibre", self.fibre))
+        _without_history("ActiveStress", "passive", self.passive)
+        self.parameters  # noqa: B018 - names that the passive law has are refused
 
     @property
     def form(self) -> Any:
@@ -584,14 +649,14 @@ class ActiveStress(SolidLaw):
     @property
     def parameters(self) -> Mapping[str, Parameter]:
         """See :attr:`SolidLaw.parameters`."""
-        own = {"tension": self.tension, "pulled": self.fibre}
+        own = {"tension": self.tension, "fibre": self.fibre}
         return joined("ActiveStress", self.passive.parameters, own)
 
     def energy(self, F: Any, p: Any) -> Any:
         """See :meth:`SolidLaw.energy`."""
         import ufl
 
-        along = F * p.pulled
+        along = F * p.fibre
         return self.passive.energy(F, p) + p.tension * (ufl.sqrt(ufl.inner(along, along)) - 1.0)
 
     def dissipation(self, F: Any, rate: Any, p: Any) -> Any:
@@ -612,7 +677,7 @@ class Growth(SolidLaw):
 
     Raises:
         TypeError: An argument has the wrong type.
-        ValueError: The ratio is not positive.
+        ValueError: The ratio is not positive, or the law has internal variables or grows itself.
     """
 
     grown: SolidLaw = instance(SolidLaw)
@@ -623,6 +688,8 @@ class Growth(SolidLaw):
         if not callable(self.stretch):
             checked_stretch = _values("Growth", "stretch", self.stretch, positive=True)
             _checks.assign(self, stretch=checked_stretch)
+        _without_history("Growth", "grown", self.grown)
+        self.parameters  # noqa: B018 - names that the law has are refused
 
     @property
     def form(self) -> Any:

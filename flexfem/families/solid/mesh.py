@@ -15,6 +15,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._memory import check_room
 from flexfem._types import FloatArray, IntArray
 from flexfem.families.solid.lagrange import (
     CELLS,
@@ -100,16 +101,17 @@ class SolidMesh:
                 cell, a cell that is inside out or has no volume, or an empty or unknown set.
         """
         owner = "SolidMesh"
-        if cell not in CELLS:
+        if not isinstance(cell, str) or cell not in CELLS:
             raise ValueError(
                 f"{owner}: cell must be one of {', '.join(CELLS)}, got {_checks.show(cell)}"
             )
-        if degree not in (1, 2, 3) or isinstance(degree, bool):
+        if type(degree) is not int or not 1 <= degree <= 3:
             raise ValueError(f"{owner}: degree must be 1, 2 or 3, got {_checks.show(degree)}")
         xyz = _checks.array(owner, "points", points, (-1, 3))
         rows = _checks.indices(owner, "cells", cells, len(xyz), len(lattice(cell, degree)))
         if len(rows) == 0:
             raise ValueError(f"{owner}: cells must hold at least one cell, got none")
+        _check_once(owner, rows[:, : len(lattice(cell, 1))])
         unused = np.setdiff1d(np.arange(len(xyz)), rows)
         if len(unused):
             raise ValueError(f"{owner}: node {unused[0]} belongs to no cell")
@@ -117,6 +119,7 @@ class SolidMesh:
             self, points=xyz, cells=_checks.freeze(rows, np.int64), cell=cell, degree=degree
         )
         self._check_volumes(owner)
+        _checks.instance(owner, "surfaces", surfaces, Mapping)
         _checks.assign(
             self,
             regions=_sets(owner, "regions", regions, len(rows)),
@@ -156,13 +159,15 @@ class SolidMesh:
         given = _checks.indices(owner, what, corners, len(self.points), width)
         if not len(given):
             raise ValueError(f"{owner}: {what} is empty")
-        order = np.lexsort(np.sort(self.facets, axis=1).T[::-1])
-        known, wanted = np.sort(self.facets, axis=1)[order], np.sort(given, axis=1)
-        rows = _rows_in(known, wanted)
+        known = np.flatnonzero(np.isin(self.facets.max(axis=1), given.max(axis=1)))
+        number = _numbers_of_rows(np.sort(np.concatenate([self.facets[known], given]), axis=1))
+        row = np.full(len(number), -1)
+        row[number[: len(known)]] = known
+        rows = row[number[len(known) :]]
         if (rows < 0).any():
             at = int(np.argmax(rows < 0))
             raise ValueError(f"{owner}: {what}: {given[at].tolist()} is no facet of a cell")
-        return _checks.freeze(self.facets[order[rows]], np.int64)
+        return _checks.freeze(self.facets[rows], np.int64)
 
     @property
     def dimension(self) -> int:
@@ -176,34 +181,34 @@ class SolidMesh:
 
     @cached_property
     def _every_facet(self) -> tuple[IntArray, IntArray]:
-        """Corners (f, c) of all facets, those of cell after cell; ascending corners of each."""
+        """Corners (f, c) of all facets, those of cell after cell, and numbers of equal ones."""
         local = reference_facets(self.cell)
         width = max(len(facet) for facet in local)
         rows = [self.corners[:, facet] for facet in local]
         rows = [np.pad(r, ((0, 0), (0, width - r.shape[1])), constant_values=-1) for r in rows]
         every = np.stack(rows, axis=1).reshape(-1, width)
-        return every, np.sort(every, axis=1)
+        return every, _numbers_of_rows(np.sort(every, axis=1))
 
     @cached_property
     def facets(self) -> IntArray:
         """Corners (f, c) of all facets, once each, -1 for a fourth corner that is not there."""
-        every, ordered = self._every_facet
-        _, first = np.unique(ordered, axis=0, return_index=True)
+        every, number = self._every_facet
+        _, first = np.unique(number, return_index=True)
         return every[np.sort(first)]
 
     @cached_property
     def boundary(self) -> IntArray:
         """Corners (f, c) of the facets that belong to one cell."""
-        every, ordered = self._every_facet
-        _, first, times = np.unique(ordered, axis=0, return_index=True, return_counts=True)
+        every, number = self._every_facet
+        _, first, times = np.unique(number, return_index=True, return_counts=True)
         found: IntArray = every[np.sort(first[times == 1])]
         return found
 
     @cached_property
     def cell_of_facet(self) -> Mapping[tuple[int, ...], int]:
         """A cell that has each facet, by its ascending corners."""
-        _, ordered = self._every_facet
-        count = len(reference_facets(self.cell))
+        every, _ = self._every_facet
+        count, ordered = len(reference_facets(self.cell)), np.sort(every, axis=1)
         return {tuple(row): at // count for at, row in enumerate(ordered.tolist())}
 
     def surface(self, owner: str, name: str) -> IntArray:
@@ -216,7 +221,7 @@ class SolidMesh:
             return self.surfaces[name]
         if name == "boundary":
             return self.boundary
-        known = _checks.show(", ".join([*self.surfaces, "boundary"]), 200)
+        known = ", ".join([*self.surfaces, "boundary"])
         raise ValueError(f"{owner}: no surface {_checks.show(name)}; there are {known}")
 
     @classmethod
@@ -243,17 +248,22 @@ class SolidMesh:
             ValueError: Sizes that are not positive, a number of cells below one, another shape.
         """
         owner = "SolidMesh.box"
-        if cell not in CELLS or cell == "prism":
-            raise ValueError(f"{owner}: cannot make cells {_checks.show(cell)}")
+        known = [name for name in CELLS if name != "prism"]
+        if not isinstance(cell, str) or cell not in known:
+            raise ValueError(
+                f"{owner}: cell must be one of {', '.join(known)}, got {_checks.show(cell)}"
+            )
         dimension = CELLS[cell]
         lengths = _checks.array(owner, "sizes", sizes, (dimension,))
         if not (lengths > 0.0).all():
             raise ValueError(f"{owner}: sizes must be positive, got {lengths.tolist()}")
-        if len(counts) != dimension:
+        if not isinstance(counts, (list, tuple, np.ndarray)) or len(counts) != dimension:
             raise ValueError(
                 f"{owner}: counts must be {dimension} numbers, got {_checks.show(counts)}"
             )
         numbers = [_checks.count(owner, "counts", count, 1) for count in counts]
+        nodes = float(np.prod([n + 1.0 for n in numbers]))
+        check_room(f"{owner}: {nodes:.3g} nodes", _NODE * nodes)
         ticks = [np.linspace(0.0, s, n + 1) for s, n in zip(lengths, numbers, strict=True)]
         grid = np.stack(np.meshgrid(*ticks, indexing="ij"), axis=-1).reshape(-1, dimension)
         points = np.zeros((len(grid), 3))
@@ -371,14 +381,25 @@ class SolidMesh:
             surfaces=self.surfaces, nodes={**self.nodes, **sets},
         )  # fmt: skip
 
-    def moved(self, points: FloatArray) -> Self:
-        """The mesh with its nodes at other places (n, 3), m."""
+    def moved(self, points: npt.ArrayLike) -> Self:
+        """Return the mesh with its nodes at other places.
+
+        Args:
+            points: Shape (n, 3), metres.
+
+        Raises:
+            TypeError: They are no numbers.
+            ValueError: Another shape, or cells that are inside out or without volume.
+        """
+        places = _checks.array("SolidMesh.moved", "points", points, self.points.shape)
         return type(self)(
-            points, self.cells, self.cell, degree=self.degree, regions=self.regions,
+            places, self.cells, self.cell, degree=self.degree, regions=self.regions,
             surfaces=self.surfaces, nodes=self.nodes,
         )  # fmt: skip
 
 
+#: Bytes of a node of a box with its cells, sets and what makes them.
+_NODE = 800.0
 #: Determinant of a cell's Jacobian over its extent to the power of its dimension, at least.
 _FLAT = 1e-12
 #: Corners of the simplices that fill a quadrilateral or a hexahedron, all with one diagonal.
@@ -388,10 +409,26 @@ _CUT = {
 }
 
 
+def _check_once(owner: str, corners: IntArray) -> None:
+    """Refuse a cell that has a node twice, or that is there twice."""
+    ordered = np.sort(corners, axis=1)
+    double = (np.diff(ordered, axis=1) == 0).any(axis=1)
+    if double.any():
+        at = int(np.argmax(double))
+        raise ValueError(f"{owner}: cell {at} has a node twice: {corners[at].tolist()}")
+    order = np.lexsort(ordered.T[::-1])
+    same = (ordered[order[1:]] == ordered[order[:-1]]).all(axis=1)
+    if same.any():
+        at = int(np.argmax(same))
+        first, second = sorted(order[at : at + 2].tolist())
+        raise ValueError(f"{owner}: cells {first} and {second} have the same nodes")
+
+
 def _sets(
     owner: str, what: str, sets: Mapping[str, npt.ArrayLike], limit: int
 ) -> Mapping[str, IntArray]:
     """Checked ascending indices by name."""
+    _checks.instance(owner, what, sets, Mapping)
     found = {}
     for name, rows in sets.items():
         _checks.text(owner, f"name in {what}", name)
@@ -403,10 +440,13 @@ def _sets(
     return MappingProxyType(found)
 
 
-def _rows_in(known: IntArray, wanted: IntArray) -> IntArray:
-    """Numbers of rows in a table that is in lexical order, -1 for rows that it does not have."""
-    table = {tuple(row): k for k, row in enumerate(known.tolist())}
-    return np.array([table.get(tuple(row), -1) for row in wanted.tolist()], dtype=np.int64)
+def _numbers_of_rows(rows: IntArray) -> IntArray:
+    """Numbers (m,) of rows (m, c) of numbers from -1, equal for equal rows alone."""
+    base = int(rows.max(initial=0)) + 2
+    found: IntArray = np.zeros(len(rows), dtype=np.int64)
+    for column in rows.T:
+        found = np.unique(found * base + column + 1, return_inverse=True)[1]
+    return found
 
 
 def _from_vtk(cell: str, degree: int) -> IntArray:

@@ -33,12 +33,13 @@ def _place(owner: str, what: str, value: Any) -> Any:
 
 
 def _measured(owner: str, what: str, values: Sequence[str]) -> tuple[str, ...]:
-    names = (values,) if isinstance(values, str) else tuple(values)
+    names = (values,) if isinstance(values, str) else values
+    _checks.instance(owner, what, names, (list, tuple))
     for name in names:
         _checks.word(owner, what, name, tuple(MEASURES))
     if not names or len(set(names)) < len(names):
         raise ValueError(f"{owner}: {what} must be different names, got {_checks.show(values)}")
-    return names
+    return tuple(names)
 
 
 @declared
@@ -79,7 +80,7 @@ class SolidProbe(AnyProbe):
         if not isinstance(solid, Solid):
             raise ValueError(f'{owner}: {model!r} has no Solid "{self.solid}"')
         if isinstance(self.place, str) and self.place not in solid.mesh.regions:
-            known = _checks.show(", ".join(solid.mesh.regions) or "none", 200)
+            known = ", ".join(solid.mesh.regions) or "none"
             raise ValueError(
                 f"{owner}: the mesh has no region {_checks.show(self.place)}; there are {known}"
             )

@@ -10,6 +10,7 @@ from flexfem.inspection.finding import Finding, listed, owner_of
 from flexfem.inspection.inspection import Inspection
 from flexfem.materials.section import Section
 from flexfem.materials.shell_section import ShellSection
+from flexfem.model.bodies.base import Body
 from flexfem.model.bodies.basic import RigidBody
 from flexfem.model.bodies.shapes import SurfaceShape
 from flexfem.model.rigid_surface import RigidMesh
@@ -28,13 +29,15 @@ _GRAVITY = 400.0
 _SIZE = (1e-6, 1e6)
 #: A mesh body of this length, m, that is so many times as long as another body is one in mm.
 _LARGE, _TIMES = 30.0, 300.0
+#: Bodies whose meshes come from files.
+_OF_MESHES = ("shell", "floating body", "solid")
 #: Radius of gyration of a rigid body relative to the model.
 _GYRATION = 30.0
 
 
 @dataclass(frozen=True)
 class _Stuff:
-    """Material properties estimated from a section.
+    """Material properties, of beams and shells estimated from a section.
 
     Attributes:
         speed: of longitudinal waves, m/s; NaN without mass or stiffness.
@@ -62,7 +65,11 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         section = mesh.section
         sections.setdefault(id(section), (section, []))[1].append(owner_of(mesh.body))
     for section, owners in sections.values():
-        yield from _material(inspection, section, listed(owners))
+        stuff = _of_shell(section) if isinstance(section, ShellSection) else _of_beam(section)
+        yield from _material(inspection, stuff, listed(owners))
+    for body in model.bodies:
+        for modulus, density, speed in body.materials if isinstance(body, Body) else ():
+            yield from _material(inspection, _Stuff(speed, modulus, density), owner_of(body))
     for rigid in model.rigid_bodies:
         yield from _gyration(inspection, rigid)
     if inspection.extent and not _SIZE[0] <= inspection.extent <= _SIZE[1]:
@@ -76,14 +83,12 @@ def find(inspection: Inspection) -> Iterator[Finding]:
 
 def _giants(inspection: Inspection) -> Iterator[Finding]:
     """Bodies of meshes beside which others are specks: a mesh in millimetres, most likely."""
-    if not (inspection.model.shells or inspection.model.floating_bodies):
-        return
     sizes = [float(np.linalg.norm(one.size)) for one in inspection.bodies]
     smallest = min((size for size in sizes if size > 0.0), default=np.inf)
     giants = [
         (owner_of(one.body), size)
         for one, size in zip(inspection.bodies, sizes, strict=True)
-        if size > _LARGE and size > _TIMES * smallest and one.kind in ("shell", "floating body")
+        if size > _LARGE and size > _TIMES * smallest and one.kind in _OF_MESHES
     ]
     if giants:
         yield Finding(
@@ -117,11 +122,8 @@ def _obstacles(inspection: Inspection) -> Iterator[Finding]:
             )  # fmt: skip
 
 
-def _material(
-    inspection: Inspection, section: Section | ShellSection, owner: str
-) -> Iterator[Finding]:
-    """The first value of a section that no material has."""
-    stuff = _of_shell(section) if isinstance(section, ShellSection) else _of_beam(section)
+def _material(inspection: Inspection, stuff: _Stuff, owner: str) -> Iterator[Finding]:
+    """The first value that no material has."""
     values = [
         ("Young's modulus", stuff.modulus, "Pa", _MODULUS, "2.1e11 Pa for steel"),
         ("density", stuff.density, "kg/m^3", _DENSITY, "7850 kg/m^3 for steel"),

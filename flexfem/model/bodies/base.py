@@ -2,6 +2,7 @@
 """Base class of the bodies of further families, which users may define outside the package."""
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import Any, ClassVar
 
 from flexfem._types import FloatArray
@@ -61,6 +62,14 @@ class Body(ABC):
     @abstractmethod
     def masses(self) -> tuple[FloatArray, FloatArray]:
         """Points (q, 3) at the start, m, and masses (q,), kg, with the inertia of the body."""
+
+    @property
+    def materials(self) -> Sequence[tuple[float, float, float]]:
+        """Young's modulus (Pa), density (kg/m^3) and speed of longitudinal waves (m/s) of each.
+
+        For the check of units; NaN where unknown.
+        """
+        return ()
 
     @property
     @abstractmethod
