@@ -103,13 +103,17 @@ class Kernels:
             columns[name] = first, field.ufl_element().dim
             first += field.ufl_element().dim
         steps = {"step": (0, 3 * count), "rate": (3 * count, 3 * count)}
+        if dilatation:
+            steps["dilatation_step"] = 6 * count, dilatation
+            steps["multiplier_step"] = 6 * count + dilatation, dilatation
         still = {name: nodal[name] for name in ("position", "velocity")}
         calls = {}
         for name, size in results.items():
             kernel: Kernel = compile_kernel(comm, getattr(forms, name), fields, batched=True)
             calls[name] = cell_kernel(kernel, size, names, nodal, columns)
             if name.endswith("action"):
-                of_sections = cell_kernel(kernel, size, names, still, columns, steps)
+                held = {of: place for of, place in columns.items() if of not in steps}
+                of_sections = cell_kernel(kernel, size, names, still, held, steps)
                 calls[name.replace("action", "column")] = of_sections
         return cls(
             calls, columns, forms.damped, dilatation, averaged, law.initial, law.rate_dependent
@@ -384,25 +388,35 @@ class SolidCells:
         kernel of whole matrices does, whose compilation takes five times as long.
         """
         own = self._own[first : first + _CHUNK].copy()
-        width = 3 * self.nodes.shape[1]
-        steps = np.zeros((width, 2 * width))
-        steps[:, :width] = stiffness * np.eye(width)
-        steps[:, width:] = damping * np.eye(width)
-        cells, calls = self._cells(own, first, steps), self.kernels.calls
-        out = np.empty((len(own), width, width))
-        for column in range(width):
-            cells.section[:] = column
-            if self.kernels.dilatation:
-                moved = self._evaluated(calls["moments_column"], cells, motion)
-                self._write(own, "dilatation_step", self._projected(moved, first))
-                duals = self._evaluated(calls["duals_column"], cells, motion)
-                self._write(own, "multiplier_step", self._projected(duals, first))
-            out[:, :, column] = self._evaluated(calls["column"], cells, motion)
-        return out
+        width, few = 3 * self.nodes.shape[1], self.kernels.dilatation
+        factors = np.zeros((width, 2 * width + 2 * few))
+        factors[:, :width] = stiffness * np.eye(width)
+        factors[:, width : 2 * width] = damping * np.eye(width)
+        if not few:
+            return self._columns("column", self._cells(own, first, factors), motion)
+        # behind the steps of the nodes those of the dilatation, then those of the multiplier
+        steps = np.zeros((width + 2 * few, 2 * width + 2 * few))
+        steps[:width] = factors
+        steps[width:, 2 * width :] = np.eye(2 * few)
+        cells = self._cells(own, first, steps)
+        every = self._columns("column", cells, motion)
+        by_nodes, by_theta, by_pi = np.split(every, [width, width + few], axis=2)
+        duals = self._columns("duals_column", cells, motion)
+        by_steps, by_dilatation = duals[:, :, :width], duals[:, :, width : width + few]
+        # changes of the dilatation, and of the multiplier, along those of the nodes
+        inverse = self._projection[first : first + len(own)]
+        theta = stiffness * (inverse @ np.swapaxes(by_pi, 1, 2))
+        pi = inverse @ (by_steps + by_dilatation @ theta)
+        found: FloatArray = by_nodes + by_theta @ theta + by_pi @ pi
+        return found
 
-    def _write(self, own: FloatArray, name: str, values: FloatArray) -> None:
-        first, count = self.kernels.columns[name]
-        own[:, first : first + count] = values
+    def _columns(self, name: str, cells: Cells, motion: Memory) -> FloatArray:
+        """Results (r, s, c) of a kernel along the steps of all sections."""
+        out = np.empty((len(cells.nodes), self.kernels.calls[name].size, len(cells.sections)))
+        for column in range(out.shape[2]):
+            cells.section[:] = column
+            out[:, :, column] = self._evaluated(self.kernels.calls[name], cells, motion)
+        return out
 
     def chunks(self) -> Sequence[int]:
         """First cells of those whose matrices are computed together."""

@@ -338,10 +338,6 @@ class SolidFamily(Family):
         first = int(self.first_cell[self.number(probe.solid)])
         return SolidSensor(part, self._bodies, first, probe)
 
-    @override
-    def fingerprint(self) -> Mapping[str, Any]:
-        return {"solids": [[b.points, b.nodes.cells, b.held] for b in self._bodies]}
-
 
 def kind_of(body: Solid) -> CellKind:
     """Kind of the cells of a body."""

@@ -74,8 +74,8 @@ class SolidLaw(ABC):
     def form(self) -> Any:
         """What distinguishes the law from others with the same parameters, hashable: itself.
 
-        A class whose objects differ in their parameters alone returns itself, so that all of them
-        are one group of cells.
+        A class whose objects differ in their parameters alone returns ``type(self)``, so that the
+        cells of all of them are one group.
         """
         return self
 
