@@ -431,6 +431,13 @@ IN_MODEL = {
     "pressure of shells": ([ff.Pressure("f", "j", 1.0)], '"j" has no linear triangles'),
     "probe of no solid": ([ff.SolidProbe("f", "rigid")], 'has no Solid "rigid"'),
     "probe outside": ([ff.SolidProbe("f", "j", (9, 9, 9))], r"the position \[9.0, 9.0, 9"),
+    "probe of two kinds": (
+        [ff.SolidProbe("f", "j", (0.5, 0.5, 0.5), measures=("J", "position"))],
+        "need two probes, one for position",
+    ),
+    "probe of no surface": (
+        [ff.SolidProbe("f", "j", "c", measures=("position",))], "no surface 'c'; there are",
+    ),
     "probe of no region": ([ff.SolidProbe("f", "j", "c")], "has no region 'c'; there are a, b"),
     "contact": ([ff.Contact("f", "j", surfaces=GROUND)], 'a Solid: name its surface, touching='),
     "carrier": (

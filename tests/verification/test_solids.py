@@ -33,12 +33,18 @@ def test_bonded_surface_carries_the_load_of_a_rigid_plate(shared_tmp_path):
         ff.PointForce("push", plate, (1e4, 0.0, -1e4)),
         ff.PositionProbe("plate_at", plate),
         ff.ReactionProbe("bond_on", "bond"),
+        ff.SolidProbe("top", "pad", "z1", measures=("position", "displacement")),
+        ff.SolidProbe("inside", "pad", (0.5, 0.5, 0.03), measures=("displacement",)),
     )
     options = ff.StaticOptions(output=shared_tmp_path, load_steps=2, split_above=1)
     last = {name: values[-1] for name, values in columns(ff.solve_static(model, options)).items()}
     # equilibrium to the tolerance of Newton's method
     assert last["bond_on_fx"] == pytest.approx(-1e4, rel=1e-6)
     assert last["bond_on_fz"] == pytest.approx(1e4, rel=1e-6)
+    # the plate is bonded to all of the surface; at 0.3 of the height the pad moves 0.3 as far
+    assert last["top_ux"] == pytest.approx(last["plate_at_x"] - 0.5, rel=1e-9)
+    assert last["top_z"] == pytest.approx(last["plate_at_z"], rel=1e-9)
+    assert last["inside_ux"] == pytest.approx(0.3 * last["top_ux"], rel=0.02)
     # a thin pad is sheared uniformly but at its rim, and compresses by less than a free bar
     assert last["plate_at_x"] - 0.5 == pytest.approx(1e4 * 0.1 / NEO.shear_modulus, rel=0.05)
     assert 0.1 * (1.0 - 1e4 / 1e6) < last["plate_at_z"] < 0.1

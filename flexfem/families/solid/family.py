@@ -27,8 +27,8 @@ from flexfem.families.solid.forms import CellKind, SolidForms
 from flexfem.families.solid.laws import SolidLaw
 from flexfem.families.solid.loads import SurfacePressure, SurfaceTraction
 from flexfem.families.solid.pressures import FacetKind, SolidPressures
-from flexfem.families.solid.probes import SolidProbe
-from flexfem.families.solid.sensors import SolidSensor
+from flexfem.families.solid.probes import MOTION, SolidProbe
+from flexfem.families.solid.sensors import PlaceSensor, SolidSensor
 from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import ContactSurface, Family, Sensor, one_width
 from flexfem.layout.inner_forces import InnerForces
@@ -335,8 +335,10 @@ class SolidFamily(Family):
     def sensor(self, probe: AnyProbe, part: Any) -> Sensor | None:
         if not isinstance(probe, SolidProbe):
             return None
-        first = int(self.first_cell[self.number(probe.solid)])
-        return SolidSensor(part, self._bodies, first, probe)
+        number = self.number(probe.solid)
+        if set(probe.measures) <= set(MOTION):
+            return PlaceSensor(part, self._bodies[number], int(self.first[number]), probe)
+        return SolidSensor(part, self._bodies, int(self.first_cell[number]), probe)
 
 
 def kind_of(body: Solid) -> CellKind:

@@ -42,6 +42,10 @@ class LawFunctions(Protocol):
     def rate_dependent(self) -> bool:
         """True if these change with time alone."""
 
+    @property
+    def split(self) -> bool:
+        """True if the energy depends on the shape of F and on ``p.volume_ratio(F)`` alone."""
+
     def energy(self, F: Any, p: Any) -> Any:
         """Strain energy, J/m^3."""
 
@@ -78,9 +82,13 @@ class CellKind:
 class Parameters:
     """Parameters of a law as attributes and by names; records those that are used."""
 
-    def __init__(self, values: Mapping[str, Any]) -> None:
-        """Take coefficients by name."""
-        self._values, self.asked = values, set[str]()
+    def __init__(self, values: Mapping[str, Any], theta: Any = None) -> None:
+        """Take coefficients by name, and the dilatation in the place of J; None for J."""
+        self._values, self._theta, self.asked = values, theta, set[str]()
+
+    def volume_ratio(self, F: Any) -> Any:
+        """J = det F, or the dilatation."""
+        return ufl.det(F) if self._theta is None else self._theta
 
     def __getitem__(self, name: str) -> Any:
         """Return a parameter.
@@ -136,7 +144,8 @@ class SolidForms:
             for name, size in sizes.items()
         }
         self.coefficients |= values
-        self._law, self._parameters = law, Parameters(values)
+        theta = self.coefficients.get("dilatation") if law.split else None
+        self._law, self._parameters = law, Parameters(values, theta)
         self._internal = len(law.initial)
         if self._internal:
             points = basix.ufl.quadrature_element(
@@ -224,8 +233,8 @@ class SolidForms:
         return ufl.as_vector(law.advance(F, z, h, self._parameters))
 
     def _seen(self, F: Any) -> Any:
-        """Deformation gradient in the law: with the dilatation, if there is one."""
-        if self.kind.dilatation < 0:
+        """Deformation gradient in the law: with the dilatation, if there is one beside F."""
+        if self.kind.dilatation < 0 or self._law.split:
             return F
         return (self.coefficients["dilatation"] / ufl.det(F)) ** (1.0 / 3.0) * F
 

@@ -117,6 +117,11 @@ class Viscoelastic(HistoryLaw):
                 raise ValueError(f"{owner}: {what} must be positive, got {values.tolist()}")
 
     @property
+    def split(self) -> bool:  # type: ignore[override]
+        """See :attr:`SolidLaw.split`."""
+        return self.elastic.split
+
+    @property
     def form(self) -> Any:
         """See :attr:`SolidLaw.form`."""
         return type(self), self.elastic.form, len(self.times)
@@ -196,6 +201,8 @@ class J2Plasticity(HistoryLaw):
         ValueError: A value is not positive, or the hardening is negative.
     """
 
+    split = True
+
     shear_modulus: Any = modulus(positive=True)
     bulk_modulus: Any = modulus(positive=True)
     yield_stress: Any = modulus(positive=True)
@@ -244,7 +251,7 @@ class J2Plasticity(HistoryLaw):
         import ufl
 
         b = F * _tensor(z, 0) * F.T * ufl.det(F) ** (-2.0 / 3.0)
-        return p.mu / 2.0 * (ufl.tr(b) - 3.0) + volumetric(F, p.bulk)
+        return p.mu / 2.0 * (ufl.tr(b) - 3.0) + volumetric(p.volume_ratio(F), p.bulk)
 
 
 def _third_of_trace(deviator: Any) -> Any:

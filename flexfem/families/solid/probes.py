@@ -13,7 +13,7 @@ from flexfem.families.solid.body import Solid
 from flexfem.model.probes.base import AnyProbe, name_columns
 from flexfem.model.structure.structure import Structure
 
-__all__ = ["MEASURES", "SolidProbe"]
+__all__ = ["MEASURES", "MOTION", "SolidProbe"]
 
 _TENSOR = ("xx", "yy", "zz", "yz", "xz", "xy")
 #: Columns of each measure.
@@ -23,7 +23,11 @@ MEASURES: dict[str, tuple[str, ...]] = {
     "strain": tuple(f"e{pair}" for pair in _TENSOR),
     "J": ("J",),
     "volume": ("volume",),
+    "position": ("x", "y", "z"),
+    "displacement": ("ux", "uy", "uz"),
 }
+#: Measures of points and surfaces; the others are those of points, regions and the whole.
+MOTION = ("position", "displacement")
 
 
 def _place(owner: str, what: str, value: Any) -> Any:
@@ -48,16 +52,19 @@ class SolidProbe(AnyProbe):
 
     Columns of "stress": Cauchy's, Pa, name_sxx, _syy, _szz, _syz, _sxz, _sxy; of "von_mises" (Pa),
     name_von_mises, that of these stresses; of "strain": Green's, name_exx to _exy; of "J":
-    name_J, present over initial volume; of "volume": name_volume, m^3, of all cells of the place.
-    Means are over the volume at the start.
+    name_J, present over initial volume; of "volume": name_volume, m^3, of all cells of the place;
+    of "position": name_x, _y, _z, m; of "displacement" since the start: name_ux, _uy, _uz, m. Means
+    are over the volume at the start, those of a surface over its area.
 
     Attributes:
         name: Unique name in the model.
         solid: Name of the solid.
         place: A position (3,) at the start, m, inside the solid, in whose cell the fields are
             polynomials of a degree below that of the positions; or the name of a region of the
-            mesh, for means; None for all of the solid.
-        measures: Some of "stress", "von_mises", "strain", "J" and "volume".
+            mesh, for means; None for all of the solid. Positions and displacements are those of a
+            point or of a named surface.
+        measures: Some of "stress", "von_mises", "strain", "J" and "volume", or of "position" and
+            "displacement".
 
     Raises:
         TypeError: An argument has the wrong type.
@@ -79,6 +86,15 @@ class SolidProbe(AnyProbe):
         owner, solid = f'SolidProbe "{self.name}"', model.get(self.solid)
         if not isinstance(solid, Solid):
             raise ValueError(f'{owner}: {model!r} has no Solid "{self.solid}"')
+        moves = [name for name in self.measures if name in MOTION]
+        if moves and len(moves) < len(self.measures):
+            raise ValueError(
+                f"{owner}: measures {_checks.show(list(self.measures))} need two probes, one for "
+                f"{' and '.join(moves)}"
+            )
+        if moves and (self.place is None or isinstance(self.place, str)):
+            solid.figure.area_weights(owner, self.place or "")
+            return
         if isinstance(self.place, str) and self.place not in solid.mesh.regions:
             known = ", ".join(solid.mesh.regions) or "none"
             raise ValueError(

@@ -18,7 +18,7 @@ from flexfem.families.solid.probes import SolidProbe
 if TYPE_CHECKING:
     from flexfem.system.system import BlockPart
 
-__all__ = ["SolidSensor", "von_mises"]
+__all__ = ["PlaceSensor", "SolidSensor", "von_mises"]
 
 _STRESS, _STRAIN, _J = 0, FIELDS["stress"], FIELDS["stress"] + FIELDS["strain"]
 
@@ -83,6 +83,36 @@ class SolidSensor:
             "stress": total[_STRESS:_STRAIN], "strain": total[_STRAIN:_J], "J": total[_J : _J + 1],
             "von_mises": total[-1:], "volume": np.array([volume]),
         }  # fmt: skip
+        return np.concatenate([found[name] for name in self._probe.measures])
+
+
+class PlaceSensor:
+    """Position and displacement of a point or a surface, the share of this rank's nodes."""
+
+    def __init__(self, part: BlockPart, solid: Solid, first_node: int, probe: SolidProbe) -> None:
+        """Find the nodes.
+
+        Args:
+            part: the family's.
+            solid: the probe's.
+            first_node: number in the family of its first node.
+            probe: the probe.
+        """
+        owner, block = f'SolidProbe "{probe.name}"', part.block
+        if isinstance(probe.place, str):
+            nodes, weights = solid.figure.area_weights(owner, probe.place)
+        else:
+            cell, weights = solid.figure.located(owner, probe.place)
+            nodes = solid.nodes.cells[cell]
+        local = block.owned_index(first_node + nodes)
+        self._probe, self._block, self._nodes = probe, block, local[local >= 0]
+        self._weights = weights[local >= 0] / weights.sum()
+
+    def update(self) -> FloatArray:
+        """See :class:`flexfem.layout.family.Sensor`."""
+        now, start = self._block.frames, self._block.start_frames
+        x, X = (self._weights @ frames[self._nodes, :3] for frames in (now, start))
+        found = {"position": x, "displacement": x - X}
         return np.concatenate([found[name] for name in self._probe.measures])
 
 
