@@ -235,6 +235,10 @@ class HistoryElements(Protocol):
         """Accepted internal variables, with their numbering, by a name for checkpoints."""
         ...
 
+    def advance(self, block: FrameBlock) -> None:
+        """Accept the internal variables at the time set last and the block's trial state."""
+        ...
+
     def restore_history(self, history: Mapping[str, FloatArray]) -> None:
         """Accept internal variables, by the names of :meth:`history`, at the time set last."""
         ...

@@ -436,6 +436,15 @@ class System:
         self.interface.update()
         self.constraints.accept()
 
+    def advance_histories(self) -> None:
+        """Accept the internal variables of elements at the trial state, as motions do by accepting.
+
+        For statics, whose steps accept iterates.
+        """
+        for part in self.parts:
+            if isinstance(part.elements, HistoryElements):
+                part.elements.advance(part.block)
+
     def choose_prediction(self, misses: Sequence[Misses]) -> None:
         """Set ``prediction`` by the errors of all kinds in each block (collective).
 

@@ -129,3 +129,26 @@ def test_plastic_motion_restarts_with_its_internal_variables(shared_tmp_path):
     assert abs(whole["energy_balance"][-1]) < 0.02 * whole["energy_work"][-1]
     for name in ("end_z", "energy_dissipation", "energy_strain"):
         assert found[name][-1] == pytest.approx(whole[name][-1], rel=1e-9)
+
+
+@pytest.mark.serial
+def test_plastic_bar_keeps_its_strain_when_it_is_unloaded(shared_tmp_path):
+    """Pulled beyond its yield stress and let go, in statics: what stays is the plastic strain."""
+    mesh = ff.SolidMesh.box((1.0, 1.0, 1.0), (1, 1, 1), "tetrahedron")
+    limit, hardening = 2e4, 1e5
+    law = ff.laws.J2Plasticity(4e7, 1e8, limit, hardening)
+    model = ff.Model("bar")
+    model.add(
+        ff.Solid("bar", law, mesh, density=1.0, degree=1, fixed={"x0": "x", "y0": "y", "z0": "z"}),
+        ff.SurfaceTraction("pull", "bar", "x1", (2.2e4, 0, 0), amplitude=lambda t: min(t, 2 - t)),
+        ff.PositionProbe("end", ff.Marker("bar", (1.0, 1.0, 1.0))),
+        ff.SolidProbe("bar_at", "bar", measures=("von_mises", "J")),
+    )
+    options = ff.StaticOptions(load_steps=100, t_end=2.0, output=shared_tmp_path)
+    history = columns(ff.solve_static(model, options))
+    peak = int(np.argmax(history["bar_at_von_mises"]))
+    # von Mises' stress times J is on the yield surface at the peak
+    strain = (history["bar_at_von_mises"][peak] * history["bar_at_J"][peak] - limit) / hardening
+    assert strain > 0.02
+    # of first order in the steps; ones that forget their plastic strain would come back
+    assert np.log(history["end_x"][-1]) == pytest.approx(strain, rel=5e-3)

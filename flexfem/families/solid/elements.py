@@ -186,6 +186,14 @@ class SolidElements(StresslessElements):
             for k, g in enumerate(self._histories)
         }
 
+    def advance(self, block: FrameBlock) -> None:
+        """See :class:`flexfem.layout.elements.HistoryElements`."""
+        self._settle(block.frames)
+        for group in self._histories:
+            group.advance(self._motion.memory)
+            self._settled[:] = np.nan
+        self._accepted = self._time
+
     def restore_history(self, history: Mapping[str, FloatArray]) -> None:
         """Accept internal variables at the time set last."""
         self._accepted = self._time
@@ -200,11 +208,7 @@ class SolidElements(StresslessElements):
 
     def accept(self, block: FrameBlock) -> None:
         """Rotate the axes of the nodes with the cells around them (collective)."""
-        self._settle(block.frames)
-        for group in self._histories:
-            group.advance(self._motion.memory)
-            self._settled[:] = np.nan
-        self._accepted = self._time
+        self.advance(block)
         self._axes.turn(block, self._add_rotations)
 
     def _add_rotations(self, sums: FloatArray) -> None:

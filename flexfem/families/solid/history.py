@@ -188,7 +188,7 @@ class J2Plasticity(HistoryLaw):
     Cauchy-Green tensor b, and the volumetric part; the plastic flow is associated and keeps the
     volume, and each step ends on the yield surface ``|dev tau| = sqrt(2/3) (s + H a)`` in closed
     form (Simo, Hughes 1998, box 9.1, with the trace of b for which its determinant is one). What
-    hardening takes counts as dissipated.
+    hardening takes counts as dissipated. Steps are of first order in the plastic strain of a step.
 
     Attributes:
         shear_modulus: mu, Pa.

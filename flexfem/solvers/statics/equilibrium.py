@@ -270,6 +270,7 @@ class Equilibrium:
     def accept(self) -> None:
         """End a load step (collective)."""
         self.react()
+        self.system.advance_histories()
         self.system.interface.update()
         self.system.constraints.accept()
         self.system.constraints.elements.settle(self.system.constraints, still=True)
