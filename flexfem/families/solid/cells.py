@@ -31,7 +31,7 @@ __all__ = ["Kernels", "Motion", "SolidCells", "TimedParameter"]
 _NOTHING = np.zeros(1)
 #: Cells whose matrices are computed together.
 _CHUNK = 2048
-#: Time of the central differences of parameters, s.
+#: Time of the differences of parameters, s.
 _MOMENT = 1e-6
 
 
@@ -335,12 +335,13 @@ class SolidCells:
         """Rates (m,) of the energies by the change of parameters with time alone, W."""
         if not self.timed:
             return np.zeros(len(self.nodes))
+        low, high = max(t - _MOMENT, 0.0), t + _MOMENT  # functions have no time before the start
         energies = []
-        for at in (t - _MOMENT, t + _MOMENT):
+        for at in (low, high):
             self._set_parameters(at)
             energies.append(self.energies(motion))
         self._set_parameters(t)
-        rates: FloatArray = (energies[1] - energies[0]) / (2.0 * _MOMENT)
+        rates: FloatArray = (energies[1] - energies[0]) / (high - low)
         return rates
 
     def advance(self, motion: Memory) -> None:
