@@ -115,7 +115,7 @@ CASE = ff.Case(
     ),
     dt=5e-4,
     t_end=0.1,
-    smoke={"cells": 1, "t_end": 1.5e-3},
+    smoke={"cells": 1, "t_end": 1.5e-3, "formulation": "displacement"},
     results=results,
 )  # fmt: skip
 

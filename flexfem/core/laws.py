@@ -24,6 +24,7 @@ __all__ = [
     "Law",
     "LawKind",
     "applied",
+    "capstan",
     "curve",
     "custom",
     "element",

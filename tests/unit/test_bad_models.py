@@ -314,7 +314,7 @@ MESHES = [
     (gmsh_model(groups=False), "gmsh model: the mesh has no named physical group of lines"),
     (gmsh_model(points=1), "gmsh model: the mesh has no line elements of first order"),
     (gmsh_model(order=2), 'group "bar" has elements "Line 3", only lines of first order'),
-    (lambda _: build_mesh("chains"), 'mesh "chains" is not in the library: arc, chain, '),
+    (lambda _: build_mesh("chains"), 'mesh "chains" is not in the library: arc, bar_on_cylinder, '),
     (lambda _: build_mesh("chain", link=3), r'"chain" has no parameter "link" \(value 3\); it has'),
     (lambda _: build_mesh("chain", links=0), 'mesh "chain": links must be positive, got 0'),
     (

@@ -74,9 +74,8 @@ def error(degree: int, cells: int, radii: object) -> float:
     return float(np.sqrt(squares.sum()))
 
 
-@pytest.mark.parametrize(
-    "degree", [pytest.param(1, marks=pytest.mark.slow), 2, pytest.param(3, marks=pytest.mark.slow)]
-)
+@pytest.mark.slow
+@pytest.mark.parametrize("degree", [1, 2, 3])
 def test_positions_converge_by_their_degree_and_one(degree):
     """Curved cells in a tube that opens by a fifth under an inner pressure that follows it."""
     radii = exact()
