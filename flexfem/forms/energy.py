@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """UFL forms of a user-defined energy of nodal positions."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -9,16 +9,22 @@ from typing import Any
 import basix.ufl
 import ufl
 
-__all__ = ["EnergyForms"]
+__all__ = ["EnergyForms", "Parameters"]
 
 
-class _Parameters:
+class Parameters:
     """Parameters of an energy as attributes and by names; records those that are used."""
 
-    def __init__(self, values: dict[str, Any]) -> None:
+    def __init__(self, values: Mapping[str, Any]) -> None:
+        """Take coefficients by name."""
         self._values, self.asked = values, set[str]()
 
     def __getitem__(self, name: str) -> Any:
+        """Return a parameter.
+
+        Raises:
+            ValueError: there is none of this name.
+        """
         if name not in self._values:
             known = ", ".join(self._values) or "none"
             raise ValueError(f'the energy needs a parameter "{name}"; given are {known}')
@@ -26,6 +32,7 @@ class _Parameters:
         return self._values[name]
 
     def __getattr__(self, name: str) -> Any:
+        """Return a parameter."""
         return self[name]
 
 
@@ -68,7 +75,7 @@ class EnergyForms:
         x = ufl.Coefficient(ufl.FunctionSpace(domain, vectors))
         constant = ufl.FunctionSpace(domain, basix.ufl.element("DG", cell, 0))
         values = {name: ufl.Coefficient(constant) for name in names}
-        parameters = _Parameters(values)
+        parameters = Parameters(values)
         try:
             density = energy(x, ufl.SpatialCoordinate(domain), parameters)
             scalar = ufl.as_ufl(density).ufl_shape == ()

@@ -1,15 +1,24 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Distribution of a block's nodes over the ranks."""
+"""Distribution of a block's nodes over the ranks, and families whose nodes are points of cells."""
 
-from typing import Any
+from abc import abstractmethod
+from collections.abc import Mapping
+from typing import Any, ClassVar, override
 
 from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.marker import Marker
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.runs import starts
+from flexfem.layout.family import Family, one_width
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.lie import se3
+from flexfem.model.structure.place import Place
 
-__all__ = ["distributed"]
+__all__ = ["PositionFamily", "distributed"]
 
 #: of the messages that set up the exchange of ghosts
 _TAG = 1201
@@ -34,3 +43,118 @@ def distributed(comm: MPI.Intracomm, owner: IntArray, touched: IntArray) -> tupl
         comm, len(mine), number[ghosts].astype(np.int64), owner[ghosts].astype(np.int32), _TAG
     )
     return ids, index_map
+
+
+class PositionFamily[B: Any](Family):
+    """Bodies with cells, whose nodes are numbered body after body; see ``layout.family.Family``.
+
+    Attributes:
+        first: (b + 1,) first node of each body; first_cell: (b + 1,) first cell.
+    """
+
+    axes = False
+
+    name: ClassVar[str]
+    serial: NumberedModel
+
+    def __init__(self, serial: NumberedModel, kind: int) -> None:
+        """Number the nodes body after body."""
+        super().__init__(serial, kind)
+        self._bodies: list[B] = list(self.members(serial.model))
+        self.first = starts([len(body.points) for body in self._bodies])
+        self.first_cell = starts([body.elements for body in self._bodies])
+        places = np.concatenate([body.points for body in self._bodies])
+        self._frames = se3.frame(places, np.tile(np.eye(3), (len(places), 1, 1)))
+        self._velocities = np.zeros((len(places), 6))
+        self._velocities[:, :3] = np.concatenate([body.node_velocities for body in self._bodies])
+        self._held: BoolArray = np.concatenate([body.held for body in self._bodies])
+
+    @abstractmethod
+    def cells_of(self, body: B) -> IntArray:
+        """Nodes (m, k) of the cells of a body, numbers in the body."""
+
+    @property
+    @override
+    def bodies(self) -> list[B]:
+        return self._bodies
+
+    @property
+    @override
+    def frames(self) -> FloatArray:
+        return self._frames
+
+    @property
+    @override
+    def velocities(self) -> FloatArray:
+        return self._velocities
+
+    @property
+    @override
+    def held(self) -> BoolArray:
+        return self._held
+
+    @property
+    @override
+    def body_of_node(self) -> IntArray:
+        return np.repeat(np.arange(len(self._bodies)), np.diff(self.first))
+
+    @override
+    def supports(self) -> tuple[IntArray, FloatArray]:
+        nodes, axis = np.nonzero(self._held)
+        return nodes, np.eye(6)[axis]
+
+    def number(self, name: str) -> int:
+        """Number of a body."""
+        return [body.name for body in self._bodies].index(name)
+
+    @override
+    def node(self, marker: Marker, place: Place | None) -> int:
+        assert place is not None
+        assert place.node is not None
+        return int(self.first[self.number(marker.body)]) + place.node
+
+    @override
+    def patches(self) -> IntArray:
+        bodies = zip(self.first[:-1], self._bodies, strict=True)
+        return one_width([first + self.cells_of(body) for first, body in bodies])
+
+    @override
+    def share(self, ranks: Mapping[str, IntArray]) -> tuple[IntArray, dict[str, tuple[int, ...]]]:
+        cells, nodes = [], {}
+        for body in self._bodies:
+            given = np.sort(ranks[body.name])
+            own = np.empty_like(given)
+            own[_along(body.points, self.cells_of(body))] = given
+            cells.append(own)
+            nodes[body.name] = tuple(np.unique(own).tolist())
+        return np.concatenate(cells), nodes
+
+    def own_nodes(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, list[BoolArray]]:
+        """Nodes of this rank, and the cells (m,) of each body that it has (collective).
+
+        Args:
+            comm: communicator.
+            ranks: rank of each cell, of :meth:`share`.
+        """
+        owner = np.full(len(self._frames), np.iinfo(np.int64).max)
+        own, touched = [], [np.empty(0, np.int64)]
+        for k, body in enumerate(self._bodies):
+            rank = ranks[self.first_cell[k] : self.first_cell[k + 1]]
+            nodes = self.first[k] + self.cells_of(body)
+            np.minimum.at(owner, nodes, np.broadcast_to(rank[:, np.newaxis], nodes.shape))
+            own.append(rank == comm.rank)
+            touched.append(nodes[own[-1]].ravel())
+        ids, index_map = distributed(comm, owner, np.concatenate(touched))
+        block = FrameBlock(
+            self.name, comm, self._frames[ids], self._velocities[ids], ids, index_map,
+            inertial=True, width=3, dirichlet=self._held[ids] if self._held.any() else None,
+        )  # fmt: skip
+        return block, own
+
+
+def _along(points: FloatArray, cells: IntArray) -> IntArray:
+    """Cells of a body ordered along its longest extent."""
+    middles = points[cells].mean(axis=1)
+    offsets = middles - middles.mean(axis=0)
+    _, _, axes = np.linalg.svd(offsets, full_matrices=False)
+    return np.argsort(np.round(offsets @ axes[0], 12), kind="stable")

@@ -67,15 +67,9 @@ class Kernels:
     rate_dependent: bool
 
     @classmethod
-    def compiled(
-        cls, comm: MPI.Intracomm, law: LawFunctions, kind: CellKind, sizes: Mapping[str, int]
-    ) -> Kernels:
-        """Compile the forms of a law (collective).
-
-        Raises:
-            ValueError: as of :class:`SolidForms`; on all ranks.
-        """
-        forms = SolidForms(law, kind, sizes)
+    def compiled(cls, comm: MPI.Intracomm, law: LawFunctions, forms: SolidForms) -> Kernels:
+        """Compile the forms of a law (collective)."""
+        kind = forms.kind
         fields = tuple(forms.coefficients.values())
         names = list(forms.coefficients)
         count = len(lattice(kind.cell, kind.degree))
@@ -210,16 +204,15 @@ class SolidCells:
     def _cells(self, own: FloatArray, first: int = 0, sections: FloatArray | None = None) -> Cells:
         """Cells from the first one in the format of the kernel driver."""
         count = len(own)
-        reference = np.zeros((1, 3 * len(lattice(self.kind.cell, 1))))
-        corners = np.zeros((len(lattice(self.kind.cell, 1)), 3))
+        corners = np.zeros((len(self._corners), 3))
         corners[:, : self.kind.dimension] = self._corners
-        reference[0] = corners.ravel()
         nodes = np.ascontiguousarray(self.nodes[first : first + count])
         return Cells(
             nodes=nodes, turned=np.zeros(count, dtype=np.bool_),
             turns=np.zeros((1, nodes.shape[1], 9)), own=own,
             section=np.zeros(count, dtype=np.int64),
-            sections=np.empty((1, 0)) if sections is None else sections, corners=reference,
+            sections=np.empty((1, 0)) if sections is None else sections,
+            corners=corners.reshape(1, -1),
         )  # fmt: skip
 
     @property

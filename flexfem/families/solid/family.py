@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 from typing import Any, override
 
@@ -18,8 +18,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.load import NOTHING
 from flexfem.core.marker import Carrier, Marker, SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.core.runs import starts
-from flexfem.families.common.block_nodes import distributed
+from flexfem.families.common.block_nodes import PositionFamily
 from flexfem.families.solid.body import Solid, SolidMarker
 from flexfem.families.solid.cells import Kernels, SolidCells, TimedParameter
 from flexfem.families.solid.elements import SolidElements
@@ -30,15 +29,13 @@ from flexfem.families.solid.pressures import FacetKind, SolidPressures
 from flexfem.families.solid.probes import MOTION, SolidProbe
 from flexfem.families.solid.sensors import PlaceSensor, SolidSensor
 from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import ContactSurface, Family, Sensor, one_width
+from flexfem.layout.family import ContactSurface, Sensor
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.lines import Line
 from flexfem.layout.node_loads import Force
-from flexfem.layout.numbered_model import NumberedModel
 from flexfem.layout.surface_places import SurfacePlace, fitted_sides
 from flexfem.lie import se3, so3
 from flexfem.model.probes.base import AnyProbe
-from flexfem.model.structure.place import Place
 
 __all__ = ["SolidFamily"]
 
@@ -54,67 +51,16 @@ _TURN = np.array([0.7, -0.4, 1.1])
 type _Kind = tuple[Any, ...]
 
 
-class SolidFamily(Family):
+class SolidFamily(PositionFamily[Solid]):
     """See :class:`flexfem.layout.family.Family`."""
 
-    axes = False
     name = "solids"
     series = "flexfem.io.paraview.solid_series:SolidSeries"
     noun = "solid"
 
-    serial: NumberedModel
-
-    def __init__(self, serial: NumberedModel, kind: int) -> None:
-        """Number the nodes body after body."""
-        super().__init__(serial, kind)
-        self._bodies: list[Solid] = list(self.members(serial.model))
-        self.first = starts([len(body.points) for body in self._bodies])
-        self.first_cell = starts([body.elements for body in self._bodies])
-        places = np.concatenate([body.points for body in self._bodies])
-        self._frames = se3.frame(places, np.tile(np.eye(3), (len(places), 1, 1)))
-        self._velocities = np.zeros((len(places), 6))
-        self._velocities[:, :3] = np.concatenate([body.node_velocities for body in self._bodies])
-        self._held: BoolArray = np.concatenate([body.held for body in self._bodies])
-
-    @property
     @override
-    def bodies(self) -> list[Solid]:
-        return self._bodies
-
-    @property
-    @override
-    def frames(self) -> FloatArray:
-        return self._frames
-
-    @property
-    @override
-    def velocities(self) -> FloatArray:
-        return self._velocities
-
-    @property
-    @override
-    def held(self) -> BoolArray:
-        return self._held
-
-    @property
-    @override
-    def body_of_node(self) -> IntArray:
-        return np.repeat(np.arange(len(self._bodies)), np.diff(self.first))
-
-    @override
-    def supports(self) -> tuple[IntArray, FloatArray]:
-        nodes, axis = np.nonzero(self._held)
-        return nodes, np.eye(6)[axis]
-
-    def number(self, name: str) -> int:
-        """Number of a body."""
-        return [body.name for body in self._bodies].index(name)
-
-    @override
-    def node(self, marker: Marker, place: Place | None) -> int:
-        assert place is not None
-        assert place.node is not None
-        return int(self.first[self.number(marker.body)]) + place.node
+    def cells_of(self, body: Solid) -> IntArray:
+        return body.nodes.cells
 
     @override
     def surface_place(self, marker: Marker) -> SurfacePlace:
@@ -151,11 +97,6 @@ class SolidFamily(Family):
         raise ValueError(f'Carrier on "{carrier.body}": a Solid has no line')
 
     @override
-    def patches(self) -> IntArray:
-        bodies = zip(self.first[:-1], self._bodies, strict=True)
-        return one_width([first + body.nodes.cells for first, body in bodies])
-
-    @override
     def costs(self) -> dict[str, tuple[int, int]]:
         return {
             body.name: (body.elements, int(_COST * body.nodes.cells.shape[1]))
@@ -163,36 +104,15 @@ class SolidFamily(Family):
         }
 
     @override
-    def share(self, ranks: Mapping[str, IntArray]) -> tuple[IntArray, dict[str, tuple[int, ...]]]:
-        cells, nodes = [], {}
-        for body in self._bodies:
-            given = np.sort(ranks[body.name])
-            own = np.empty_like(given)
-            own[_along(body)] = given
-            cells.append(own)
-            nodes[body.name] = tuple(np.unique(own).tolist())
-        return np.concatenate(cells), nodes
-
-    @override
     def block(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, ElementFamily]:
-        owner = np.full(len(self._frames), np.iinfo(np.int64).max)
-        own, touched = [], [np.empty(0, np.int64)]
-        for k, body in enumerate(self._bodies):
-            rank = ranks[self.first_cell[k] : self.first_cell[k + 1]]
-            nodes = self.first[k] + body.nodes.cells
-            np.minimum.at(owner, nodes, np.broadcast_to(rank[:, np.newaxis], nodes.shape))
-            own.append(rank == comm.rank)
-            touched.append(nodes[own[-1]].ravel())
-        ids, index_map = distributed(comm, owner, np.concatenate(touched))
-        block = FrameBlock(
-            self.name, comm, self._frames[ids], self._velocities[ids], ids, index_map,
-            inertial=True, width=3, dirichlet=self._held[ids] if self._held.any() else None,
-        )  # fmt: skip
-        groups = [self._cells(comm, parts, own, block) for parts in self._kinds().values()]
+        block, own = self.own_nodes(comm, ranks)
+        ids = block.node_ids
+        kinds = list(self._kinds().values())
+        groups = [self._cells(comm, parts, own, block) for parts in kinds]
         plane = np.array([body.plane is not None for body in self._bodies])
         elements = SolidElements(groups, block, plane[self.body_of_node[ids]], len(ranks))
-        for part, group in zip(self._kinds().values(), groups, strict=True):
-            name = f'Solid "{self._bodies[part[0][0]].name}"'
+        for parts, group in zip(kinds, groups, strict=True):
+            name = f'Solid "{self._bodies[parts[0][0]].name}"'
             check_start(comm, name, group, np.ascontiguousarray(self._frames[ids, :3]))
         return block, elements
 
@@ -216,7 +136,7 @@ class SolidFamily(Family):
             forms = SolidForms(law, kind, sizes)
             if forms.damped and ufl.algorithms.expand_derivatives(forms.loss).empty():
                 raise ValueError("the dissipation does not depend on the rate of F")
-            kernels = Kernels.compiled(comm, law, kind, sizes)
+            kernels = Kernels.compiled(comm, law, forms)
         except ValueError as error:
             raise InputError(f'Solid "{body.name}": {error}') from None
         nodes, places, thickness, density, bodies, numbers = [], [], [], [], [], []
@@ -391,14 +311,6 @@ def values_of(body: Solid, region: str, name: str, size: int, t: float = 0.0) ->
     if len(given) != count:
         raise InputError(f"{owner} has {len(given)} values for {count} cells")
     return given.reshape(count, size)
-
-
-def _along(body: Solid) -> IntArray:
-    """Cells of a body ordered along its longest extent."""
-    middles = body.mesh.points[body.mesh.corners].mean(axis=1)
-    offsets = middles - middles.mean(axis=0)
-    axes = np.linalg.eigh(offsets.T @ offsets)[1]
-    return np.argsort(np.round(offsets @ axes[:, -1], 12), kind="stable")
 
 
 def check_start(comm: MPI.Intracomm, owner: str, group: SolidCells, points: FloatArray) -> None:

@@ -23,8 +23,9 @@ import ufl
 
 from flexfem._types import FloatArray
 from flexfem.families.solid.lagrange import CELLS
+from flexfem.forms.energy import Parameters
 
-__all__ = ["FIELDS", "CellKind", "LawFunctions", "Parameters", "SolidForms"]
+__all__ = ["FIELDS", "CellKind", "LawFunctions", "LawParameters", "SolidForms"]
 
 #: Fields of a solid in the order of :attr:`SolidForms.fields`, with their numbers of components:
 #: Cauchy stress and Green's strain (xx, yy, zz, yz, xz, xy), and J.
@@ -79,32 +80,17 @@ class CellKind:
         return CELLS[self.cell]
 
 
-class Parameters:
-    """Parameters of a law as attributes and by names; records those that are used."""
+class LawParameters(Parameters):
+    """Parameters of a law, and J of a deformation gradient."""
 
     def __init__(self, values: Mapping[str, Any], theta: Any = None) -> None:
         """Take coefficients by name, and the dilatation in the place of J; None for J."""
-        self._values, self._theta, self.asked = values, theta, set[str]()
+        super().__init__(values)
+        self._theta = theta
 
     def volume_ratio(self, F: Any) -> Any:
         """J = det F, or the dilatation."""
         return ufl.det(F) if self._theta is None else self._theta
-
-    def __getitem__(self, name: str) -> Any:
-        """Return a parameter.
-
-        Raises:
-            ValueError: The law has none of this name.
-        """
-        if name not in self._values:
-            known = ", ".join(self._values) or "none"
-            raise ValueError(f'the energy needs a parameter "{name}"; given are {known}')
-        self.asked.add(name)
-        return self._values[name]
-
-    def __getattr__(self, name: str) -> Any:
-        """Return a parameter."""
-        return self[name]
 
 
 class SolidForms:
@@ -145,7 +131,7 @@ class SolidForms:
         }
         self.coefficients |= values
         theta = self.coefficients.get("dilatation") if law.split else None
-        self._law, self._parameters = law, Parameters(values, theta)
+        self._law, self._parameters = law, LawParameters(values, theta)
         self._internal = len(law.initial)
         if self._internal:
             points = basix.ufl.quadrature_element(

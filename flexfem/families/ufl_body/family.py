@@ -10,19 +10,18 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.load import NOTHING, Load
 from flexfem.core.marker import Carrier, Marker, SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.core.runs import starts
-from flexfem.families.common.block_nodes import distributed
+from flexfem.families.common.block_nodes import PositionFamily
 from flexfem.families.shells.loads import Pressures
 from flexfem.families.ufl_body.elements import EnergyCells, EnergyElements, EnergyKernels, Points
 from flexfem.forms.energy import EnergyForms
 from flexfem.kernels.driver import CellKernel, Nodal, cell_kernel
 from flexfem.kernels.ffcx import Kernel, compile_kernel
 from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import ContactSurface, Family, one_width
+from flexfem.layout.family import ContactSurface
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.lines import Line
 from flexfem.layout.node_loads import Force
@@ -33,7 +32,6 @@ from flexfem.loads.pressure import Pressure
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.bodies.ufl_body import UFLBody, cells_of
 from flexfem.model.contact import Contact
-from flexfem.model.structure.place import Place
 
 __all__ = ["UFLBodyFamily"]
 
@@ -47,14 +45,11 @@ _TURN = np.array([0.7, -0.4, 1.1])
 type _Kind = tuple[Any, ...]
 
 
-class UFLBodyFamily(Family):
+class UFLBodyFamily(PositionFamily[UFLBody]):
     """See :class:`flexfem.layout.family.Family`."""
 
-    axes = False
     name = "ufl_bodies"
     series = "flexfem.io.paraview.energy_series:EnergySeries"
-
-    serial: NumberedModel
 
     def __init__(self, serial: NumberedModel, kind: int) -> None:
         """Number the nodes body after body.
@@ -64,59 +59,15 @@ class UFLBodyFamily(Family):
                 parameters.
         """
         super().__init__(serial, kind)
-        self._bodies: list[UFLBody] = list(self.members(serial.model))
-        self.first = starts([len(body.mesh.points) for body in self._bodies])
-        self.first_cell = starts([len(body.mesh.cells) for body in self._bodies])
-        places = np.concatenate([body.mesh.points for body in self._bodies])
-        self._frames = se3.frame(places, np.tile(np.eye(3), (len(places), 1, 1)))
-        self._velocities = np.zeros((len(places), 6))
-        self._velocities[:, :3] = np.concatenate([body.node_velocities for body in self._bodies])
-        self._held: BoolArray = np.concatenate([body.held for body in self._bodies])
         self._forms = {kind: _forms(bodies[0]) for kind, bodies in _kinds(self._bodies).items()}
 
-    @property
     @override
-    def bodies(self) -> list[UFLBody]:
-        return self._bodies
-
-    @property
-    @override
-    def frames(self) -> FloatArray:
-        return self._frames
-
-    @property
-    @override
-    def velocities(self) -> FloatArray:
-        return self._velocities
-
-    @property
-    @override
-    def held(self) -> BoolArray:
-        return self._held
-
-    @property
-    @override
-    def body_of_node(self) -> IntArray:
-        return np.repeat(np.arange(len(self._bodies)), np.diff(self.first))
-
-    @override
-    def supports(self) -> tuple[IntArray, FloatArray]:
-        nodes, axis = np.nonzero(self._held)
-        return nodes, np.eye(6)[axis]
-
-    def _number(self, name: str) -> int:
-        """Number of a body."""
-        return [body.name for body in self._bodies].index(name)
-
-    @override
-    def node(self, marker: Marker, place: Place | None) -> int:
-        assert place is not None
-        assert place.node is not None
-        return int(self.first[self._number(marker.body)]) + place.node
+    def cells_of(self, body: UFLBody) -> IntArray:
+        return body.mesh.cells
 
     @override
     def surface_place(self, marker: Marker) -> SurfacePlace:
-        first = int(self.first[self._number(marker.body)])
+        first = int(self.first[self.number(marker.body)])
         if isinstance(marker, SurfaceMarker):
             nodes = tuple(first + node for node in marker.nodes)
             return SurfacePlace(self.kind, nodes, marker.weights)
@@ -125,7 +76,7 @@ class UFLBodyFamily(Family):
 
     @override
     def with_axes(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
-        number = self._number(marker.body)
+        number = self.number(marker.body)
         body, first = self._bodies[number], int(self.first[number])
         own = np.array(place.nodes) - first
         found = cells_of(own, body.mesh) if len(own) <= 3 else np.empty(0, np.int64)
@@ -153,40 +104,14 @@ class UFLBodyFamily(Family):
         raise ValueError(f'Carrier on "{carrier.body}": a UFLBody has no line')
 
     @override
-    def patches(self) -> IntArray:
-        bodies = zip(self.first[:-1], self._bodies, strict=True)
-        return one_width([first + body.mesh.cells for first, body in bodies])
-
-    @override
     def costs(self) -> dict[str, tuple[int, int]]:
         return {body.name: (len(body.mesh.cells), _COST) for body in self._bodies}
 
     @override
-    def share(self, ranks: Mapping[str, IntArray]) -> tuple[IntArray, dict[str, tuple[int, ...]]]:
-        cells, nodes = [], {}
-        for body in self._bodies:
-            given = np.sort(ranks[body.name])
-            own = np.empty_like(given)
-            own[_along_body(body)] = given
-            cells.append(own)
-            nodes[body.name] = tuple(np.unique(own).tolist())
-        return np.concatenate(cells), nodes
-
-    @override
     def block(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, ElementFamily]:
-        owner = np.full(len(self._frames), np.iinfo(np.int64).max)
-        own, touched = [], [np.empty(0, np.int64)]
-        for k, body in enumerate(self._bodies):
-            rank = ranks[self.first_cell[k] : self.first_cell[k + 1]]
-            nodes = self.first[k] + body.mesh.cells
-            np.minimum.at(owner, nodes, np.broadcast_to(rank[:, np.newaxis], nodes.shape))
-            own.append(np.flatnonzero(rank == comm.rank))
-            touched.append(nodes[own[-1]].ravel())
-        ids, index_map = distributed(comm, owner, np.concatenate(touched))
-        block = FrameBlock(
-            self.name, comm, self._frames[ids], self._velocities[ids], ids, index_map,
-            inertial=True, width=3, dirichlet=self._held[ids] if self._held.any() else None,
-        )  # fmt: skip
+        block, mine = self.own_nodes(comm, ranks)
+        own = [np.flatnonzero(cells) for cells in mine]
+        ids = block.node_ids
         groups = []
         for kind, bodies in _kinds(self._bodies).items():
             forms = self._forms[kind]
@@ -347,14 +272,6 @@ def _cell_kernels(body: UFLBody, compiled: Sequence[Kernel]) -> list[CellKernel]
         cell_kernel(kernel, size, [*nodal, *parameters], nodal, parameters)
         for kernel, size in zip(compiled, sizes, strict=True)
     ]
-
-
-def _along_body(body: UFLBody) -> IntArray:
-    """Cells of a body ordered along its longest extent."""
-    middles = body.mesh.points[body.mesh.cells].mean(axis=1)
-    offsets = middles - middles.mean(axis=0)
-    _, _, axes = np.linalg.svd(offsets, full_matrices=False)
-    return np.argsort(np.round(offsets @ axes[0], 12), kind="stable")
 
 
 def _check_start(
