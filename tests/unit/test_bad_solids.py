@@ -140,6 +140,13 @@ MESHES = {
         lambda: ff.SolidMesh.box((1, 1, 1), (100000, 100000, 1000)), "nodes would need about"
     ),
     "moved": (lambda: CUBE.moved(CUBE.points[:4]), "points must hold 8 x 3 numbers"),
+    "lowered": (lambda: CUBE.raised(0), "raised: degree must be 1 to 3, got 0"),
+    "surface by places": (
+        lambda: CUBE.with_surfaces(a=lambda x: x), "a must return 8 times True or False, got"
+    ),
+    "surface nowhere": (
+        lambda: CUBE.with_surfaces(a=lambda x: x[:, 0] > 2.0), r'surfaces\["a"\] is empty'
+    ),
     "DOLFINx shape": (
         lambda: ff.SolidMesh.from_dolfinx(create_unit_interval(MPI.COMM_SELF, 1)),
         "cannot use cells interval with a geometry of degree 1",

@@ -51,6 +51,25 @@ def test_bonded_surface_carries_the_load_of_a_rigid_plate(shared_tmp_path):
 
 
 @pytest.mark.three_ranks
+def test_slender_solid_bends_far_in_few_iterations(shared_tmp_path):
+    """Half of its length in one load step: stresses that are continued do not stretch it."""
+    mesh = ff.SolidMesh.box((1.0, 0.02, 0.02), (20, 1, 1), "tetrahedron")
+    law = ff.laws.SaintVenantKirchhoff(1e6, 0.4)
+    model = ff.Model("strip")
+    model.add(
+        ff.Solid("strip", law, mesh, density=1.0, fixed={"x0": "xyz"}),
+        ff.SurfaceTraction("lift", "strip", "x1", (0.0, 0.0, 130.0)),
+        ff.SolidProbe("end", "strip", "x1", measures=("displacement",)),
+    )
+    options = ff.StaticOptions(output=shared_tmp_path, load_steps=1, split_above=1)
+    outcome = ff.solve_static(model, options)
+    # a rod under 3.9 EI/L^2, by integration of its equation; cells are a twentieth of it long
+    assert columns(outcome)["end_uz"][-1] == pytest.approx(0.6645, rel=0.02)
+    # 8; with the stresses of the iterates 17
+    iterations = COMM.bcast(outcome.summary and outcome.summary["newton_iterations"])
+    assert iterations <= 11
+
+
 def test_solid_pendulum_falls_on_an_averaged_hinge(shared_tmp_path):
     """From the horizontal, with a rigid tip on its end: energy, momentum, ranks."""
     mesh = ff.SolidMesh.box((1.0, 0.1, 0.1), (4, 1, 1), "tetrahedron", origin=(0.0, -0.05, -0.05))

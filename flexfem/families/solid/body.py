@@ -39,6 +39,7 @@ _NONE, _ONE = 1e-9, 1e-9
 TAKEN = frozenset({
     "asked", "position", "velocity", "step", "rate", "inverse", "size", "place", "dilatation",
     "multiplier", "dilatation_step", "multiplier_step", "history", "span",
+    "excess",
 })  # fmt: skip
 
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 from math import isfinite, nan
 from typing import Any
 
@@ -15,7 +16,7 @@ import numpy as np
 from flexfem._checks import returned_number
 from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.families.solid.forms import FIELDS, CellKind, LawFunctions, SolidForms
+from flexfem.families.solid.forms import FIELDS, PAIRS, CellKind, LawFunctions, SolidForms
 from flexfem.families.solid.lagrange import (
     lattice,
     quadrature_weights,
@@ -31,6 +32,10 @@ __all__ = ["Kernels", "Motion", "SolidCells", "TimedParameter"]
 _NOTHING = np.zeros(1)
 #: Cells whose matrices are computed together.
 _CHUNK = 2048
+#: Forms that are linear in steps, and the names of their columns.
+_LINEAR = {
+    "action": "column", "duals_action": "duals_column", "stiffening": "stiffening_column",
+}  # fmt: skip
 #: Time of the differences of parameters, s.
 _MOMENT = 1e-6
 
@@ -49,7 +54,7 @@ class Kernels:
     """Kernels of a law in cells of a kind.
 
     Attributes:
-        calls: by the names of the forms; "column" is the action with steps of sections.
+        calls: by the names of the forms; columns are those of actions, for steps of sections.
         columns: first column and number of columns of the data of cells, by name.
         damped: True if there are viscous forces.
         dilatation: number of functions of the dilatation.
@@ -65,21 +70,17 @@ class Kernels:
     fields: int
     initial: FloatArray
     rate_dependent: bool
+    _comm: MPI.Intracomm
+    _forms: SolidForms
 
     @classmethod
     def compiled(cls, comm: MPI.Intracomm, law: LawFunctions, forms: SolidForms) -> Kernels:
         """Compile the forms of a law (collective)."""
         kind = forms.kind
-        fields = tuple(forms.coefficients.values())
-        names = list(forms.coefficients)
-        count = len(lattice(kind.cell, kind.degree))
-        dilatation = len(lattice(kind.cell, kind.dilatation)) if kind.dilatation > 0 else 1
-        dilatation = dilatation if kind.dilatation >= 0 else 0
-        averaged = len(lattice(kind.cell, kind.degree - 1)) if kind.degree > 1 else 1
-        results = {
-            "energy": 1, "force": 3 * count, "action": 3 * count,
-            "fields": averaged * sum(FIELDS.values()),
-        }  # fmt: skip
+        kind, dilatation = forms.kind, _functions(forms.kind.dilatation, forms.kind.cell)
+        averaged = _functions(kind.degree - 1, kind.cell)
+        results = {"energy": 1, "fields": averaged * sum(FIELDS.values())}
+        results |= dict.fromkeys(("force", "action"), 3 * _functions(kind.degree, kind.cell))
         if dilatation:
             results |= dict.fromkeys(
                 ("moments", "duals", "moments_action", "duals_action"), dilatation
@@ -88,30 +89,58 @@ class Kernels:
             results["loss"] = 1
         if len(law.initial):
             results["advanced"] = forms.coefficients["history"].ufl_element().dim
-        nodal = {
-            name: (Nodal.POSITION, Motion.word(word))
-            for name, word in zip(names[:4], ("points", "velocity", "step", "rate"), strict=True)
-        }
         columns, first = dict[str, tuple[int, int]](), 0
         for name, field in list(forms.coefficients.items())[4:]:
             columns[name] = first, field.ufl_element().dim
             first += field.ufl_element().dim
-        steps = {"step": (0, 3 * count), "rate": (3 * count, 3 * count)}
-        if dilatation:
-            steps["dilatation_step"] = 6 * count, dilatation
-            steps["multiplier_step"] = 6 * count + dilatation, dilatation
-        still = {name: nodal[name] for name in ("position", "velocity")}
-        calls = {}
-        for name, size in results.items():
-            kernel: Kernel = compile_kernel(comm, getattr(forms, name), fields, batched=True)
-            calls[name] = cell_kernel(kernel, size, names, nodal, columns)
-            if name.endswith("action"):
-                held = {of: place for of, place in columns.items() if of not in steps}
-                of_sections = cell_kernel(kernel, size, names, still, held, steps)
-                calls[name.replace("action", "column")] = of_sections
+        calls = _calls(comm, forms, results, columns)
         return cls(
-            calls, columns, forms.damped, dilatation, averaged, law.initial, law.rate_dependent
-        )
+            calls, columns, forms.damped, dilatation, averaged, law.initial, law.rate_dependent,
+            comm, forms,
+        )  # fmt: skip
+
+    @cached_property
+    def continuing(self) -> Mapping[str, CellKernel]:
+        """Kernels of stresses that are continued along steps (collective the first time)."""
+        kind, stresses = self._forms.kind, self._forms.coefficients["excess"].ufl_element().dim
+        results = {"stresses": stresses, "stresses_action": stresses}
+        results["stiffening"] = 3 * _functions(kind.degree, kind.cell)
+        return _calls(self._comm, self._forms, results, self.columns)
+
+
+def _functions(degree: int, cell: str) -> int:
+    """Number of polynomials of a degree in a cell, 0 for a negative one."""
+    return len(lattice(cell, degree)) if degree > 0 else int(degree == 0)
+
+
+def _calls(
+    comm: MPI.Intracomm, forms: SolidForms, results: Mapping[str, int],
+    columns: Mapping[str, tuple[int, int]],
+) -> dict[str, CellKernel]:  # fmt: skip
+    """Kernels of forms with these numbers of results, by name (collective).
+
+    Those that are linear in steps are also called "column", for steps of sections.
+    """
+    names, count = list(forms.coefficients), _functions(forms.kind.degree, forms.kind.cell)
+    few = _functions(forms.kind.dilatation, forms.kind.cell)
+    nodal = {
+        name: (Nodal.POSITION, Motion.word(word))
+        for name, word in zip(names[:4], ("points", "velocity", "step", "rate"), strict=True)
+    }
+    steps = {"step": (0, 3 * count), "rate": (3 * count, 3 * count)}
+    if few:
+        steps["dilatation_step"] = 6 * count, few
+        steps["multiplier_step"] = 6 * count + few, few
+    still = {name: nodal[name] for name in ("position", "velocity")}
+    calls = {}
+    for name, size in results.items():
+        fields = tuple(forms.coefficients.values())
+        kernel: Kernel = compile_kernel(comm, getattr(forms, name), fields, batched=True)
+        calls[name] = cell_kernel(kernel, size, names, nodal, columns)
+        if name in _LINEAR:
+            held = {of: place for of, place in columns.items() if of not in steps}
+            calls[_LINEAR[name]] = cell_kernel(kernel, size, names, still, held, steps)
+    return calls
 
 
 @dataclass(frozen=True)
@@ -190,8 +219,8 @@ class SolidCells:
             self.data("size")[:, 0] = thickness
         for name, values in parameters.items():
             self.data(name)[:] = values
+        self._weights, self._stiffened = quadrature_weights(kind.cell, kind.quadrature), False
         if len(kernels.initial):
-            self._weights = quadrature_weights(kind.cell, kind.quadrature)
             self.data("history")[:] = np.tile(kernels.initial, len(self._weights))
         self._gradients = self._mean_gradients()
         self._plain = self._cells(self._own)
@@ -277,24 +306,45 @@ class SolidCells:
         return self._evaluated(call, self._plain, _still(np.zeros((1, 3))))
 
     def _evaluated(self, call: CellKernel, cells: Cells, motion: Memory) -> FloatArray:
-        """Results (m, s) of a kernel."""
-        out = np.empty((len(cells.nodes), call.size))
-        evaluate(call.memory, cells.memory, motion, _NOTHING, out)
-        return out
+        return _evaluated(call, cells, motion)
 
     def _projected(self, values: FloatArray, first: int = 0) -> FloatArray:
         own = self._projection[first : first + len(values)]
         found: FloatArray = np.einsum("mij,mj->mi", own, values)
         return found
 
-    def settle(self, motion: Memory) -> None:
-        """Set dilatation and multiplier for the positions."""
-        if self.kernels.dilatation and len(self.nodes):
+    def settle(self, motion: Memory, continued: FloatArray | None = None) -> None:
+        """Set dilatation and multiplier for the positions, or continued ones with stresses."""
+        self._stiffened = continued is not None
+        if not len(self.nodes):
+            return
+        few = self.kernels.dilatation
+        if few:
             calls = self.kernels.calls
-            moments = self._evaluated(calls["moments"], self._plain, motion)
-            self.data("dilatation")[:] = self._projected(moments)
+            if continued is None:
+                dilatation = self._projected(self._evaluated(calls["moments"], self._plain, motion))
+            else:
+                dilatation = continued[:, :few]
+            self.data("dilatation")[:] = dilatation
             duals = self._evaluated(calls["duals"], self._plain, motion)
             self.data("multiplier")[:] = self._projected(duals)
+        if continued is not None:
+            self.data("excess")[:] = continued[:, few:] - self._stresses("stresses", motion)
+
+    def continued(self, motion: Memory) -> FloatArray:
+        """Dilatation and stresses (m, s) of settled cells continued along the steps."""
+        calls, dilatation = self.kernels.calls, np.empty((len(self.nodes), 0))
+        if self.kernels.dilatation and len(self.nodes):
+            moved = self._evaluated(calls["moments_action"], self._plain, motion)
+            self.data("dilatation_step")[:] = self._projected(moved)
+            dilatation = self.data("dilatation") + self.data("dilatation_step")
+        stresses = self._stresses("stresses", motion) + self._stresses("stresses_action", motion)
+        return np.hstack([dilatation, stresses])
+
+    def _stresses(self, name: str, motion: Memory) -> FloatArray:
+        """Stresses (m, 6 q) at the points of the quadrature, or their change."""
+        values = self._evaluated(self.kernels.continuing[name], self._plain, motion)
+        return values / np.repeat(self._weights, len(PAIRS))
 
     def energies(self, motion: Memory) -> FloatArray:
         """Energies (m,), J; of settled cells."""
@@ -374,6 +424,13 @@ class SolidCells:
             duals = self._evaluated(calls["duals_action"], self._plain, motion)
             self.data("multiplier_step")[:] = self._projected(duals)
         add_forces(calls["action"].memory, self._plain.memory, motion, _NOTHING, factor, target)
+        if self._stiffened:
+            self.add_stiffening(motion, factor, target)
+
+    def add_stiffening(self, motion: Memory, factor: float, target: FloatArray) -> None:
+        """Add a factor times the change of the forces of excess stresses along the steps."""
+        call = self.kernels.continuing["stiffening"]
+        add_forces(call.memory, self._plain.memory, motion, _NOTHING, factor, target)
 
     def matrices(self, motion: Memory, first: int, stiffness: float, damping: float) -> FloatArray:
         """``stiffness K + damping C`` (r, 3 k, 3 k) of some cells from the first one.
@@ -387,7 +444,8 @@ class SolidCells:
         factors[:, :width] = stiffness * np.eye(width)
         factors[:, width : 2 * width] = damping * np.eye(width)
         if not few:
-            return self._columns("column", self._cells(own, first, factors), motion)
+            cells = self._cells(own, first, factors)
+            return self._columns("column", cells, motion) + self._stiffening(cells, motion)
         # behind the steps of the nodes those of the dilatation, then those of the multiplier
         steps = np.zeros((width + 2 * few, 2 * width + 2 * few))
         steps[:width] = factors
@@ -401,16 +459,18 @@ class SolidCells:
         inverse = self._projection[first : first + len(own)]
         theta = stiffness * (inverse @ np.swapaxes(by_pi, 1, 2))
         pi = inverse @ (by_steps + by_dilatation @ theta)
-        found: FloatArray = by_nodes + by_theta @ theta + by_pi @ pi
+        stiffening = self._stiffening(self._cells(own, first, factors), motion)
+        found: FloatArray = by_nodes + by_theta @ theta + by_pi @ pi + stiffening
         return found
 
+    def _stiffening(self, cells: Cells, motion: Memory) -> FloatArray | float:
+        """Matrices (r, 3 k, 3 k) of excess stresses, zero without any."""
+        if not self._stiffened:
+            return 0.0
+        return _columns(self.kernels.continuing["stiffening_column"], cells, motion)
+
     def _columns(self, name: str, cells: Cells, motion: Memory) -> FloatArray:
-        """Results (r, s, c) of a kernel along the steps of all sections."""
-        out = np.empty((len(cells.nodes), self.kernels.calls[name].size, len(cells.sections)))
-        for column in range(out.shape[2]):
-            cells.section[:] = column
-            out[:, :, column] = self._evaluated(self.kernels.calls[name], cells, motion)
-        return out
+        return _columns(self.kernels.calls[name], cells, motion)
 
     def chunks(self) -> Sequence[int]:
         """First cells of those whose matrices are computed together."""
@@ -444,6 +504,22 @@ class SolidCells:
         now = np.linalg.det(self._sides(points[self.nodes], gradients))
         ratio: FloatArray = (now / self._start).min(axis=1)
         return ratio
+
+
+def _evaluated(call: CellKernel, cells: Cells, motion: Memory) -> FloatArray:
+    """Results (m, s) of a kernel."""
+    out = np.empty((len(cells.nodes), call.size))
+    evaluate(call.memory, cells.memory, motion, _NOTHING, out)
+    return out
+
+
+def _columns(call: CellKernel, cells: Cells, motion: Memory) -> FloatArray:
+    """Results (r, s, c) of a kernel along the steps of all sections."""
+    out = np.empty((len(cells.nodes), call.size, len(cells.sections)))
+    for column in range(out.shape[2]):
+        cells.section[:] = column
+        out[:, :, column] = _evaluated(call, cells, motion)
+    return out
 
 
 def _still(points: FloatArray) -> Memory:

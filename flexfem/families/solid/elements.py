@@ -22,7 +22,7 @@ from flexfem.families.common.corotating_loops import (
 from flexfem.families.common.node_pairs import NodePairs
 from flexfem.families.solid.cells import Motion, SolidCells
 from flexfem.layout.elements import StresslessElements
-from flexfem.layout.tangent_request import EXACT, TangentRequest
+from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 __all__ = ["SolidElements"]
 
@@ -98,18 +98,18 @@ class SolidElements(StresslessElements):
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return self._pairs.couplings
 
-    def _settle(self, frames: FloatArray) -> None:
-        """Take positions, and what follows from them in the cells."""
+    def _settle(self, frames: FloatArray, continued: Strains | None = None) -> None:
+        """Take positions, and what follows from them in the cells, or is continued."""
         positions_into(frames, self._points)
-        if np.array_equal(self._points, self._settled):
+        if continued is None and np.array_equal(self._points, self._settled):
             return
-        for group in self.groups:
-            group.settle(self._motion.memory)
-        self._settled[:] = self._points
+        for k, group in enumerate(self.groups):
+            group.settle(self._motion.memory, None if continued is None else continued[k])
+        self._settled[:] = self._points if continued is None else np.nan
 
-    def _move(self, block: FrameBlock) -> None:
+    def _move(self, block: FrameBlock, continued: Strains | None = None) -> None:
         """Take positions and velocities of the trial state."""
-        self._settle(block.frames)
+        self._settle(block.frames, continued)
         if self.viscous:
             inertial_into(block.frames, block.velocity, self._motion.velocity)
 
@@ -118,11 +118,14 @@ class SolidElements(StresslessElements):
         request: TangentRequest = EXACT,
     ) -> None:  # fmt: skip
         """See :class:`flexfem.layout.elements.ElementFamily`."""
-        self._move(block)
+        self._move(block, request.strains)
         inertial_into(block.frames, block.acceleration, self._vectors)
         total: FloatArray = self._mass @ (self._vectors - gravity)
         for group in self.groups:
             group.add_forces(self._motion.memory, total)
+            if request.strains is not None:
+                self._motion.step[:] = self._points
+                group.add_stiffening(self._motion.memory, 1.0, total)
         add_to_nodes(block.frames, total, scale, block.residual)
 
     def values(
@@ -132,7 +135,7 @@ class SolidElements(StresslessElements):
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         pairs = self._pairs
         blocks = np.zeros((len(pairs.rows), 3, 3))
-        self._move(block)
+        self._move(block, request.strains)
         if shifts[2] != 0.0 or self.viscous:
             for group, index in zip(self.groups, pairs.index, strict=True):
                 factors = scale * float(shifts[2]), scale * float(shifts[0])
@@ -150,7 +153,7 @@ class SolidElements(StresslessElements):
         request: TangentRequest = EXACT,
     ) -> None:  # fmt: skip
         """See :class:`flexfem.layout.elements.ElementFamily`."""
-        self._move(block)
+        self._move(block, request.strains)
         inertial_into(block.frames, block.step, self._vectors)
         total: FloatArray = float(shifts[1]) * (self._mass @ self._vectors)
         if shifts[2] != 0.0 or self.viscous:
@@ -159,6 +162,16 @@ class SolidElements(StresslessElements):
             for group in self.groups:
                 group.add_action(self._motion.memory, 1.0, total)
         add_to_nodes(block.frames, total, scale, block.residual)
+
+    def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains | None:
+        """See :class:`flexfem.layout.elements.ElementFamily`: dilatation and stresses of the cells.
+
+        What rotations and changes of volume of second order add to them is large in slender solids,
+        and in those that are nearly incompressible.
+        """
+        self._settle(frames)
+        inertial_into(frames, steps, self._motion.step)
+        return [group.continued(self._motion.memory) for group in self.groups]
 
     def set_time(self, t: float) -> None:
         """Set the time to which internal variables advance, and parameters that change, s."""

@@ -25,11 +25,14 @@ from flexfem._types import FloatArray
 from flexfem.families.solid.lagrange import CELLS
 from flexfem.forms.energy import Parameters
 
-__all__ = ["FIELDS", "CellKind", "LawFunctions", "LawParameters", "SolidForms"]
+__all__ = ["FIELDS", "PAIRS", "CellKind", "LawFunctions", "LawParameters", "SolidForms"]
 
 #: Fields of a solid in the order of :attr:`SolidForms.fields`, with their numbers of components:
 #: Cauchy stress and Green's strain (xx, yy, zz, yz, xz, xy), and J.
 FIELDS = {"stress": 6, "strain": 6, "J": 1}
+
+#: Rows and columns of the components of symmetric tensors.
+PAIRS = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
 
 
 class LawFunctions(Protocol):
@@ -141,6 +144,11 @@ class SolidForms:
             self.coefficients["history"] = ufl.Coefficient(self._points)
             self.coefficients["span"] = ufl.Coefficient(self._space("DG", 0))
             self._constant = ufl.Coefficient(self._points)
+        stresses = basix.ufl.quadrature_element(
+            kind.cell, value_shape=(len(PAIRS),), degree=kind.quadrature
+        )
+        self._stresses = ufl.FunctionSpace(self._domain, stresses)
+        self.coefficients["excess"] = ufl.Coefficient(self._stresses)
         self._measure = ufl.dx(self._domain, metadata={"quadrature_degree": kind.quadrature})
         self._evaluate(list(values))
 
@@ -316,6 +324,30 @@ class SolidForms:
         return self._change(self.duals, ("position", "step"), ("dilatation", "dilatation_step"))
 
     @cached_property
+    def stresses(self) -> Any:
+        """Second Piola-Kirchhoff stresses without the multiplier, times the points' weights."""
+        S = ufl.inv(self._F) * ufl.diff(self._W, self._F)
+        found = ufl.as_vector([S[pair] for pair in PAIRS])
+        return self._closed(ufl.inner(found, ufl.TestFunction(self._stresses)) * self._measure)
+
+    @cached_property
+    def stresses_action(self) -> Any:
+        """Change of these stresses along steps of positions and dilatation."""
+        steps = [("position", "step")]
+        if self.kind.dilatation >= 0 and not self._law.split:
+            steps.append(("dilatation", "dilatation_step"))
+        return self._change(self.stresses, *steps)
+
+    @cached_property
+    def stiffening(self) -> Any:
+        """Change of the forces of excess stresses, which stay as they are, along a step."""
+        excess = self.coefficients["excess"]
+        S = [[excess[PAIRS.index((min(i, j), max(i, j)))] for j in range(3)] for i in range(3)]
+        moved = self.gradient(self.coefficients["step"], rate=True) * ufl.as_matrix(S)
+        test = self.gradient(ufl.TestFunction(self._vectors), rate=True)
+        return self._integral(ufl.inner(moved, test))
+
+    @cached_property
     def loss(self) -> Any:
         """Power of the viscous forces, W."""
         v = self.coefficients["velocity"]
@@ -329,8 +361,7 @@ class SolidForms:
         if self.kind.dilatation >= 0:
             P = P + self.coefficients["multiplier"] * J * ufl.inv(F).T
         stress, strain = P * F.T / J, (F.T * F - ufl.Identity(3)) / 2.0
-        pairs = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
-        values = [tensor[i, j] for tensor in (stress, strain) for i, j in pairs]
+        values = [tensor[pair] for tensor in (stress, strain) for pair in PAIRS]
         space = self._space("DG", self.kind.degree - 1, (len(values) + 1,))
         found = ufl.inner(ufl.as_vector([*values, J]), ufl.TestFunction(space))
         return self._closed(self._integral(found))

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -19,6 +19,7 @@ from flexfem._memory import check_room
 from flexfem._types import FloatArray, IntArray
 from flexfem.families.solid.lagrange import (
     CELLS,
+    Lagrange,
     lattice,
     reference_facets,
     reference_points,
@@ -395,6 +396,53 @@ class SolidMesh:
         return type(self)(
             places, self.cells, self.cell, degree=self.degree, regions=self.regions,
             surfaces=self.surfaces, nodes=self.nodes,
+        )  # fmt: skip
+
+    def raised(self, degree: int) -> Self:
+        """Return the same cells with further nodes, which :meth:`moved` may bring onto curves.
+
+        Args:
+            degree: Degree of the geometry, that of the mesh at least, 3 at most.
+
+        Raises:
+            ValueError: Another degree.
+        """
+        owner = "SolidMesh.raised"
+        if type(degree) is not int or not self.degree <= degree <= 3:
+            raise ValueError(
+                f"{owner}: degree must be {self.degree} to 3, got {_checks.show(degree)}"
+            )
+        made = Lagrange.of(self.points, self.cells, self.cell, degree, self.degree)
+        surfaces, nodes = (
+            {name: np.where(rows < 0, -1, made.corner(rows)) for name, rows in sets.items()}
+            for sets in (self.surfaces, self.nodes)
+        )
+        return type(self)(
+            made.points, made.cells, self.cell, degree=degree, regions=self.regions,
+            surfaces=surfaces, nodes={name: rows[rows >= 0] for name, rows in nodes.items()},
+        )  # fmt: skip
+
+    def with_surfaces(self, **places: Callable[[FloatArray], npt.ArrayLike]) -> Self:
+        """Return the mesh with further surfaces, named by places on its boundary.
+
+        Args:
+            places: A function of places (n, 3), m, by the name of the surface, True at its corners.
+
+        Raises:
+            ValueError: It returns something else, or no facet has all of its corners there.
+        """
+        owner, found = "SolidMesh.with_surfaces", {}
+        for name, place in places.items():
+            there = np.asarray(place(self.points))
+            if there.shape != (len(self.points),) or there.dtype != np.bool_:
+                raise ValueError(
+                    f"{owner}: {name} must return {len(self.points)} times True or False, got "
+                    f"{_checks.show(there)}"
+                )
+            found[name] = self.boundary[(there[self.boundary] | (self.boundary < 0)).all(axis=1)]
+        return type(self)(
+            self.points, self.cells, self.cell, degree=self.degree, regions=self.regions,
+            surfaces={**self.surfaces, **found}, nodes=self.nodes,
         )  # fmt: skip
 
 
