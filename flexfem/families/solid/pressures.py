@@ -106,6 +106,9 @@ class SolidPressures:
         forms, count = _FacetForms(kind), nodes.shape[1]
         self.nodes, self.body = nodes.astype(np.int64), np.repeat(body, count)
         self._pressure, self._load = pressure, load
+        # the tangent is asked for once for each action, at the same state
+        self._used, self._state = np.unique(self.nodes), np.full(1, np.nan)
+        self._tangent: FloatArray = np.empty((len(nodes), 3 * count, 3 * count))
 
         def compiled(form: Any, size: int) -> CellKernel:
             made = compile_kernel(comm, form, (forms.position,), batched=True)
@@ -142,12 +145,14 @@ class SolidPressures:
 
     def tangent(self, block: FrameBlock, factors: FloatArray, scale: float) -> FloatArray:
         """See :class:`flexfem.layout.inner_forces.InnerForces`."""
-        m, k = self.nodes.shape
-        matrices = self._evaluated(self._stiffness, block, factors).reshape(m, k, 3, k, 3)
-        turns = se3.rotation(block.frames)[self.nodes]
-        own = np.einsum("miba,mibjc,mjcd->miajd", turns, matrices, turns, optimize=True)
-        found: FloatArray = -scale * own.reshape(m, 3 * k, 3 * k)
-        return found
+        state = np.concatenate([block.frames[self._used].ravel(), factors[self._load], [scale]])
+        if not np.array_equal(state, self._state):
+            m, k = self.nodes.shape
+            matrices = self._evaluated(self._stiffness, block, factors).reshape(m, k, 3, k, 3)
+            turns = se3.rotation(block.frames)[self.nodes]
+            own = np.einsum("miba,mibjc,mjcd->miajd", turns, matrices, turns, optimize=True)
+            self._tangent, self._state = -scale * own.reshape(m, 3 * k, 3 * k), state
+        return self._tangent
 
     def add_action(self, block: FrameBlock, factors: FloatArray, scale: float) -> None:
         """See :class:`flexfem.layout.inner_forces.InnerForces`."""
