@@ -290,11 +290,16 @@ BODIES = {
     "plane of solids": (
         lambda: solid(plane="strain"), "its mesh has solid cells: no plane, got 'strain'"
     ),
-    "plane stress": (lambda: solid(mesh=RECTANGLE, plane="stress"), "plane must be .*, got 'str"),
+    "plane state": (lambda: solid(mesh=RECTANGLE, plane="thin"), "plane must be .*, got 'thin'"),
     "beyond the axis": (
         lambda: solid(mesh=RECTANGLE.moved(RECTANGLE.points - (0.5, 0, 0)), plane="axisymmetric"),
         "node 0 of an axisymmetric body is at x = -0.5, on the other side of the axis",
     ),
+    "dilatation in plane stress": (
+        lambda: solid(mesh=RECTANGLE, plane="stress", formulation="dilatation"),
+        'plane "stress" does not lock: no formulation "dilatation"',
+    ),
+    "mass": (lambda: solid(mass="light"), "mass must be .*'light'"),
     "thickness": (lambda: solid(thickness=2.0), "thickness belongs to bodies in plane"),
     "fixed": (lambda: solid(fixed={"top": "x"}), "fixed: no surface or set of nodes 'top'"),
     "fixed axes": (lambda: solid(fixed={"x0": "xw"}), 'must be some of "xyz", got \'xw\''),
@@ -474,6 +479,20 @@ def test_penalty_is_refused() -> None:
     contact = ff.Contact("f", "j", surfaces=GROUND, law="penalty")
     message = 'Contact "f": Solid "j" touches by the barrier alone, leave law out'
     assert refused(built(solid(touching="boundary"), contact)) == message
+
+
+def test_thin_sheets_refuse_what_needs_their_thickness() -> None:
+    sheet = solid(mesh=RECTANGLE, plane="stress", degree=1)
+    pressure = ff.SurfacePressure("gas", "j", "x1", 1.0)
+    message = 'the edges of Solid "j" in plane stress become thinner or thicker'
+    assert message in refused(built(sheet, pressure))
+    law = ff.laws.Hyperelastic(
+        lambda F, p: ufl.tr(F.T * F) - 2 * ufl.ln(ufl.det(F)),
+        {},
+        lambda F, rate, p: rate[0, 0] ** 2,
+    )
+    sheet = solid(law, mesh=RECTANGLE, plane="stress", degree=1)
+    assert "needs the rate of the thickness" in refused(built(sheet))
 
 
 def energy(F: Any, p: Any) -> Any:

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import ufl
+from scipy.optimize import brentq
 
 import flexfem as ff
 from flexfem.families.solid.laws import trace_of_power
@@ -46,9 +47,10 @@ CELLS = {
     "wedges": ("prism", 1, "displacement", None),
     "cubic triangles": ("triangle", 3, "displacement", "strain"),
     "ring": ("quadrilateral", 2, "dilatation", "axisymmetric"),
+    "thin sheet": ("quadrilateral", 1, "displacement", "stress"),
 }
 
-COMMON = ("tetrahedra", "wedges")
+COMMON = ("tetrahedra", "wedges", "thin sheet")
 
 
 def box(cell: str, degree: int = 1) -> ff.SolidMesh:
@@ -201,7 +203,11 @@ def test_patches_of_distorted_cells_strain_uniformly(formulation):
 
 @pytest.mark.parametrize(
     "name",
-    ["wedges", *(pytest.param(k, marks=pytest.mark.slow) for k in ("dilated hexahedra", "ring"))],
+    [
+        "wedges",
+        "thin sheet",
+        *(pytest.param(k, marks=pytest.mark.slow) for k in ("dilated hexahedra", "ring")),
+    ],
 )
 def test_continued_stresses_are_linear_along_steps(name):
     """Forces of continued stresses have the tangent's change along a step, to any size of it."""
@@ -275,6 +281,58 @@ def test_masses_are_those_of_the_figure(name):
     assert motion[2:4] == pytest.approx(first[:2], rel=1e-12)
     assert motion[10] == pytest.approx(square, rel=1e-12)
     assert motion[0] == pytest.approx(0.5 * square, rel=1e-12)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", ["thin sheet", "tetrahedra"])
+def test_lumped_masses_are_positive_and_keep_mass_and_centre(name):
+    """The diagonal of each cell, scaled; row sums would be negative at corners of tetrahedra."""
+    cell, degree, _, plane = CELLS[name]
+    mesh = ff.SolidMesh.box(
+        (1.0, 0.7) if plane else (1.0, 0.7, 0.5), (2,) * (2 if plane else 3), cell
+    )
+    s = system(ff.Solid("body", NEO, mesh, density=3.0, degree=degree, plane=plane, mass="lumped"))
+    (group,) = s.elements.groups
+    diagonal = np.einsum("mii->mi", group.mass)
+    assert (diagonal > 0.0).all()
+    assert group.mass == pytest.approx(diagonal[:, :, np.newaxis] * np.eye(diagonal.shape[1]))
+    volume = 0.7 if plane else 0.35
+    assert diagonal.sum() == pytest.approx(3.0 * volume, rel=1e-12)
+    # cells are symmetric about the middle of the box
+    points = s.block.start_frames[group.nodes][..., :3]
+    centre = np.einsum("mi,mia->a", diagonal, points) / (3.0 * volume)
+    assert centre[:2] == pytest.approx([0.5, 0.35], rel=0.05)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", ["elastic", "plastic"])
+def test_plane_stress_is_that_of_a_free_thickness(name):
+    """A biaxial stretch; the stretch across by a root of the energy's derivative, or szz = 0."""
+    law = NEO if name == "elastic" else LAWS["plastic"]
+    mesh = ff.SolidMesh.box((1.0, 1.0), (1, 1), "quadrilateral")
+    s = system(ff.Solid("body", law, mesh, density=1.0, degree=1, plane="stress", thickness=0.1))
+    a, b = 1.3, 0.9
+    s.all.set_time(0.1)
+    s.block.frames[:, :2] = s.block.start_frames[:, :2] * (a, b)
+    (fields,) = s.elements.fields(s.block)
+    stress, J = fields[0, 0, :6], float(fields[0, 0, 12])
+    largest = np.abs(stress).max()
+    # zero to the round-off of the bulk modulus; in plane strain it is tenths of the others
+    assert abs(stress[2]) < 1e-9 * largest
+    if name == "elastic":
+        mu, bulk = NEO.shear_modulus, NEO.bulk_modulus
+
+        def across(c: float) -> float:
+            J, mean = a * b * c, (a * a + b * b + c * c) / 3.0
+            return mu * J ** (-2.0 / 3.0) * (c * c - mean) + bulk / 2.0 * (J * J - 1.0)
+
+        c = brentq(across, 0.3, 2.0, xtol=1e-14)
+        assert pytest.approx(a * b * c, rel=1e-11) == J
+        mean = (a * a + b * b + c * c) / 3.0
+        xx = mu * J ** (-5.0 / 3.0) * (a * a - mean) + bulk / 2.0 * (J - 1.0 / J)
+        assert stress[0] == pytest.approx(xx, rel=1e-9)
+    else:
+        check_derivatives(s, conservative=False)
 
 
 def point(law: ff.laws.SolidLaw, formulation: str = "displacement") -> SimpleNamespace:

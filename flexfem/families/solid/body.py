@@ -32,14 +32,16 @@ __all__ = ["Solid", "SolidMarker"]
 #: Formulations, and degree of the dilatation below that of the positions.
 FORMULATIONS = ("displacement", "dilatation")
 #: States of plane figures.
-PLANES = ("strain", "axisymmetric")
+PLANES = ("strain", "stress", "axisymmetric")
+#: Mass matrices.
+MASSES = ("consistent", "lumped")
 #: Weight of a node that has none at a point, and difference of a sum of weights from one.
 _NONE, _ONE = 1e-9, 1e-9
 #: Names of what forms of cells have beside the parameters of a law.
 TAKEN = frozenset({
     "asked", "position", "velocity", "step", "rate", "inverse", "size", "place", "dilatation",
-    "multiplier", "dilatation_step", "multiplier_step", "history", "span",
-    "excess",
+    "multiplier", "dilatation_step", "multiplier_step", "history", "span", "excess", "stretch",
+    "stretch_step",
 })  # fmt: skip
 
 
@@ -104,9 +106,11 @@ class Solid(Body):
         degree: Degree of the positions, 1 to 3; linear tetrahedra and triangles lock.
         formulation: "displacement", or "dilatation" for nearly incompressible materials: the change
             of volume is one degree lower (two on triangles and tetrahedra), and does not lock.
-        plane: "strain" or "axisymmetric" of meshes of plane cells (about the y axis), None of
-            solids.
-        thickness: Of bodies in plane strain, m.
+        plane: "strain", "stress" or "axisymmetric" of meshes of plane cells (about the y axis),
+            None of solids.
+        thickness: Of bodies in plane strain or stress at the start, m.
+        mass: "consistent", or "lumped": diagonal of the consistent matrix of each cell, scaled to
+            its mass (Hinton, Rock, Zienkiewicz 1976), which is positive at all nodes.
         quadrature: Degree of polynomials that are integrated exactly. None: with 4 points in
             quadratic tetrahedra, (p + 1)^3 in hexahedra.
         fixed: Directions in which nodes are fixed, some of "xyz", by the name of a surface or of a
@@ -137,6 +141,7 @@ class Solid(Body):
     formulation: str = choice(FORMULATIONS, default="displacement")
     plane: str | None = choice(PLANES, default=None)
     thickness: float = number(default=1.0, positive=True)
+    mass: str = choice(MASSES, default="consistent")
     quadrature: int | None = checked(_quadrature, default=None)
     fixed: Mapping[str, str] = settled(default=MappingProxyType({}))
     touching: str | None = None
@@ -165,9 +170,12 @@ class Solid(Body):
             )
         if self.formulation == "dilatation" and self.lowered < 0:
             raise ValueError(f'{owner}: formulation "dilatation" needs degree 2 at least')
-        if self.plane != "strain" and self.thickness != 1.0:
+        if self.formulation == "dilatation" and self.plane == "stress":
+            raise ValueError(f'{owner}: plane "stress" does not lock: no formulation "dilatation"')
+        if self.plane not in ("strain", "stress") and self.thickness != 1.0:
             raise ValueError(
-                f"{owner}: thickness belongs to bodies in plane strain, got {self.thickness:g}"
+                f"{owner}: thickness belongs to bodies in plane strain or stress, got "
+                f"{self.thickness:g}"
             )
         if mesh.cell == "prism" and self.degree > 2:
             raise ValueError(f"{owner}: wedges have degree 1 or 2, got {self.degree}")
@@ -370,6 +378,12 @@ class Solid(Body):
         if not isinstance(load, (SurfacePressure, SurfaceTraction)):
             super().check_load(owner, load)
             return
+        if isinstance(load, SurfacePressure) and self.plane == "stress":
+            raise ValueError(
+                f'{owner}: the edges of Solid "{self.name}" in plane stress become thinner or '
+                "thicker, which a pressure on them does not see; a SurfaceTraction acts on the "
+                "area at the start"
+            )
         self.figure.facets_of(owner, load.surface)
 
     def contact_triangles(self) -> tuple[IntArray, IntArray]:
@@ -434,7 +448,7 @@ class Solid(Body):
             self.name, self._as_given(self.law), self.mesh.moved(motion.apply(self.mesh.points)),
             density=self._as_given(self.density), degree=self.degree,
             formulation=self.formulation, plane=self.plane, thickness=self.thickness,
-            quadrature=self.quadrature, fixed=self.fixed, touching=self.touching,
+            mass=self.mass, quadrature=self.quadrature, fixed=self.fixed, touching=self.touching,
             velocity=turn @ self.velocity - np.cross(spin, motion.position),
             angular_velocity=spin,
             start_velocities=None if further is None else (

@@ -15,7 +15,7 @@ import numpy as np
 
 from flexfem._checks import returned_number
 from flexfem._faults import FAILURES, ReturnError, noted
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.families.solid.forms import FIELDS, PAIRS, CellKind, LawFunctions, SolidForms
 from flexfem.families.solid.lagrange import (
     lattice,
@@ -30,11 +30,14 @@ from flexfem.kernels.records import Float2D, Memory, Record
 __all__ = ["Kernels", "Motion", "SolidCells", "TimedParameter"]
 
 _NOTHING = np.zeros(1)
+#: Iterations for the stretches across in plane stress, and their last change.
+_THINNINGS, _THINNED = 40, 1e-13
 #: Cells whose matrices are computed together.
 _CHUNK = 2048
 #: Forms that are linear in steps, and the names of their columns.
 _LINEAR = {
-    "action": "column", "duals_action": "duals_column", "stiffening": "stiffening_column",
+    "action": "column", "duals_action": "duals_column", "pulls_action": "pulls_column",
+    "stiffening": "stiffening_column",
 }  # fmt: skip
 #: Time of the differences of parameters, s.
 _MOMENT = 1e-6
@@ -85,6 +88,9 @@ class Kernels:
             results |= dict.fromkeys(
                 ("moments", "duals", "moments_action", "duals_action"), dilatation
             )
+        if kind.plane == "stress":
+            scalars = forms.coefficients["stretch"].ufl_element().dim
+            results |= {"pulls": scalars, "pulls_action": scalars}
         if forms.damped:
             results["loss"] = 1
         if len(law.initial):
@@ -131,6 +137,8 @@ def _calls(
     if few:
         steps["dilatation_step"] = 6 * count, few
         steps["multiplier_step"] = 6 * count + few, few
+    if "stretch" in forms.coefficients:
+        steps["stretch_step"] = 6 * count, forms.coefficients["stretch"].ufl_element().dim
     still = {name: nodal[name] for name in ("position", "velocity")}
     calls = {}
     for name, size in results.items():
@@ -220,6 +228,8 @@ class SolidCells:
         for name, values in parameters.items():
             self.data(name)[:] = values
         self._weights, self._stiffened = quadrature_weights(kind.cell, kind.quadrature), False
+        if kind.plane == "stress":
+            self.data("stretch")[:] = 1.0
         if len(kernels.initial):
             self.data("history")[:] = np.tile(kernels.initial, len(self._weights))
         self._gradients = self._mean_gradients()
@@ -267,7 +277,7 @@ class SolidCells:
         return found
 
     def with_masses(
-        self, comm: MPI.Intracomm, forms: SolidForms, density: FloatArray
+        self, comm: MPI.Intracomm, forms: SolidForms, density: FloatArray, lumped: BoolArray
     ) -> SolidCells:
         """Compute masses, volumes and what projects onto functions of the cells (collective).
 
@@ -275,10 +285,15 @@ class SolidCells:
             comm: communicator.
             forms: of the law.
             density: (m,) kg/m^3.
+            lumped: (m,) True for diagonal masses.
         """
         products = self._products(comm, forms, "Lagrange", self.kind.degree)
         self.size: FloatArray = products.sum(axis=(1, 2))
         self.mass: FloatArray = density[:, np.newaxis, np.newaxis] * products
+        diagonal = np.einsum("mii->mi", products)[lumped]
+        diagonal = diagonal * (density * self.size)[lumped, np.newaxis]
+        diagonal /= np.einsum("mii->m", products)[lumped, np.newaxis]
+        self.mass[lumped] = diagonal[:, :, np.newaxis] * np.eye(self.nodes.shape[1])
         own = self._products(comm, forms, "DG", self.kind.degree - 1)
         self._averages, self._parts = np.linalg.inv(own), own.sum(axis=2)
         if len(self.kernels.initial):
@@ -319,6 +334,8 @@ class SolidCells:
         if not len(self.nodes):
             return
         few = self.kernels.dilatation
+        if self.kind.plane == "stress":
+            self._thin(motion)
         if few:
             calls = self.kernels.calls
             if continued is None:
@@ -331,6 +348,33 @@ class SolidCells:
         if continued is not None:
             self.data("excess")[:] = continued[:, few:] - self._stresses("stresses", motion)
 
+    def _thin(self, motion: Memory) -> None:
+        """Find the stretches across for which the stresses there are zero, by Newton's method.
+
+        Where that fails they are NaN, and so are the forces.
+        """
+        stretch, ones = self.data("stretch"), np.zeros((1, 6 * self.nodes.shape[1]))
+        stretch[~np.isfinite(stretch).all(axis=1)] = 1.0
+        cells = self._cells(self._own, 0, np.hstack([ones, np.ones((1, stretch.shape[1]))]))
+        for _ in range(_THINNINGS):
+            pulls = self._evaluated(self.kernels.calls["pulls"], self._plain, motion)
+            slopes = self._evaluated(self.kernels.calls["pulls_column"], cells, motion)
+            self._slopes = slopes
+            with np.errstate(divide="ignore", invalid="ignore"):
+                change = np.where(pulls == 0.0, 0.0, pulls / slopes)
+            stretch -= np.clip(change, -stretch, 0.5 * stretch)
+            if not (np.abs(change) > _THINNED * stretch).any():
+                break
+        else:
+            stretch[(np.abs(change) > _THINNED * stretch).any(axis=1)] = np.nan
+
+    def _thinned(self, motion: Memory) -> None:
+        """Set the steps of the stretches across to those that follow from the steps of nodes."""
+        if self.kind.plane == "stress" and len(self.nodes):
+            self.data("stretch_step")[:] = 0.0
+            pulls = self._evaluated(self.kernels.calls["pulls_action"], self._plain, motion)
+            self.data("stretch_step")[:] = -pulls / self._slopes
+
     def continued(self, motion: Memory) -> FloatArray:
         """Dilatation and stresses (m, s) of settled cells continued along the steps."""
         calls, dilatation = self.kernels.calls, np.empty((len(self.nodes), 0))
@@ -338,6 +382,7 @@ class SolidCells:
             moved = self._evaluated(calls["moments_action"], self._plain, motion)
             self.data("dilatation_step")[:] = self._projected(moved)
             dilatation = self.data("dilatation") + self.data("dilatation_step")
+        self._thinned(motion)
         stresses = self._stresses("stresses", motion) + self._stresses("stresses_action", motion)
         return np.hstack([dilatation, stresses])
 
@@ -423,6 +468,7 @@ class SolidCells:
             self.data("dilatation_step")[:] = self._projected(moved)
             duals = self._evaluated(calls["duals_action"], self._plain, motion)
             self.data("multiplier_step")[:] = self._projected(duals)
+        self._thinned(motion)
         add_forces(calls["action"].memory, self._plain.memory, motion, _NOTHING, factor, target)
         if self._stiffened:
             self.add_stiffening(motion, factor, target)
@@ -443,6 +489,8 @@ class SolidCells:
         factors = np.zeros((width, 2 * width + 2 * few))
         factors[:, :width] = stiffness * np.eye(width)
         factors[:, width : 2 * width] = damping * np.eye(width)
+        if self.kind.plane == "stress":
+            return self._thin_matrices(self._cells(own, first, factors), motion, first)
         if not few:
             cells = self._cells(own, first, factors)
             return self._columns("column", cells, motion) + self._stiffening(cells, motion)
@@ -461,6 +509,20 @@ class SolidCells:
         pi = inverse @ (by_steps + by_dilatation @ theta)
         stiffening = self._stiffening(self._cells(own, first, factors), motion)
         found: FloatArray = by_nodes + by_theta @ theta + by_pi @ pi + stiffening
+        return found
+
+    def _thin_matrices(self, cells: Cells, motion: Memory, first: int) -> FloatArray:
+        """Matrices (r, 2 k, 2 k) of cells in plane stress, for their columns of sections."""
+        own, width = cells.own, cells.sections.shape[0]
+        points = self._slopes.shape[1]
+        steps = np.zeros((width + points, cells.sections.shape[1] + points))
+        steps[:width, : cells.sections.shape[1]] = cells.sections
+        steps[width:, cells.sections.shape[1] :] = np.eye(points)
+        every = self._columns("column", self._cells(own, first, steps), motion)
+        by_nodes, by_stretch = np.split(every, [width], axis=2)
+        pulls = self._columns("pulls_column", self._cells(own, first, steps[:width]), motion)
+        stretch = -pulls / self._slopes[first : first + len(own), :, np.newaxis]
+        found: FloatArray = by_nodes + by_stretch @ stretch + self._stiffening(cells, motion)
         return found
 
     def _stiffening(self, cells: Cells, motion: Memory) -> FloatArray | float:

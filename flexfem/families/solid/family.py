@@ -140,6 +140,7 @@ class SolidFamily(PositionFamily[Solid]):
         except ValueError as error:
             raise InputError(f'Solid "{body.name}": {error}') from None
         nodes, places, thickness, density, bodies, numbers = [], [], [], [], [], []
+        lumped = list[BoolArray]()
         parameters: dict[str, list[FloatArray]] = {name: [] for name in sizes}
         timed, first = list[TimedParameter](), 0
         for k, name in parts:
@@ -151,6 +152,7 @@ class SolidFamily(PositionFamily[Solid]):
             places.append(_places(one, kind)[cells])
             thickness.append(np.full(len(cells), one.thickness if one.plane else 1.0))
             density.append(one.cell_density[cells])
+            lumped.append(np.full(len(cells), one.mass == "lumped"))
             bodies.append(np.full(len(cells), k))
             numbers.append(self.first_cell[k] + cells)
             for key, size in sizes.items():
@@ -170,7 +172,7 @@ class SolidFamily(PositionFamily[Solid]):
             np.concatenate(bodies), np.concatenate(numbers),
         )  # fmt: skip
         found.timed = timed
-        return found.with_masses(comm, forms, np.concatenate(density))
+        return found.with_masses(comm, forms, np.concatenate(density), np.concatenate(lumped))
 
     @override
     def contact_surface(self) -> ContactSurface | None:
@@ -215,7 +217,7 @@ class SolidFamily(PositionFamily[Solid]):
             body = self._bodies[k]
             shape, nodes = body.figure.facets_of(f'SurfacePressure "{load.name}"', load.surface)
             kind = FacetKind(shape, body.degree, body.plane == "axisymmetric")
-            width = body.thickness if body.plane == "strain" else 1.0
+            width = body.thickness
             mine = self._own_facets(k, load.surface, elements)
             own = self.first[k] + nodes[mine], k, width * load.pressure, number
             facets.setdefault(kind, []).append(own)
@@ -325,11 +327,13 @@ def check_start(comm: MPI.Intracomm, owner: str, group: SolidCells, points: Floa
     Raises:
         InputError: on all ranks.
     """
-    about = {None: 1.0, "strain": [0.0, 0.0, 1.0], "axisymmetric": 0.0}[group.kind.plane]
+    in_plane = [0.0, 0.0, 1.0]
+    about = {None: 1.0, "strain": in_plane, "stress": in_plane, "axisymmetric": 0.0}
+    turn = _TURN * about[group.kind.plane]
     shear, swell = np.zeros((3, 3)), np.eye(3)
     shear[0, 1], swell[2, 2] = 1.0, float(group.kind.plane is None)
     motions = [
-        np.eye(3), so3.exp(_TURN * about),
+        np.eye(3), so3.exp(turn),
         *(np.eye(3) + sign * _STRAIN * way for way in (shear, swell) for sign in (1.0, -1.0)),
     ]  # fmt: skip
     with np.errstate(all="ignore"):

@@ -124,6 +124,11 @@ class SolidForms:
         names = "position", "velocity", "step", "rate"
         self.coefficients = {name: ufl.Coefficient(self._vectors) for name in names}
         self._geometry()
+        scalars = basix.ufl.quadrature_element(kind.cell, degree=kind.quadrature)
+        self._scalars = ufl.FunctionSpace(self._domain, scalars)
+        if kind.plane == "stress":
+            for name in ("stretch", "stretch_step"):
+                self.coefficients[name] = ufl.Coefficient(self._scalars)
         if kind.dilatation >= 0:
             space = self._space("DG", kind.dilatation)
             for name in ("dilatation", "multiplier", "dilatation_step", "multiplier_step"):
@@ -184,7 +189,7 @@ class SolidForms:
         own = ufl.grad(vector) * self._inverse
         if self.kind.dimension == 3:
             return own
-        across = 0.0 if rate else 1.0
+        across = 0.0 if rate else self.coefficients.get("stretch", 1.0)
         if self.kind.plane == "axisymmetric":
             across = vector[0] / self.coefficients["place"][0]
         return ufl.as_matrix(
@@ -201,6 +206,8 @@ class SolidForms:
             "dissipation", self._law.dissipation, self._F, rate, self._parameters, optional=True
         )
         self.damped = self._D is not None
+        if self.damped and self.kind.plane == "stress":
+            raise ValueError("a dissipation needs the rate of the thickness, not in plane stress")
         if self._internal:
             self._advanced = self._end_of_step()
         if idle := [name for name in names if name not in self._parameters.asked]:
@@ -241,9 +248,18 @@ class SolidForms:
     @cached_property
     def volumes(self) -> Any:
         """Volumes at the points of the quadrature, m^3."""
-        points = basix.ufl.quadrature_element(self.kind.cell, degree=self.kind.quadrature)
-        test = ufl.TestFunction(ufl.FunctionSpace(self._domain, points))
-        return self._integral(test)
+        return self._integral(ufl.TestFunction(self._scalars))
+
+    @cached_property
+    def pulls(self) -> Any:
+        """Stresses across a plane figure, zero in plane stress, times the points' weights."""
+        across = ufl.diff(self._W, self._F)[2, 2]
+        return self._closed(across * ufl.TestFunction(self._scalars) * self._measure)
+
+    @cached_property
+    def pulls_action(self) -> Any:
+        """Change of these stresses along steps of positions and of the stretch across."""
+        return self._change(self.pulls, ("position", "step"), ("stretch", "stretch_step"))
 
     def _scalar(self, what: str, function: Any, *arguments: Any, optional: bool = False) -> Any:
         """Value of a function of the law."""
@@ -309,6 +325,8 @@ class SolidForms:
         steps = [("position", "step")]
         if self.kind.dilatation >= 0:
             steps += [("dilatation", "dilatation_step"), ("multiplier", "multiplier_step")]
+        if self.kind.plane == "stress":
+            steps.append(("stretch", "stretch_step"))
         if self.damped:
             steps.append(("velocity", "rate"))
         return self._change(self.force, *steps)
@@ -336,6 +354,8 @@ class SolidForms:
         steps = [("position", "step")]
         if self.kind.dilatation >= 0 and not self._law.split:
             steps.append(("dilatation", "dilatation_step"))
+        if self.kind.plane == "stress":
+            steps.append(("stretch", "stretch_step"))
         return self._change(self.stresses, *steps)
 
     @cached_property
