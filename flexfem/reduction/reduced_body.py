@@ -21,6 +21,7 @@ from flexfem import _checks
 from flexfem._fields import Array, declared, vector
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.reduction.body_line import BodyLine
+from flexfem.reduction.elastic_polynomial import ElasticPolynomial
 
 __all__ = ["Interface", "Recovery", "ReducedBody", "interface_motions"]
 
@@ -134,6 +135,8 @@ class ReducedBody:
             interface coordinate; None if not requested.
         recovery: data for pictures; None if not requested.
         lines: lines of the body by name, on which sliders run (``Carrier``).
+        polynomial: nonlinear elastic forces in the coordinates without the first interface's; None
+            of linear bodies.
     """
 
     interfaces: tuple[Interface, ...]
@@ -148,6 +151,7 @@ class ReducedBody:
     interface_stiffness: FloatArray | None = None
     recovery: Recovery | None = None
     lines: Mapping[str, BodyLine] = field(default_factory=dict)
+    polynomial: ElasticPolynomial | None = None
 
     part_of: ClassVar[str] = "FloatingBody"
 
@@ -196,6 +200,7 @@ class ReducedBody:
         _checks.assign(self, **fields)
         self._check_recovery()
         self._check_lines()
+        self._check_polynomial()
         self._check_symmetry()
         self._check_held()
         self._check_rigid_motions()
@@ -284,6 +289,18 @@ class ReducedBody:
                 raise ValueError(
                     f'ReducedBody: line "{name}" must have {self.size} functions, got {count}'
                 )
+
+    def _check_polynomial(self) -> None:
+        if self.polynomial is None:
+            return
+        _checks.instance("ReducedBody", "polynomial", self.polynomial, ElasticPolynomial)
+        turning, count = max(len(self.interfaces) - 1, 0), self.size - min(6, len(self.held))
+        found = self.polynomial.turning, self.polynomial.size
+        if found != (turning, count):
+            raise ValueError(
+                f"ReducedBody: polynomial must have {count} coordinates and {turning} interfaces "
+                f"that turn, got {found[1]} and {found[0]}"
+            )
 
     def _check_symmetry(self) -> None:
         whole = self.products.transpose(0, 2, 1, 3).reshape(3 * (self.size + 1), -1)

@@ -1,7 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Elastic bodies made of particles: sums over them are what integrals over a body must give."""
 
+import math
 from dataclasses import dataclass
+from itertools import permutations
 
 import numpy as np
 
@@ -32,7 +34,25 @@ class ParticleBody:
         return len(self.rest) + -(-self.modes // 3)
 
 
-def particle_body(rng, interfaces=2, modes=4, *, stiffening=False, mean_axes=False, particles=20):
+def symmetric(rng, size, order):
+    """Random tensor that does not see the order of its indices."""
+    tensor = rng.normal(size=(size,) * order)
+    return sum(tensor.transpose(p) for p in permutations(range(order))) / math.factorial(order)
+
+
+def polynomial(rng, interfaces, stiffness):
+    """Random elastic forces to third order, with the products of the interfaces' rotations."""
+    n = len(stiffness)
+    size, (i, j) = n + 6 * interfaces, np.triu_indices(n + 6 * interfaces)
+    linear = 0.3 * symmetric(rng, size, 2)
+    linear[:n, :n] = stiffness
+    cubic = np.ascontiguousarray(0.3 * symmetric(rng, size, 4)[i, j][:, i, j])
+    return {"linear": linear, "quadratic": symmetric(rng, size, 3)[i, j], "cubic": cubic}
+
+
+def particle_body(
+    rng, interfaces=2, modes=4, *, stiffening=False, mean_axes=False, nonlinear=False, particles=20
+):
     """A body of random particles."""
     n = 6 * interfaces + modes
     rest, places = rng.normal(size=(interfaces, 3)), rng.normal(size=(particles, 3))
@@ -53,6 +73,9 @@ def particle_body(rng, interfaces=2, modes=4, *, stiffening=False, mean_axes=Fal
         conditions = 0.2 * rng.normal(size=(6, n))
         for c in range(interfaces):
             conditions[:, 6 * c : 6 * c + 6] += np.eye(6)
+    elastic = dict.fromkeys(("linear", "quadratic", "cubic"), np.zeros((0, 0)))
+    if nonlinear:
+        elastic = polynomial(rng, interfaces, K)
     data = BodyData(
         rest=rest,
         mass=float(masses.sum()),
@@ -64,6 +87,7 @@ def particle_body(rng, interfaces=2, modes=4, *, stiffening=False, mean_axes=Fal
         pulling=pulling,
         compliance=np.linalg.inv(K[: 6 * interfaces, : 6 * interfaces]),
         conditions=conditions,
+        **elastic,
     )
     return ParticleBody(rest, modes, masses, places, functions, bends, data)
 

@@ -21,7 +21,13 @@ from tests.unit.particle_body import coordinates, particle_body, positions, stat
 pytestmark = pytest.mark.serial
 
 GRAVITY = np.array([0.3, -0.2, -9.0])
-KINDS = [{}, {"stiffening": True}, {"mean_axes": True}, {"mean_axes": True, "stiffening": True}]
+KINDS = [
+    {},
+    {"stiffening": True},
+    {"mean_axes": True},
+    {"mean_axes": True, "stiffening": True},
+    {"nonlinear": True},
+]
 
 
 def _nodes(frames):

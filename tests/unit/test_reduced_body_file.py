@@ -18,8 +18,10 @@ import flexfem as ff
 from flexfem.io.hdf5 import structure as hdf5_structure
 from flexfem.io.hdf5.arrays import PlainFile
 from flexfem.io.hdf5.reduced_body import _digest
+from flexfem.reduction.elastic_polynomial import ElasticPolynomial
 from flexfem.reduction.reduced_body import Recovery
 from tests.unit.forged import each_kind, endless, replaced
+from tests.unit.particle_body import symmetric
 from tests.unit.test_reduced_body import two_masses
 
 COMM = MPI.COMM_WORLD
@@ -33,6 +35,14 @@ def strip(rank: int) -> Recovery:
     return Recovery(points, np.array([[0, 1, 2], [1, 3, 2]]), moves, stress)
 
 
+def polynomial(rng: np.random.Generator) -> ElasticPolynomial:
+    """Elastic forces in the six coordinates of an interface and the products of its rotations."""
+    own, pairs = symmetric(rng, 12, 4), np.triu_indices(12)
+    residual = rng.normal(size=(2, 78)), rng.normal(size=(2, 12, 78))
+    cubic = own[pairs][:, *pairs]
+    return ElasticPolynomial(1, own[0, 0], own[0][pairs], cubic, *residual)
+
+
 @pytest.mark.three_ranks
 def test_bodies_come_back_on_any_ranks(shared_tmp_path: Path) -> None:
     path = shared_tmp_path / "rod.h5"
@@ -44,7 +54,7 @@ def test_bodies_come_back_on_any_ranks(shared_tmp_path: Path) -> None:
     }
     body = two_masses(
         recovery=strip(COMM.rank), acceleration_stiffness=geometric + geometric.swapaxes(1, 2),
-        lines=lines,
+        lines=lines, polynomial=polynomial(rng),
     )  # fmt: skip
     ff.save_reduced_body(path, body)
     assert [p.name for p in shared_tmp_path.iterdir()] == ["rod.h5"]
@@ -54,6 +64,11 @@ def test_bodies_come_back_on_any_ranks(shared_tmp_path: Path) -> None:
     for name in ("moments", "products", "stiffness", "damping", "held", "acceleration_stiffness"):
         np.testing.assert_array_equal(getattr(back, name), getattr(body, name))
     assert back.interface_stiffness is None
+    assert back.polynomial is not None
+    assert body.polynomial is not None
+    assert back.polynomial.turning == 1
+    for name, values in body.polynomial.arrays.items():
+        np.testing.assert_array_equal(back.polynomial.arrays[name], values)
     assert list(back.lines) == ["axis", "top"]
     for name, line in lines.items():
         for what, values in line.arrays.items():

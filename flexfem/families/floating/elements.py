@@ -8,7 +8,7 @@ to nodes of beams (absolute interface coordinates; Ellenbroek and Schilder, Mult
 """
 
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from itertools import pairwise
 
@@ -17,7 +17,8 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.runs import starts
-from flexfem.families.floating.inertia import BodyData, Room, find_strains, room_for
+from flexfem.families.floating.elastic import find_strains, turned_coordinates
+from flexfem.families.floating.inertia import BodyData, Room, room_for
 from flexfem.families.floating.loops import (
     add_motion,
     add_residual,
@@ -26,6 +27,7 @@ from flexfem.families.floating.loops import (
     tangents_into,
 )
 from flexfem.layout.tangent_request import EXACT, TangentRequest
+from flexfem.reduction.elastic_polynomial import ElasticPolynomial
 
 __all__ = ["FloatingBodies", "FloatingGroup"]
 
@@ -41,11 +43,13 @@ class FloatingGroup:
         data: the integrals.
         nodes: (m, N) local nodes: the frame if it has one, interfaces, amplitudes.
         body: (m,) number of each body in the model.
+        polynomial: nonlinear elastic forces; None of linear bodies.
     """
 
     data: BodyData
     nodes: IndexArray
     body: IntArray
+    polynomial: ElasticPolynomial | None = None
 
     @cached_property
     def room(self) -> Room:
@@ -55,7 +59,7 @@ class FloatingGroup:
     def only(self, number: int) -> "FloatingGroup":
         """A group of the one body with this number."""
         mine = self.body == number
-        return FloatingGroup(self.data, self.nodes[mine], self.body[mine])
+        return replace(self, nodes=self.nodes[mine], body=self.body[mine])
 
     def coordinates(
         self, frames: FloatArray, velocity: FloatArray, acceleration: FloatArray
@@ -71,7 +75,7 @@ class FloatingGroup:
         """The part of the coordinates (m, n) that causes stress.
 
         A body with geometric stiffening gets shorter when it bends, which moves its interfaces
-        without axial strain; see ``inertia.add_elastic``.
+        without axial strain; see ``elastic.add_elastic``.
         """
         strained = coordinates.copy()
         if len(self.data.pulling):
@@ -101,6 +105,18 @@ class FloatingGroup:
         stretched: FloatArray = 1.0 + (change / squares).min(axis=1, initial=np.inf)
         return stretched
 
+    def missing(self, coordinates: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Displacements (m,) that the bodies miss, and their own, see ``Family.missing``.
+
+        Args:
+            coordinates: (m, n, 3), with derivatives.
+        """
+        if self.polynomial is None:
+            return np.zeros(len(coordinates)), np.zeros(len(coordinates))
+        data, amplitudes = self.data.memory, coordinates[:, :, 0].copy()
+        every = [turned_coordinates(data, own) for own in amplitudes]
+        return self.polynomial.displacements(np.array(every), amplitudes)
+
     @cached_property
     def _mean_squares(self) -> tuple[FloatArray, float]:
         """Products (n, n) of displacements, their mean over the mass, and the size squared.
@@ -120,6 +136,8 @@ class FloatingGroup:
         Args:
             coordinates: (m, n, 3), with derivatives.
         """
+        if self.polynomial is not None:
+            return np.zeros(len(coordinates))
         matrix, size = self._mean_squares
         eta = coordinates[:, :, 0]
         squares = np.einsum("mi,ij,mj->m", eta, matrix, eta, optimize=True)
@@ -234,6 +252,12 @@ class FloatingBodies:
         """How far each body bends in its frame, see ``Family.deflections``, rad."""
         parts = [group.deflections(eta) for group, eta in self._at_rest(frames)]
         return np.concatenate([np.empty(0), *parts])
+
+    def missing(self, frames: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Displacement that each body misses, and its own, see ``Family.missing``."""
+        parts = [group.missing(eta) for group, eta in self._at_rest(frames)]
+        missing, moved = (np.concatenate([np.empty(0), *of]) for of in zip(*parts, strict=True))
+        return missing, moved
 
     def _at_rest(self, frames: FloatArray) -> Iterator[tuple[FloatingGroup, FloatArray]]:
         """Groups with the coordinates (m, n, 3) of their bodies in frames without velocities."""

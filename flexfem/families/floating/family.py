@@ -19,7 +19,7 @@ from flexfem.families.common.block_nodes import distributed
 from flexfem.families.common.body_lines import floating_line
 from flexfem.families.floating.elements import FloatingBodies, FloatingGroup
 from flexfem.families.floating.nodes import FloatingNodes, body_data
-from flexfem.families.floating.sensors import BodyElongation
+from flexfem.families.floating.sensors import BodyElongation, BodyMissing
 from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import Family, Sensor
 from flexfem.layout.lines import Line
@@ -28,7 +28,7 @@ from flexfem.lie import se3
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.model import Model
 from flexfem.model.probes.base import AnyProbe
-from flexfem.model.probes.measured import ElongationProbe
+from flexfem.model.probes.measured import ElongationProbe, ReductionErrorProbe
 from flexfem.model.structure.place import Place
 
 if TYPE_CHECKING:
@@ -148,7 +148,14 @@ class FloatingBodyFamily(Family):
                 body = nodes.bodies[kind[0]]
                 every = nodes.first[own][:, np.newaxis] + np.arange(body.nodes)
                 local = block.local_index(every).astype(np.int32)
-                groups.append(FloatingGroup(body_data(body), local, np.array(own, dtype=np.int64)))
+                groups.append(
+                    FloatingGroup(
+                        body_data(body),
+                        local,
+                        np.array(own, dtype=np.int64),
+                        body.reduced.polynomial,
+                    )
+                )
         return block, FloatingBodies(groups)
 
     @override
@@ -157,7 +164,17 @@ class FloatingBodyFamily(Family):
         return part.elements.body, part.elements.deflections(part.block.frames)
 
     @override
+    def missing(self, part: BlockPart) -> tuple[IntArray, FloatArray, FloatArray]:
+        assert isinstance(part.elements, FloatingBodies)
+        bodies = part.elements
+        if all(group.polynomial is None for group in bodies.groups):
+            return super().missing(part)
+        return bodies.body, *bodies.missing(part.block.frames)
+
+    @override
     def sensor(self, probe: AnyProbe, part: BlockPart) -> Sensor | None:
         if isinstance(probe, ElongationProbe) and self.serial.model[probe.body] in self.bodies:
             return BodyElongation(part, self.bodies, probe)
+        if isinstance(probe, ReductionErrorProbe):
+            return BodyMissing(part, self.bodies, probe)
         return None

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled inertia, elastic and damping forces of bodies in a floating frame, in their coordinates.
+"""Compiled inertia forces of bodies in a floating frame, in their coordinates.
 
 A particle is at ``x_F + R y`` with ``y = r + sum_i Phi_i eta_i``. Its acceleration in the frame's
 axes, less gravity's, is ``A + W y + 2 Omega x dy + ddy`` with ``A = dV/dt + Omega x V - R^T g`` and
@@ -19,13 +19,12 @@ Int. J. Numer. Methods Eng. 32 (1991) 1833 (geometric stiffening).
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.kernels.compiled import inlined, kernel, subroutine
-from flexfem.kernels.records import Float1D, Float2D, Float3D, Memory, Record, unpack
+from flexfem.kernels.compiled import inlined, subroutine
+from flexfem.kernels.records import Float1D, Float2D, Float3D, Record
 
 __all__ = [
-    "BodyData", "Room", "add_elastic", "add_elastic_tangent", "body_acceleration", "extend",
-    "fields_into", "find_strains", "fold", "forces_into", "interface_strains", "moment",
-    "put_skew", "room_for",
+    "BodyData", "Room", "body_acceleration", "extend", "fields_into", "fold", "forces_into",
+    "moment", "put_skew", "room_for",
 ]  # fmt: skip
 
 
@@ -44,6 +43,8 @@ class BodyData(Record):
         pulling: (6 k n, n) derivatives of the stiffness by the coordinates of the interfaces; none
             without geometric stiffening.
         compliance: (6 k, 6 k) inverse of the stiffness of these coordinates.
+        linear: (E, E), quadratic: (P, E), cubic: (P, P) of nonlinear elastic forces, see
+            ``elastic``; none of linear bodies.
         conditions: (6, n) mean displacement and rotation of the body, which are zero; none where
             the frame is that of a node.
     """
@@ -57,6 +58,9 @@ class BodyData(Record):
     bending: Float2D
     pulling: Float2D
     compliance: Float2D
+    linear: Float2D
+    quadratic: Float2D
+    cubic: Float2D
     conditions: Float2D
 
 
@@ -244,58 +248,3 @@ def forces_into(data: BodyData, f: Room, force: FloatArray) -> None:
         for ab in range(9):
             total += W[ab] * f.Y[ab, i] + C[ab] * f.U[ab, i]
         force[6 + i] = total
-
-
-@subroutine
-def interface_strains(data: BodyData, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Write ``T_k eta`` (6k, n) and the strains (6k,) of the interfaces' coordinates from it.
-
-    Only for bodies that stiffen geometrically.
-    """
-    count, n = len(data.compliance), len(x)
-    pulls = np.dot(data.pulling, x).reshape(count, n)
-    strains = x[:count] + np.dot(data.compliance, 0.5 * np.dot(pulls, x))
-    return pulls, strains
-
-
-@kernel
-def find_strains(data: Memory, x: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """:func:`interface_strains`, for Python."""
-    return interface_strains(unpack(BodyData, data), x)
-
-
-@subroutine
-def add_elastic(data: BodyData, eta: FloatArray, force: FloatArray) -> None:
-    """Add elastic and damping forces (n,).
-
-    With geometric stiffening the potential is ``1/2 eta K eta + eta_c tau + 1/2 tau F tau``,
-    ``tau_k = 1/2 eta T_k eta`` and F the compliance of the interfaces' coordinates eta_c: the
-    energy of their strains, including the stretch by bending.
-    """
-    x, rates = eta[:, 0].copy(), eta[:, 1].copy()
-    own = np.dot(data.stiffness, x) + np.dot(data.damping, rates)
-    for i in range(len(x)):
-        force[i] += own[i]
-    if len(data.pulling):
-        pulls, strains = interface_strains(data, x)
-        for k in range(len(strains)):
-            force[k] += 0.5 * np.dot(pulls[k], x)
-            for i in range(len(x)):
-                force[i] += strains[k] * pulls[k, i]
-
-
-@subroutine
-def add_elastic_tangent(data: BodyData, eta: FloatArray, K: FloatArray) -> None:
-    """Add the derivatives (n, n) of the elastic forces by the coordinates."""
-    n = len(eta)
-    K += data.stiffness
-    if not len(data.pulling):
-        return
-    pulls, strains = interface_strains(data, eta[:, 0].copy())
-    for k in range(len(strains)):
-        for i in range(n):
-            K[k, i] += pulls[k, i]
-            K[i, k] += pulls[k, i]
-            for j in range(n):
-                K[i, j] += strains[k] * data.pulling[k * n + i, j]
-    K += np.dot(pulls.T.copy(), np.dot(data.compliance, pulls))

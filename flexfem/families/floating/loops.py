@@ -23,17 +23,15 @@ from flexfem.core.places.floating_frames import (
     write_columns,
     write_second,
 )
+from flexfem.families.floating.elastic import add_elastic, add_elastic_tangent, strain_energy
 from flexfem.families.floating.inertia import (
     BodyData,
     Room,
-    add_elastic,
-    add_elastic_tangent,
     body_acceleration,
     extend,
     fields_into,
     fold,
     forces_into,
-    interface_strains,
     moment,
     put_skew,
 )
@@ -314,12 +312,7 @@ def energies_into(
     of, own, still = unpack(BodyData, data), unpack(Room, room), np.zeros((len(frames), 6))
     for b in range(len(nodes)):
         _state_into(of, own, nodes[b], frames, still, still)
-        x = own.eta[:, 0].copy()
-        out[b] = 0.5 * np.dot(x, np.dot(of.stiffness, x))
-        if len(of.pulling):
-            pulls, strains = interface_strains(of, x)
-            both = x[: len(strains)] + strains
-            out[b] += 0.25 * np.dot(np.dot(pulls, x), both)
+        out[b] = strain_energy(of, own.eta[:, 0].copy())
 
 
 @kernel

@@ -105,6 +105,10 @@ def body_data(body: FloatingBody) -> BodyData:
         assert reduced.interface_stiffness is not None
         pulling = reduced.interface_stiffness[own[:count]][:, own][..., own]
         moments, products, bending = _second_order(body, moments, products)
+    elastic = {name: np.empty((0, 0)) for name in ("linear", "quadratic", "cubic")}
+    if (polynomial := reduced.polynomial) is not None:
+        given = polynomial.stiffness, polynomial.quadratic, polynomial.cubic
+        elastic = dict(zip(elastic, given, strict=True))
     return BodyData(
         rest=body.places[-len(body.relative) :] - origin if count else np.empty((0, 3)),
         mass=reduced.mass,
@@ -116,6 +120,7 @@ def body_data(body: FloatingBody) -> BodyData:
         pulling=np.ascontiguousarray(pulling.reshape(-1, len(own))),
         compliance=np.ascontiguousarray(np.linalg.pinv(stiffness[:count, :count], hermitian=True)),
         conditions=conditions,
+        **elastic,
     )
 
 

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Sensors of bodies in floating frames: elongations."""
+"""Sensors of bodies in floating frames: elongations, and what reduced bodies miss."""
 
 from __future__ import annotations
 
@@ -11,12 +11,12 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.families.floating.elements import FloatingBodies
 from flexfem.model.bodies.floating_body import FloatingBody
-from flexfem.model.probes.measured import ElongationProbe
+from flexfem.model.probes.measured import ElongationProbe, ReductionErrorProbe
 
 if TYPE_CHECKING:
     from flexfem.system.system import BlockPart
 
-__all__ = ["BodyElongation"]
+__all__ = ["BodyElongation", "BodyMissing"]
 
 
 class BodyElongation:
@@ -40,6 +40,28 @@ class BodyElongation:
         _, eta = self._found.coordinates(block.frames, block.velocity, block.acceleration)
         strains = self._found.strains(eta[:, :, 0])[0]
         return np.array([strains[: len(self._weights)] @ self._weights])
+
+
+class BodyMissing:
+    """Relative displacement that a body misses, on its rank."""
+
+    def __init__(
+        self, part: BlockPart, bodies: Sequence[FloatingBody], probe: ReductionErrorProbe
+    ) -> None:
+        """Find the body."""
+        number, self._block = [body.name for body in bodies].index(probe.body), part.block
+        elements = part.elements
+        assert isinstance(elements, FloatingBodies)
+        self._found = next((g.only(number) for g in elements.groups if number in g.body), None)
+
+    def update(self) -> FloatArray:
+        """See :class:`flexfem.layout.family.Sensor`."""
+        if self._found is None:
+            return np.zeros(1)
+        block = self._block
+        _, eta = self._found.coordinates(block.frames, block.velocity, block.acceleration)
+        missing, moved = self._found.missing(eta)
+        return missing / moved if moved[0] > 0.0 else np.zeros(1)
 
 
 def _along(body: FloatingBody, probe: ElongationProbe) -> FloatArray:

@@ -3,7 +3,8 @@
 
 ``/`` has the attributes ``format``, ``interfaces`` and ``lines`` (names), and a dataset for every
 array of a body; ``/recovery`` holds the surface of all ranks as one, ``/lines`` the arrays of the
-lines with the number of the line behind their names. The attribute ``made_with`` holds the numbers
+lines with the number of the line behind their names, ``/polynomial`` those of nonlinear elastic
+forces. The attribute ``made_with`` holds the numbers
 that the body was made with, as JSON. A checksum (BLAKE2b) of all of them is kept in the attribute
 ``digest``, so that damage is noticed.
 """
@@ -28,6 +29,7 @@ from flexfem.io.atomic import raise_together, replace_file
 from flexfem.io.hdf5.arrays import PlainFile, load_h5py
 from flexfem.io.hdf5.structure import check_structure
 from flexfem.reduction.body_line import BodyLine
+from flexfem.reduction.elastic_polynomial import ElasticPolynomial
 from flexfem.reduction.reduced_body import Interface, Recovery, ReducedBody
 
 if TYPE_CHECKING:
@@ -44,7 +46,10 @@ _ARRAYS = ("moments", "products", "stiffness", "damping", "held", "frequencies")
 _OPTIONAL = ("acceleration_stiffness", "interface_stiffness")
 _SURFACE = ("points", "cells", "displacement")
 _LINE = ("points", "displacement", "rotation")
-_GROUPS = ("recovery", "lines")
+_POLYNOMIAL = (
+    "stiffness", "quadratic", "cubic", "residual_quadratic", "residual_cubic",
+)  # fmt: skip
+_GROUPS = ("recovery", "lines", "polynomial")
 #: Bytes of a file beyond which it must be something else: it is read as a whole.
 _LARGEST = 4_000_000_000
 
@@ -187,6 +192,10 @@ def _contents(
             for number, line in enumerate(body.lines.values()):
                 for name, values in line.arrays.items():
                     file[f"lines/{name}_{number}"] = values
+        if body.polynomial is not None:
+            file["polynomial/turning"] = np.array([body.polynomial.turning])
+            for name in _POLYNOMIAL:
+                file[f"polynomial/{name}"] = getattr(body.polynomial, name)
         if recovery is not None:
             for name in (*_SURFACE, "stress"):
                 if getattr(recovery, name) is not None:
@@ -239,11 +248,25 @@ def _read(raw: bytes) -> dict[str, Any]:
             for number, name in enumerate(_names(file.text("lines"), "lines")):
                 arrays = {k: file.values(f"lines/{k}_{number}") for k in _LINE}
                 fields["lines"][name] = BodyLine(**arrays)
+        fields["polynomial"] = _polynomial(file) if file.has("polynomial") else None
         fields["recovery"] = None
         if file.has("recovery"):
             names = file.names("recovery")
             fields["recovery"] = _surface({n: file.values(f"recovery/{n}") for n in names})
     return fields
+
+
+def _polynomial(file: PlainFile) -> ElasticPolynomial:
+    """Nonlinear elastic forces.
+
+    Raises:
+        TypeError, ValueError: they are none.
+    """
+    turning = file.values("polynomial/turning")
+    if turning.shape != (1,):
+        raise ValueError("its polynomial has no number of interfaces that turn")
+    arrays = {name: file.values(f"polynomial/{name}") for name in _POLYNOMIAL}
+    return ElasticPolynomial(turning[0], **arrays)
 
 
 def _names(text: str, what: str) -> list[str]:

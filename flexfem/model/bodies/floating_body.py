@@ -33,10 +33,11 @@ MEAN_AXES = "mean_axes"
 
 @declared
 class FloatingBody:
-    """Linear elastic body in a frame that moves with it.
+    """Elastic body in a frame that moves with it.
 
     Displacements and rotations relative to the frame are small, as linear elasticity has them; the
-    motion of the frame is not. Rotations of the interfaces count as rotation vectors, so that a
+    motion of the frame is not. A body that was reduced with ``derivatives`` has the nonlinear
+    forces of moderate ones. Rotations of the interfaces count as rotation vectors, so that a
     slender body may bend moderately; one that bends far is better divided into several.
 
     Attributes:
@@ -97,7 +98,22 @@ class FloatingBody:
                 f"interface as frame: {', '.join(names)}"
             )
         _checks.assign(self, frame=frame)
+        self._check_polynomial(owner, names)
         set_spin(self, local)
+
+    def _check_polynomial(self, owner: str, names: list[str]) -> None:
+        """Refuse what nonlinear elastic forces do not have."""
+        if self.reduced.polynomial is None:
+            return
+        if names and self.frame != names[0]:
+            raise ValueError(
+                f'{owner}: its elastic forces are nonlinear in the frame of "{names[0]}", got '
+                f'frame="{self.frame}"; reduce it with this interface first'
+            )
+        if self.stiffening:
+            raise ValueError(
+                f"{owner}: its elastic forces are nonlinear and stiffen already, without stiffening"
+            )
 
     @property
     def mass(self) -> float:

@@ -17,6 +17,7 @@ from flexfem.reduction.fem.body.linear_body import LinearBody
 from flexfem.reduction.fem.body.lines import trace
 from flexfem.reduction.fem.body.recovery import recover
 from flexfem.reduction.fem.body.ties import TIES, tie
+from flexfem.reduction.fem.modes.derivatives import NonlinearBasis
 from flexfem.reduction.fem.modes.internal import BASES, LARGEST, internal_functions
 from flexfem.reduction.fem.modes.spectrum import Choice
 from flexfem.reduction.fem.prepare import prepare, without_rigid_forces
@@ -38,6 +39,7 @@ def reduce_body(
     damping_ratio: float = 0.0,
     stiffness_damping: float = 0.0,
     geometric_stiffness: bool = False,
+    derivatives: int | None = None,
     recovery: bool = True,
     lines: Mapping[str, Any] | None = None,
 ) -> ReducedBody:
@@ -62,6 +64,10 @@ def reduce_body(
         stiffness_damping: factor of the stiffness in the damping, s.
         geometric_stiffness: compute the geometric stiffness of stresses by acceleration and by
             interface motion.
+        derivatives: keep so many static modal derivatives beside the modes, those that relieve most
+            energy, and the elastic forces to third order in the coordinates (Wu and Tiso 2016); of
+            bodies whose law is one of ``flexfem.laws`` (``solid_body``). The frame of the first
+            interface is then that of the body. None: linear elasticity.
         recovery: compute the data for pictures.
         lines: points (p, 3) at rest along lines of the body, body axes, m, by the names of these:
             sliders on them follow a cubic spline through the points (``Carrier``). Take them closer
@@ -71,7 +77,7 @@ def reduce_body(
         TypeError: an argument has the wrong type.
         ValueError: an argument is out of its range; a region is not there, overlaps another or
             cannot rotate; the body is in pieces, or its rigid motions cost energy; a line leaves
-            it.
+            it; derivatives of a body that is linear, or more than there are.
         NumericalError: the eigensolver did not find the modes (an ArithmeticError).
     """
     owner = "reduce_body"
@@ -84,6 +90,7 @@ def reduce_body(
     factor = _checks.number(owner, "stiffness_damping", stiffness_damping, nonnegative=True)
     if geometric_stiffness and body.prestress is None:
         raise ValueError(f"{owner}: geometric_stiffness needs the body's prestress")
+    _check_derivatives(owner, body, derivatives)
 
     comm = body.space.mesh.comm
     integrals = MassIntegrals(body)
@@ -93,6 +100,11 @@ def reduce_body(
         inner = internal_functions(owner, pieces, basis, choice)
     except ArithmeticError as error:
         raise _checks.NumericalError(f"{owner}: {error}") from None
+    polynomial = None
+    if derivatives is not None:
+        nonlinear = NonlinearBasis(owner, body, pieces, inner)
+        nonlinear.add_derivatives(derivatives)
+        inner, polynomial = nonlinear.inner, nonlinear.polynomial()
     functions = np.hstack([pieces.static, inner])
     held = np.concatenate([ties_found.held, np.zeros(inner.shape[1], dtype=np.bool_)])
 
@@ -124,7 +136,19 @@ def reduce_body(
         by_interface,
         recover(body, functions) if recovery else None,
         {name: trace(owner, body, functions, name, points) for name, points in along.items()},
+        polynomial,
     )
+
+
+def _check_derivatives(owner: str, body: LinearBody, derivatives: Any) -> None:
+    """Check the number of derivatives, and that the body has them."""
+    if derivatives is None:
+        return
+    _checks.count(owner, "derivatives", derivatives, 0)
+    if body.energy is None:
+        raise ValueError(
+            f"{owner}: a linear body has no derivatives; give solid_body a law of flexfem.laws"
+        )
 
 
 def _lines(owner: str, lines: Mapping[str, Any] | None) -> dict[str, FloatArray]:

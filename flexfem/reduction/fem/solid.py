@@ -17,6 +17,7 @@ from flexfem.forms.elasticity import (
 )
 from flexfem.materials.material import Material
 from flexfem.reduction.fem.body.linear_body import LinearBody, MassField
+from flexfem.reduction.fem.body.strain_energy import law_energy
 
 __all__ = ["plane_body", "solid_body"]
 
@@ -30,22 +31,35 @@ _CELLS = (
 
 
 def solid_body(
-    domain: mesh.Mesh, material: Material, degree: int = 2, *, name: str = "solid"
+    domain: mesh.Mesh,
+    material: Any,
+    degree: int = 2,
+    *,
+    density: float | None = None,
+    name: str = "solid",
 ) -> LinearBody:
-    """An isotropic solid of tetrahedra or hexahedra.
+    """A solid of tetrahedra or hexahedra, isotropic or with a law of its strain energy.
 
     Args:
         domain: mesh in body axes, m; of any shape and on any number of ranks.
-        material: elastic constants and density.
+        material: elastic constants and density (``Material``); or a law of ``flexfem.laws``, the
+            same in the whole body, smooth and without stress at rest: then ``reduce_body`` has
+            ``derivatives``, and the body is as linear as at rest without them.
         degree: of the displacements; linear ones are much too stiff in bending.
+        density: of a law, kg/m^3.
         name: for messages.
 
     Raises:
         TypeError: an argument has the wrong type.
         ValueError: the mesh is not of solid cells, the degree not 1 to 3, the material without
-            mass or incompressible.
+            mass or incompressible; a law with internal variables, viscosity, stress at rest or
+            kinks, or whose numbers differ in place or time.
     """
     owner = f'solid_body "{name}"'
+    if not isinstance(material, Material) and hasattr(material, "energy"):
+        return _law_body(owner, domain, material, degree, density, name)
+    if density is not None:
+        raise ValueError(f"{owner}: density is that of the material already")
     _check(owner, domain, material, degree, 3)
     if material.poisson_ratio == 0.5:
         raise ValueError(f"{owner}: poisson_ratio must be less than 0.5 for solid elements")
@@ -61,6 +75,34 @@ def solid_body(
         [MassField(material.density, ufl.SpatialCoordinate(domain), in_space)],
         prestress=lambda u0, u, v: prestress_work(stress(u0), u, v) * ufl.dx(domain),
         stress=stress,
+        name=name,
+    )
+
+
+def _law_body(
+    owner: str, domain: mesh.Mesh, law: Any, degree: int, density: Any, name: str
+) -> LinearBody:
+    """Return a body with the energy of a law, and the linear forms that belong to it."""
+    _check_mesh(owner, domain, degree, 3)
+    rho = _checks.number(owner, "density", density, positive=True)
+    simple = domain.topology.cell_type == mesh.CellType.tetrahedron
+    quadrature = 2 * degree - (2 if simple and domain.geometry.cmap.degree == 1 else 0)
+    energy = law_energy(owner, law, quadrature)
+    moduli = fem.Constant(domain, energy.derivatives[0].reshape(3, 3, 3, 3))
+    measure = ufl.dx(domain, metadata={"quadrature_degree": quadrature})
+    space = fem.functionspace(domain, ("Lagrange", degree, (3,)))
+    i, j, k, m = ufl.indices(4)
+
+    def stress(u: Any) -> Any:
+        return ufl.as_tensor(moduli[i, j, k, m] * ufl.grad(u)[k, m], (i, j))
+
+    return LinearBody(
+        space,
+        lambda u, v: ufl.inner(stress(u), ufl.grad(v)) * measure,
+        [MassField(rho, ufl.SpatialCoordinate(domain), in_space)],
+        prestress=lambda u0, u, v: prestress_work(stress(u0), u, v) * measure,
+        stress=stress,
+        energy=energy,
         name=name,
     )
 
@@ -131,9 +173,13 @@ def _constants(domain: mesh.Mesh, material: Material) -> tuple[Any, Any]:
 
 
 def _check(owner: str, domain: mesh.Mesh, material: Material, degree: int, dimension: int) -> None:
-    _checks.instance(owner, "mesh", domain, mesh.Mesh)
     _checks.instance(owner, "material", material, Material)
     _checks.number(owner, "density", material.density, positive=True)
+    _check_mesh(owner, domain, degree, dimension)
+
+
+def _check_mesh(owner: str, domain: mesh.Mesh, degree: int, dimension: int) -> None:
+    _checks.instance(owner, "mesh", domain, mesh.Mesh)
     if degree not in _DEGREES:
         raise ValueError(f"{owner}: degree must be one of {_DEGREES}, got {_checks.show(degree)}")
     if domain.topology.dim != dimension:

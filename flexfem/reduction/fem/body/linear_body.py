@@ -14,6 +14,7 @@ from dolfinx import fem
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.forms.elasticity import in_space, small_rotation
+from flexfem.reduction.fem.body.strain_energy import StrainEnergy
 
 __all__ = ["LinearBody", "MassField"]
 
@@ -59,6 +60,7 @@ class LinearBody:
             bilinear form of the work of that stress on the strain of second order. None: no
             geometric stiffness.
         stress: from a function of the space to the (3, 3) stress of pictures. None: no stress.
+        energy: of the body's law, of spaces of displacement vectors of three; None: linear alone.
         name: of the body, for messages.
     """
 
@@ -70,6 +72,7 @@ class LinearBody:
     rotation: Callable[[Expr], Expr] | None = None
     prestress: Callable[[Expr, Expr, Expr], ufl.Form] | None = None
     stress: Callable[[Expr], Expr] | None = None
+    energy: StrainEnergy | None = None
     name: str = "body"
 
     def __post_init__(self) -> None:

@@ -16,7 +16,7 @@ from flexfem.reduction.fem.modes.orientation import Orientation
 from flexfem.reduction.fem.modes.response import StaticResponse
 from flexfem.reduction.fem.modes.spectrum import Choice, Spectrum, choose_modes
 
-__all__ = ["BASES", "LARGEST", "Pieces", "internal_functions"]
+__all__ = ["BASES", "LARGEST", "Pieces", "internal_functions", "orthonormal", "ritz"]
 
 #: Kinds of internal functions.
 BASES = ("craig_bampton", "free_free", "full")
@@ -116,8 +116,8 @@ def internal_functions(owner: str, pieces: Pieces, basis: str, choice: Choice) -
     # responses to the inertia forces of rigid motions: with the static functions these are the
     # attachment functions of a free body
     relief = pieces.response.respond(multiply(pieces.mass, pieces.rigid))
-    functions = _orthonormal(pieces, np.hstack([relief, inner]))
-    values, functions = _ritz(pieces, functions)
+    functions = orthonormal(pieces, np.hstack([relief, inner]))
+    values, functions = ritz(pieces, functions)
     return pieces.orientation.turn(functions, values)
 
 
@@ -198,7 +198,7 @@ def _free_modes(pieces: Pieces, basis: FloatArray) -> tuple[FloatArray, FloatArr
     return same_everywhere(comm, values), modes
 
 
-def _orthonormal(pieces: Pieces, functions: FloatArray) -> FloatArray:
+def orthonormal(pieces: Pieces, functions: FloatArray) -> FloatArray:
     """Orthonormal by mass; functions that depend on those before them are left out (collective)."""
     comm = pieces.stiffness.comm.tompi4py()
     kept = np.zeros((len(functions), 0))
@@ -215,7 +215,7 @@ def _orthonormal(pieces: Pieces, functions: FloatArray) -> FloatArray:
     return kept
 
 
-def _ritz(pieces: Pieces, functions: FloatArray) -> tuple[FloatArray, FloatArray]:
+def ritz(pieces: Pieces, functions: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Turn functions that are orthonormal by mass so that they are by stiffness (collective)."""
     comm = pieces.stiffness.comm.tompi4py()
     k = projected(comm, functions, multiply(pieces.stiffness, functions))

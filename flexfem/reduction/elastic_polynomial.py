@@ -1,0 +1,165 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Elastic forces of a reduced body as a polynomial of third order in its coordinates.
+
+The energy is ``1/2 K x x + 1/3 Q x x x + 1/4 C x x x x`` with symmetric tensors. Symmetric pairs of
+indices are kept once, in the order of ``numpy.triu_indices``: with ``s_kl = x_k x_l``, counted
+twice where k and l differ, the products ``z = Q x`` and ``y = C s`` are symmetric matrices, by
+which the forces are ``(K + z + y) x`` and their derivatives ``K + 2 z + 3 y``.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._types import FloatArray, IntArray
+
+__all__ = ["ElasticPolynomial", "pair_count", "pair_numbers", "pairs_of"]
+
+#: Relative asymmetry of tensors that is round-off.
+_ROUND_OFF = 1e-8
+
+
+def pair_count(size: int) -> int:
+    """Number of symmetric pairs of so many indices."""
+    return size * (size + 1) // 2
+
+
+def pair_numbers(size: int) -> IntArray:
+    """Number (n, n) of the pair of two indices, in either order."""
+    numbers = np.empty((size, size), dtype=np.int64)
+    i, j = np.triu_indices(size)
+    numbers[i, j] = numbers[j, i] = np.arange(len(i))
+    return numbers
+
+
+def pairs_of(coordinates: FloatArray) -> FloatArray:
+    """Products (..., P) of the pairs of coordinates (..., n), twice where they are two."""
+    first, second = np.triu_indices(coordinates.shape[-1])
+    weight = np.where(first == second, 1.0, 2.0)
+    products: FloatArray = weight * coordinates[..., first] * coordinates[..., second]
+    return products
+
+
+@dataclass(frozen=True, eq=False)
+class ElasticPolynomial:
+    """Nonlinear elastic forces of a :class:`ReducedBody`, and what these leave out of balance.
+
+    Its coordinates x are those of the body without the first interface's, whose frame is that of
+    the body, and six more for each of the other interfaces, the products of its rotations tt_xx,
+    tt_xy, tt_xz, tt_yy, tt_yz, tt_zz: a region that turns by the rotation vector t moves by
+    ``a t x r + b/2 t x (t x r)``, ``a = sin|t|/|t|``, ``b = 2 (1 - cos|t|)/|t|^2``, which is rigid.
+    The coordinates of its rotation are ``a t``, the six products ``b t_p t_q``.
+
+    The residual is the force of the deformed body on s functions that are not coordinates, those
+    that answer best to what the coordinates leave out of balance: in them the body would go on to
+    deform. They have unit energy each and no linear coupling with the coordinates, so that the norm
+    of the residual is that of this further displacement in the metric of the stiffness.
+
+    Attributes:
+        turning: k, the number of interfaces after the first.
+        stiffness: (n, n) K of the n coordinates.
+        quadratic: (P, n) the tensor Q by ``P = n (n + 1)/2`` pairs.
+        cubic: (P, P) the tensor C.
+        residual_quadratic: (s, P) second-order part of the residual by pairs.
+        residual_cubic: (s, n, P) third-order part by a coordinate and pairs.
+    """
+
+    turning: int
+    stiffness: FloatArray
+    quadratic: FloatArray
+    cubic: FloatArray
+    residual_quadratic: FloatArray
+    residual_cubic: FloatArray
+
+    def __post_init__(self) -> None:
+        """Check the arrays against each other.
+
+        Raises:
+            TypeError: an array does not consist of numbers.
+            ValueError: shapes that do not belong together, values that are not finite, or tensors
+                that are not symmetric.
+        """
+        owner = "ElasticPolynomial"
+        turning = _checks.count(owner, "turning", self.turning, 0)
+        stiffness = _checks.array(owner, "stiffness", self.stiffness, (-1, -1))
+        n = len(stiffness)
+        pairs, least = pair_count(n), 12 * turning
+        if stiffness.shape[1] != n or n < least:
+            raise ValueError(
+                f"{owner}: stiffness must be square with {least} rows at least, got "
+                f"{stiffness.shape}"
+            )
+        second = _checks.array(owner, "residual_quadratic", self.residual_quadratic, (-1, pairs))
+        fields = {
+            "quadratic": _checks.array(owner, "quadratic", self.quadratic, (pairs, n)),
+            "cubic": _checks.array(owner, "cubic", self.cubic, (pairs, pairs)),
+            "residual_cubic": _checks.array(
+                owner, "residual_cubic", self.residual_cubic, (len(second), n, pairs)
+            ),
+        }
+        _checks.assign(
+            self, turning=turning, stiffness=stiffness, residual_quadratic=second, **fields
+        )
+        number = pair_numbers(n)
+        whole = {
+            "stiffness": stiffness,
+            "quadratic": self.quadratic[number],
+            "cubic": self.cubic[number][:, :, number],
+        }
+        for name, tensor in whole.items():
+            defect = np.abs(tensor - tensor.swapaxes(0, -1)).max(initial=0.0)
+            if defect > _ROUND_OFF * np.abs(tensor).max(initial=0.0):
+                raise ValueError(f"{owner}: {name} must be symmetric, it deviates by {defect:.3g}")
+
+    @property
+    def size(self) -> int:
+        """Number of coordinates of the body, without the products of rotations."""
+        return len(self.stiffness) - 6 * self.turning
+
+    @property
+    def arrays(self) -> dict[str, FloatArray]:
+        """All arrays by name."""
+        names = ("stiffness", "quadratic", "cubic", "residual_quadratic", "residual_cubic")
+        return {name: getattr(self, name) for name in names}
+
+    def forces(self, coordinates: FloatArray) -> FloatArray:
+        """Elastic forces (n,) on all coordinates (n,)."""
+        number = pair_numbers(len(coordinates))
+        packed = self.quadratic @ coordinates + self.cubic @ pairs_of(coordinates)
+        forces: FloatArray = (self.stiffness + packed[number]) @ coordinates
+        return forces
+
+    def energies(self, coordinates: FloatArray) -> FloatArray:
+        """Strain energies (m,), J, of all coordinates (m, n)."""
+        x, pairs = coordinates, pairs_of(coordinates)
+        linear = np.einsum("mi,ij,mj->m", x, self.stiffness, x, optimize=True)
+        quadratic = np.einsum("mp,pi,mi->m", pairs, self.quadratic, x, optimize=True)
+        cubic = np.einsum("mp,pq,mq->m", pairs, self.cubic, pairs, optimize=True)
+        energies: FloatArray = linear / 2.0 + quadratic / 3.0 + cubic / 4.0
+        return energies
+
+    def displacements(
+        self, coordinates: FloatArray, amplitudes: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Displacement that is missing, and that of the body, each (m,), in the energy norm.
+
+        The squares are twice energies, J: that which the body would release, and that which it has.
+        Missing are the displacement of the residual, see the class, and the difference between the
+        coordinates and the amplitudes of the functions in inertia forces, for large rotations.
+
+        Args:
+            coordinates: (m, n) of the polynomial.
+            amplitudes: (m, n - 6 k) coordinates of the body.
+        """
+        pairs, own = pairs_of(coordinates), amplitudes.shape[1]
+        residual = pairs @ self.residual_quadratic.T
+        residual += np.einsum("sip,mp,mi->ms", self.residual_cubic, pairs, coordinates)
+        turned = amplitudes - coordinates[:, :own]
+        squares = np.einsum("ms,ms->m", residual, residual)
+        squares += np.einsum(
+            "mi,ij,mj->m", turned, self.stiffness[:own, :own], turned, optimize=True
+        )
+        missing: FloatArray = np.sqrt(squares)
+        moved: FloatArray = np.sqrt(np.maximum(2.0 * self.energies(coordinates), 0.0))
+        return missing, moved

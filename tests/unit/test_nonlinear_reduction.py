@@ -1,0 +1,276 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Reduced bodies with modal derivatives: their forces, against nonlinear solids, on any ranks."""
+
+from functools import cache
+from typing import Any
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+import ufl
+from dolfinx import fem, mesh
+
+import flexfem as ff
+from flexfem.reduction.fem.modes.derivatives import NonlinearBasis
+from tests.unit.reduction_bodies import at
+from tests.unit.refusals import assert_on_page
+
+LENGTH, HEIGHT, WIDTH = 1.0, 0.02, 0.05
+DENSITY, LOAD = 7850.0, 2e4
+STEEL = ff.laws.SaintVenantKirchhoff(2.1e11, 0.3)
+CELLS = (6, 1, 1)
+LOW = (0.0, -HEIGHT / 2, -WIDTH / 2)
+serial = pytest.mark.serial
+
+
+def clamped(x: Any) -> Any:
+    """Both ends."""
+    return np.isclose(x[0], 0.0) | np.isclose(x[0], LENGTH)
+
+
+ENDS = {"root": at(0, 0.0), "tip": at(0, LENGTH)}
+
+
+def beam(law: Any = STEEL, comm: Any = MPI.COMM_WORLD) -> Any:
+    """A beam along x of quadratic hexahedra."""
+    high = (LENGTH, HEIGHT / 2, WIDTH / 2)
+    domain = mesh.create_box(comm, [LOW, high], CELLS, mesh.CellType.hexahedron)
+    return ff.solid_body(domain, law, density=DENSITY)
+
+
+@cache
+def both_ends(derivatives: int, alone: bool = False) -> ff.ReducedBody:
+    """The beam with both ends in one interface, of all ranks or of each."""
+    comm = MPI.COMM_SELF if alone else MPI.COMM_WORLD
+    middle = {"axis": [(0.0, 0.0, 0.0), (LENGTH / 2, 0.0, 0.0), (LENGTH, 0.0, 0.0)]}
+    return ff.reduce_body(
+        beam(comm=comm), {"ends": clamped}, modes=8, derivatives=derivatives,
+        positions={"ends": (0.0, 0.0, 0.0)}, lines=middle,
+    )  # fmt: skip
+
+
+def solid(**fixed: Any) -> ff.Solid:
+    """The same beam, not reduced."""
+    sizes = (LENGTH, HEIGHT, WIDTH)
+    grid = ff.SolidMesh.box(sizes, CELLS, origin=LOW)
+    return ff.Solid("beam", STEEL, grid, density=DENSITY, fixed=fixed)
+
+
+# -- forces --
+
+
+@serial
+@pytest.mark.parametrize(
+    ("law", "places"), [(STEEL, ENDS), (ff.laws.NeoHookean(1e6, 2e6), {"ends": clamped})], ids=str
+)
+def test_forces_are_those_of_all_cells(
+    law: Any, places: Any, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """In any displacement of the functions; other laws than Saint Venant's to third order."""
+    body, bases = beam(law), []
+    usual = NonlinearBasis.polynomial
+
+    def seen(basis: Any) -> Any:
+        bases.append(basis)
+        return usual(basis)
+
+    monkeypatch.setattr(NonlinearBasis, "polynomial", seen)
+    reduced = ff.reduce_body(body, places, modes=2, derivatives=3)
+    own, (basis,), polynomial = body.energy, bases, reduced.polynomial
+    assert own is not None
+    assert polynomial is not None
+    functions = np.hstack([basis._static, basis.inner, basis._turned()])
+    beside = basis._measured()
+    u, v = fem.Function(body.space), ufl.TestFunction(body.space)
+    F = ufl.Identity(3) + ufl.grad(u)
+    measure = ufl.dx(metadata={"quadrature_degree": own.quadrature})
+    density = own.density(F, own._values(body.space.mesh))
+    work = fem.form(ufl.derivative(density * measure, u, v))
+    scale = 1.0 / np.sqrt(np.diagonal(polynomial.stiffness))
+    start = scale * np.random.default_rng(1).normal(size=len(scale))
+    start /= np.abs(functions @ start).max()
+    errors = []
+    for size in (0.2 * HEIGHT, 0.1 * HEIGHT):
+        u.x.array[:] = functions @ (size * start)
+        force = fem.assemble_vector(work).array
+        found, expected = polynomial.forces(size * start), functions.T @ force
+        errors.append(np.abs(scale * (found - expected)).max() / np.abs(scale * expected).max())
+        at_once = size * start[np.newaxis]
+        missing, moved = polynomial.displacements(at_once, at_once[:, : polynomial.size])
+        stored = fem.assemble_scalar(fem.form(density * measure))
+        assert moved == pytest.approx((2.0 * stored) ** 0.5, rel=1e-6 if law is STEEL else 0.02)
+        # the residual is the force on the other functions; the linear part alone would be zero
+        exact = np.linalg.norm(beside.T @ force)
+        assert missing == pytest.approx(exact, rel=1e-6 if law is STEEL else 0.02)
+        assert missing > 1e-3 * moved
+    if law is STEEL:  # without any part of third order the error is above 1e-3
+        assert max(errors) < 1e-9
+    else:  # what is left is of fourth order, 8 times smaller at half the size; of third order: 4
+        assert errors[0] < 1e-3
+        assert errors[0] / errors[1] == pytest.approx(8.0, rel=0.25)
+
+
+@serial
+def test_small_motions_are_linear() -> None:
+    """Modes and stiffness at rest are those of the linear body of the same material."""
+    body = ff.solid_body(beam().space.mesh, ff.Material(2.1e11, 0.3, DENSITY))
+    linear, found = ff.reduce_body(body, {"ends": clamped}, modes=8), both_ends(0)
+    # round-off of the solver; plane stress in the place of the solid's would be off by 9 %
+    np.testing.assert_allclose(found.frequencies, linear.frequencies, rtol=1e-6)
+    scale = 1.0 / np.sqrt(np.maximum(np.diagonal(linear.stiffness), 1.0))
+    defect = scale[:, np.newaxis] * (found.stiffness - linear.stiffness) * scale
+    assert np.abs(defect).max() < 1e-6
+    assert found.polynomial is not None
+    own = found.stiffness[6:, 6:]
+    np.testing.assert_allclose(found.polynomial.stiffness, own, atol=1e-6 * own.max())
+
+
+@pytest.mark.three_ranks
+def test_any_ranks_give_the_same_numbers() -> None:
+    found, alone = both_ends(6), both_ends(6, alone=True)
+    assert found.polynomial is not None
+    assert alone.polynomial is not None
+    for name, values in alone.polynomial.arrays.items():
+        # modes of another sign, or a share of the cells left out, would be another order of size
+        np.testing.assert_allclose(
+            found.polynomial.arrays[name], values, rtol=0, atol=1e-8 * np.abs(values).max()
+        )
+
+
+# -- bodies --
+
+
+def sagging(derivatives: int) -> tuple[float, float, list[str]]:
+    """Deflection of the middle under its weight in heights, what is missing, and warnings."""
+    reduced, model = both_ends(derivatives), ff.Model("sagging")
+    model.add(
+        ff.FloatingBody("beam", reduced),
+        ff.Gravity((0.0, -LOAD, 0.0)),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("beam", "ends")),
+        ff.ReductionErrorProbe("missing", "beam"),
+    )
+    numbers = range(0, reduced.modes, 3)
+    model.add(*[ff.PositionProbe(f"a{k}", ff.AmplitudeMarker("beam", k)) for k in numbers])
+    outcome = ff.solve_static(model, ff.StaticOptions(quiet=True, load_steps=1))
+    end = {name: values[-1] for name, values in outcome.history.items()}
+    amplitudes = np.array([end[f"a{k}_{axis}"] for k in numbers for axis in "xyz"])
+    middle = reduced.lines["axis"].displacement[1, 1, 6:]
+    deflection = middle @ amplitudes[: reduced.modes] / HEIGHT
+    lines = [line for line in outcome.summary["warnings"] if "deforms as its modes cannot" in line]
+    return float(deflection), float(end["missing"]), lines
+
+
+@serial
+def test_clamped_beam_stiffens_as_it_sags() -> None:
+    model = ff.Model("solid")
+    model.add(
+        solid(x0="xyz", x1="xyz"),
+        ff.Gravity((0.0, -LOAD, 0.0)),
+        ff.PositionProbe("middle", ff.Marker("beam", (LENGTH / 2, 0.0, 0.0))),
+    )
+    history = ff.solve_static(model, ff.StaticOptions(quiet=True, load_steps=1)).history
+    exact = history["middle_y"][-1] / HEIGHT
+    found, missing, lines = sagging(6)
+    assert exact < -1.2
+    assert found == pytest.approx(exact, rel=0.01)
+    assert missing < 0.05
+    assert lines == []
+    # modes alone do not let the axis lengthen evenly: membrane locking, and the run says so
+    locked, missing, lines = sagging(0)
+    assert locked > 0.7 * exact
+    assert missing > 0.5
+    (line,) = lines
+    assert line.startswith('FloatingBody "beam": it deforms as its modes cannot: they miss 0.')
+    assert_on_page(line)
+
+
+@serial
+def test_falling_beam_is_the_solid() -> None:
+    """A soft beam on a joint of its end face bends by a fourth of its length as it starts to fall.
+
+    Its other end is an interface that turns with it.
+    """
+    soft = ff.laws.SaintVenantKirchhoff(2e7, 0.3)
+    full = ff.Solid("beam", soft, solid().mesh, density=1200.0)
+    reduced = ff.reduce_body(
+        ff.solid_body(beam().space.mesh, soft, density=1200.0), ENDS, modes=4, derivatives=8,
+        ties=dict.fromkeys(ENDS, "average"),
+    )  # fmt: skip
+    paths = []
+    for body, root, tip in (
+        (full, full.surface_marker("x0"), ff.Marker("beam", (LENGTH, 0.0, 0.0))),
+        (ff.FloatingBody("beam", reduced), ff.Marker("beam", "root"), ff.Marker("beam", "tip")),
+    ):
+        model = ff.Model("falling")
+        model.add(body, ff.Gravity((0.0, -30.0, 0.0)), ff.Spherical("pin", ff.Ground(), root))
+        model.add(ff.PositionProbe("tip", tip))
+        history = ff.simulate(model, ff.RunOptions(dt=5e-3, t_end=0.08, quiet=True)).history
+        paths.append(np.array([history["tip_x"], history["tip_y"]]))
+    away = np.linalg.norm(paths[1] - paths[0], axis=0).max()
+    # the end turns by 0.4 rad relative to the joint's; the linear body is 0.045 off
+    assert away < 2e-3
+
+
+# -- refusals --
+
+MU, BULK = 8e10, 1.7e11
+
+
+def refused(law: Any, message: str) -> None:
+    """A law is refused in one line that is on the page of errors."""
+    with pytest.raises(ValueError, match=message) as raised:
+        beam(law, MPI.COMM_SELF)
+    assert_on_page(str(raised.value))
+
+
+@serial
+def test_laws_that_have_no_polynomial() -> None:
+    laws, elastic = ff.laws, ff.laws.NeoHookean(MU, BULK)
+    refused(laws.J2Plasticity(MU, BULK, 2e8, 1e9), "J2Plasticity has internal variables")
+    refused(laws.ActiveStress(elastic, lambda t: t), '"tension" must not change with time')
+    many = laws.NeoHookean(np.linspace(MU, 2.0 * MU, 6), BULK)
+    refused(many, '"mu" must be one number for the whole body')
+    refused(laws.ActiveStress(elastic, 1e5), "stress of 1e.05 Pa at rest")
+    fibres = laws.HolzapfelGasserOgden(MU, MU, 2.0, BULK, [(1.0, 0.0, 0.0)])
+    refused(fibres, "its law has a kink")
+    damped = laws.Hyperelastic(elastic.energy, {"mu": MU, "bulk": BULK}, lambda F, rate, p: p.mu)
+    refused(damped, "Hyperelastic has viscosity")
+    change = ufl.Identity(3)
+    turning = laws.Hyperelastic(lambda F, p: MU * ufl.inner(F - change, F - change), {})
+    refused(turning, "changes as the body rotates")
+
+
+@serial
+def test_bodies_that_have_no_derivatives(monkeypatch: pytest.MonkeyPatch) -> None:
+    body, one = beam(comm=MPI.COMM_SELF), {"ends": clamped}
+    linear = ff.solid_body(body.space.mesh, ff.Material(2.1e11, 0.3, DENSITY))
+    for make, message in {
+        lambda: ff.reduce_body(linear, one, modes=1, derivatives=1): "linear body has no deriv",
+        lambda: ff.reduce_body(body, one, modes=0, derivatives=1): "derivatives need modes, or a",
+        lambda: ff.reduce_body(body, one, modes=1, derivatives=2): "derivatives must be at most 1",
+    }.items():
+        with pytest.raises(ValueError, match=message) as raised:
+            make()
+        assert_on_page(str(raised.value))
+    with monkeypatch.context() as little:
+        little.setattr("flexfem.reduction.fem.modes.derivatives.available", lambda: 100.0)
+        with pytest.raises(ValueError, match="in 2 coordinates need ") as raised:
+            ff.reduce_body(body, one, modes=1, derivatives=1)
+    assert_on_page(str(raised.value))
+    reduced = ff.reduce_body(body, ENDS, modes=0, derivatives=1, geometric_stiffness=True)
+    for given, message in {
+        "tip": 'nonlinear in the frame of "root"', "mean_axes": 'nonlinear in the frame of "root"'
+    }.items():  # fmt: skip
+        with pytest.raises(ValueError, match=message) as raised:
+            ff.FloatingBody("beam", reduced, frame=given)
+        assert_on_page(str(raised.value))
+    with pytest.raises(ValueError, match="stiffen already") as raised:
+        ff.FloatingBody("beam", reduced, stiffening=True)
+    assert_on_page(str(raised.value))
+    model = ff.Model("m")
+    model.add(ff.FloatingBody("beam", ff.reduce_body(linear, one, modes=1)))
+    probe = ff.ReductionErrorProbe("e", "beam")
+    with pytest.raises(ValueError, match='no body "beam" that was reduced with') as raised:
+        probe.check(model)
+    assert_on_page(str(raised.value))
