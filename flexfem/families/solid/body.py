@@ -125,6 +125,7 @@ class Solid(Body):
     """
 
     penalty = False
+    continuum = True
     family = "flexfem.families.solid.family:SolidFamily"
 
     name: str
