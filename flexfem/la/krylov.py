@@ -167,7 +167,8 @@ class KrylovFactor:
         """Numbers on this rank that storing responses must not exceed; see ``Factor``."""
         if self._matrix.getType() == PETSc.Mat.Type.PYTHON:  # multiplied without being stored
             return _STORED * _UNSTORED * self.size
-        return _STORED * int(self._matrix.getInfo()["nz_used"])
+        stored = int(self._matrix.getInfo()["nz_used"])
+        return _STORED * stored
 
     def solver(
         self, rhs: FloatArray, solution: FloatArray, *, transposed: bool = False,

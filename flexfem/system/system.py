@@ -7,7 +7,7 @@ and ``Phi = 0`` with ``L = s lambda``.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass, field
+from dataclasses import astuple, dataclass
 from functools import cached_property
 from typing import Any
 
@@ -24,7 +24,7 @@ from flexfem.core.load import Load
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State, counts
-from flexfem.la.krylov import LinearSolver, SolveCounts
+from flexfem.la.krylov import LinearSolver
 from flexfem.layout.elements import ElementFamily, HistoryElements, StrainedElements, TimedElements
 from flexfem.layout.family import Family
 from flexfem.layout.inner_forces import InnerForces
@@ -52,7 +52,6 @@ class Counters:
     factorizations: int = 0
     mass_factorizations: int = 0
     fallbacks: int = 0
-    linear: SolveCounts = field(default_factory=SolveCounts)
 
 
 @dataclass(frozen=True)
@@ -239,7 +238,7 @@ class System:
         self._loads, self.gravity = list(loads), gravity
         self._factors = np.ones(len(self._loads))
         self.linear = linear or LinearSolver()
-        self.counters = Counters(linear=self.linear.counts)
+        self.counters = Counters()
         self.time = self.lead = 0.0
         self.withheld = 0.0
         self.prediction = Prediction.VELOCITY

@@ -280,9 +280,9 @@ class FlexibleBodies:
             return krylov_factor(self._system.linear, self.group.part, matrix, shifts, piece.nodes)
         matrix = self._matrix.mat
         if len(self.pieces) > 1:
-            rows = block.width * piece.nodes[:, np.newaxis] + np.arange(block.width)
+            own = block.width * piece.nodes[:, np.newaxis] + np.arange(block.width)
             index = PETSc.IS().createGeneral(
-                rows.ravel().astype(PETSc.IntType), comm=PETSc.COMM_SELF
+                own.ravel().astype(PETSc.IntType), comm=PETSc.COMM_SELF
             )
             matrix = matrix.getDiagonalBlock().createSubMatrix(index, index)
         rows = piece.right.size if not self.split else block.sizes[1]

@@ -5,6 +5,9 @@ from dataclasses import dataclass
 
 from petsc4py import PETSc
 
+import numpy as np
+
+from flexfem._types import FloatArray
 from flexfem.layout.elements import MultigridElements
 from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import MASS, BlockPart, System
@@ -17,6 +20,9 @@ class MassBlock:
     """Such a matrix in the place of one that is assembled."""
 
     mat: PETSc.Mat
+
+    def assemble(self, values: FloatArray) -> None:
+        """Do nothing: it follows the elements."""
 
 
 def mass_operator(system: System, part: BlockPart, mechanics: Mechanics) -> PETSc.Mat:
@@ -33,9 +39,7 @@ class _MassOperator:
     """Matrix in the format of PETSc; the block's steps and residuals are work space, restored."""
 
     def __init__(self, system: System, part: BlockPart, mechanics: Mechanics) -> None:
-        assert isinstance(part.elements, MultigridElements)
         self._system, self._part, self._mechanics = system, part, mechanics
-        self._elements = part.elements
 
     def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
         """Multiply; fixed unknowns are multiplied by one (collective)."""
@@ -55,15 +59,15 @@ class _MassOperator:
 
     def getDiagonal(self, _: PETSc.Mat, diagonal: PETSc.Vec) -> None:
         """Diagonal of the mass matrix, ones of fixed unknowns (collective)."""
-        block = self._part.block
+        part, block = self._part, self._part.block
+        assert isinstance(part.elements, MultigridElements)
         before = block.residual.copy()
         block.residual[:] = 0.0
-        block.residual[:, :3] += self._elements.node_masses()[:, None]
+        block.residual[:, :3] += part.elements.node_masses()[:, np.newaxis]
         block.add_ghosts()
-        for node, mass in zip(self._part.masses.nodes, self._mechanics.masses(
-            self._system, self._part, MASS
-        ), strict=True):  # fmt: skip
-            block.residual[node, :3] += mass.diagonal()[:3]
+        masses = self._mechanics.masses(self._system, part, MASS)
+        diagonals = np.diagonal(masses, axis1=1, axis2=2)
+        np.add.at(block.residual, part.masses.nodes, diagonals)
         found = block.owned_residual.copy()
         if block.dirichlet is not None:
             found[block.dirichlet[: block.owned]] = 1.0
