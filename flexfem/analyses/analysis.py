@@ -58,7 +58,7 @@ def linear_solver() -> Any:
     """Declare the option of analyses for the linear equations of large bodies."""
     return option(
         "solve solids by factors (direct), or by Krylov methods with multigrid (iterative): auto "
-        "does so from 150,000 unknowns of a body; all other bodies have factors in any case",
+        "does so from 300,000 unknowns of a body; all other bodies have factors in any case",
         default="auto",
         choices=("auto", "direct", "iterative"),
         note="Conjugate gradients or GMRES with smoothed aggregation, whose hierarchy is kept over "

@@ -18,8 +18,9 @@ from flexfem._types import BoolArray, FloatArray
 
 __all__ = ["KrylovFactor", "LinearSolver", "SolveCounts", "rigid_motions"]
 
-#: Unknowns of a body from which ``auto`` iterates: of its steps, and of its masses at the start.
-_LARGE, _LARGE_MASSES = 150_000, 20_000
+#: Unknowns of a body from which ``auto`` iterates: of its steps, where factors of a compact one
+#: take some 10 GB and as much time as 20 steps with iterations, and of its masses at the start.
+_LARGE, _LARGE_MASSES = 300_000, 20_000
 #: Relative accuracy of solves with masses, which no iteration repeats, and of those whose results
 #: are kept.
 _MASSES, _LASTING = 1e-13, 1e-10
@@ -167,8 +168,8 @@ class KrylovFactor:
         """Numbers on this rank that storing responses must not exceed; see ``Factor``."""
         if self._matrix.getType() == PETSc.Mat.Type.PYTHON:  # multiplied without being stored
             return _STORED * _UNSTORED * self.size
-        stored = int(self._matrix.getInfo()["nz_used"])
-        return _STORED * stored
+        stored: float = self._matrix.getInfo()["nz_used"]
+        return _STORED * int(stored)
 
     def solver(
         self, rhs: FloatArray, solution: FloatArray, *, transposed: bool = False,

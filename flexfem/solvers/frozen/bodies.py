@@ -228,10 +228,13 @@ class FlexibleBodies:
 
     def _free(self, shifts: Shifts) -> bool:
         """True if the matrix is that of masses that need not be assembled, on all ranks."""
-        part = self.group.part
-        alone = self.split or self._system.comm.size == 1
-        free = is_mass(shifts) and len(self.pieces) == 1 and alone
-        return free and iterates(self._system, part, shifts)
+        free = is_mass(shifts) and len(self.pieces) == 1 and self._alone
+        return free and iterates(self._system, self.group.part, shifts)
+
+    @property
+    def _alone(self) -> bool:
+        """True if all ranks do the same with a piece."""
+        return self.split or self._system.comm.size == 1
 
     def _replace(
         self, factors: Mapping[int, Factor | KrylovFactor], origin: Mapping[str, FloatArray]
@@ -287,9 +290,10 @@ class FlexibleBodies:
             matrix = matrix.getDiagonalBlock().createSubMatrix(index, index)
         rows = piece.right.size if not self.split else block.sizes[1]
         if iterates(self._system, self.group.part, shifts, rows):
-            if len(self.pieces) == 1:  # large: better made again than twice in memory
+            if len(self.pieces) == 1:
                 matrix = (matrix if self.split else matrix.getDiagonalBlock()).copy()
-                del self._matrix
+                if self._alone:  # large: better made again, by all ranks, than twice in memory
+                    del self._matrix
             return krylov_factor(self._system.linear, self.group.part, matrix, shifts, piece.nodes)
         nodes = np.diff(self.group.own.node_start)[piece.bodies]
         return Factor(

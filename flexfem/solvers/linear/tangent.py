@@ -33,6 +33,8 @@ __all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values", "with
 
 #: Stiffness of fixed unknowns, with a mass of 1 kg: their frequency is above all others.
 _STIFF = 1e20
+#: Some matrix with all entries.
+_STEP = Shifts(velocity=1.0, acceleration=1.0, scale=1.0)
 #: Relative accuracy of iterative solves with masses.
 _ACCURACY = 1e-12
 
@@ -53,14 +55,15 @@ class TangentSolver:
         self._sliding: bool = system.comm.allreduce(sliding, op=MPI.LOR)
         self._masses: bool | None = None
         if not any(iterates(system, part, MASS) for part in system.parts):
-            self._create(MASS)
+            self._create(_STEP)
 
     def _create(self, shifts: Shifts) -> None:
         """Create patterns of all blocks for the present nodes of joints (collective).
 
-        Masses that are solved iteratively are not assembled.
+        Masses that are solved iteratively are not assembled, until another matrix is.
         """
         self._masses = is_mass(shifts)
+        self._direct: DirectSolver | None = None
         system = self.system
         comm, rows = system.comm, system.constraints
         destroy_dropped(comm)  # older patterns
@@ -87,10 +90,11 @@ class TangentSolver:
             self._scatter = PETSc.Scatter().create(last, index, self._multipliers, None)
 
     def _linear_solver(self, shifts: Shifts) -> DirectSolver | SaddleSolver:
-        """Solver of the block matrix."""
+        """Solver of the block matrix; the direct one keeps its order of elimination."""
         linear = self.system.linear
         if not any(self._iterative):
-            return DirectSolver(self.matrix, "tangent_")
+            self._direct = self._direct or DirectSolver(self.matrix, "tangent_")
+            return self._direct
         tolerance = _ACCURACY if is_mass(shifts) else linear.tolerance
         return SaddleSolver(self._body_factor, len(self.system.parts), tolerance, linear.counts)
 
@@ -100,8 +104,7 @@ class TangentSolver:
         if not self._iterative[number]:
             return Factor(matrix, part.block.width, local=False, chained=False)
         nodes = np.arange(part.block.owned)
-        shifts = MASS if self._masses else self._shifts
-        return krylov_factor(self.system.linear, part, matrix, shifts, nodes)
+        return krylov_factor(self.system.linear, part, matrix, self._shifts, nodes)
 
     def _create_grid(
         self, sizes: list[tuple[int, int]]
@@ -150,8 +153,10 @@ class TangentSolver:
         """
         system, rows = self.system, self.system.constraints
         self._shifts = shifts
-        if self._outdated(shifts, mechanics):
+        if self._outdated(shifts):
             self._create(shifts)
+        self._iterative = [iterates(system, part, shifts) for part in system.parts]
+        self._solver = self._linear_solver(shifts)
         owned = rows.owned
         factor = owned * rows.multipliers * shifts.stiffness
         hessians = mechanics.hessians(system, factor)
@@ -173,18 +178,13 @@ class TangentSolver:
         if rows.size_global:
             own = rows.compliance[rows.owned_rows], rows.coupling[self._coupled()]
             self._grid[count][count].assemble(-np.concatenate(own))
-        if system.contacts:
+        if system.contacts and not self._masses:
             self._add_contacts(shifts)
         self.matrix.assemble()
 
-    def _outdated(self, shifts: Shifts, mechanics: Mechanics) -> bool:
-        """True if patterns are those of other nodes or matrices (collective)."""
-        mass = is_mass(shifts)
-        if self._masses is None or (any(self._iterative) and mass is not self._masses):
-            return True
-        if not any(self._iterative) and any(
-            iterates(self.system, part, shifts) for part in self.system.parts
-        ):
+    def _outdated(self, shifts: Shifts) -> bool:
+        """True if patterns are those of other nodes, or lack entries (collective)."""
+        if self._masses is None or (self._masses and not is_mass(shifts)):
             return True
         older = self._version != self.system.constraints.lines.version
         return self._sliding and bool(self.system.comm.allreduce(older, op=MPI.LOR))
@@ -201,6 +201,8 @@ class TangentSolver:
             return  # the nest may be kept, and with it the order of elimination
         mats = [[entry.mat for entry in line] for line in self._grid]
         self._solver.reset()
+        if self._direct is not None:
+            self._direct.reset()
         self.matrix.destroy()
         for old in self._totals:
             old.destroy()
