@@ -39,7 +39,7 @@ _PREFIX = "flexfem_iterative_"
 _OPTIONS = {"pc_gamg_threshold": 0.05, "mg_levels_ksp_max_it": 2}
 #: Coarse matrices of several ranks without those of their rows in between, which would be kept: a
 #: million unknowns take 3 GB less. PETSc knows it without a prefix only.
-_ON_RANKS = {"matptap_via": "allatonce"}
+_ON_RANKS = "matptap_via", "allatonce"
 
 
 @dataclass
@@ -148,16 +148,18 @@ class KrylovFactor:
             ksp.setGMRESRestart(_RESTART)
         ksp.setOperators(self._matrix)
         pc = ksp.getPC()
-        if self._motions is None:
+        motions = [] if self._motions is None else _orthonormal(self._matrix, self._motions)
+        if not motions:  # masses, or nothing that moves
             pc.setType(PETSc.PC.Type.JACOBI)
         else:
             self._matrix.setBlockSize(3)
-            self._matrix.setNearNullSpace(_orthonormal(self._matrix, self._motions))
+            near = PETSc.NullSpace().create(vectors=motions, comm=self._matrix.comm)
+            self._matrix.setNearNullSpace(near)
             pc.setType(PETSc.PC.Type.GAMG)
-            _set_options(self._matrix.comm.size > 1)
+            _set_options()
             ksp.setOptionsPrefix(_PREFIX)
             ksp.setFromOptions()
-        ksp.setUp()
+        _set_up(ksp)
         return ksp
 
     @property
@@ -213,13 +215,26 @@ class KrylovFactor:
         raise AssertionError
 
 
-def _set_options(several: bool) -> None:
+def _set_options() -> None:
     """Set the options of multigrid that are not given."""
-    for prefix, wanted in ((_PREFIX, _OPTIONS), ("", _ON_RANKS if several else {})):
-        options = PETSc.Options(prefix)
-        for name, value in wanted.items():
-            if not options.hasName(name):
-                options[name] = value
+    options = PETSc.Options(_PREFIX)
+    for name, value in _OPTIONS.items():
+        if not options.hasName(name):
+            options[name] = value
+
+
+def _set_up(ksp: PETSc.KSP) -> None:
+    """Make the hierarchy (collective)."""
+    name, value = _ON_RANKS
+    options = PETSc.Options()
+    if ksp.comm.size == 1 or options.hasName(name):
+        ksp.setUp()
+        return
+    options[name] = value  # matrices of one rank would refuse it
+    try:
+        ksp.setUp()
+    finally:
+        options.delValue(name)
 
 
 def _level(matrix: PETSc.Mat, held: BoolArray) -> None:
@@ -245,8 +260,8 @@ def _is_symmetric(matrix: PETSc.Mat) -> bool:
     return bool(abs(y.dot(Ax) - x.dot(Ay)) <= _SYMMETRIC * y.norm() * Ax.norm())
 
 
-def _orthonormal(matrix: PETSc.Mat, motions: FloatArray) -> PETSc.NullSpace:
-    """Near null space of motions (k, rows), without those that others have (collective)."""
+def _orthonormal(matrix: PETSc.Mat, motions: FloatArray) -> list[PETSc.Vec]:
+    """Orthonormal vectors of motions (k, rows), without those that others have (collective)."""
     found: list[PETSc.Vec] = []
     for motion in motions:
         vector = matrix.createVecRight()
@@ -258,4 +273,4 @@ def _orthonormal(matrix: PETSc.Mat, motions: FloatArray) -> PETSc.NullSpace:
         if vector.norm() > _NOTHING * length:
             vector.normalize()
             found.append(vector)
-    return PETSc.NullSpace().create(vectors=found, comm=matrix.comm)
+    return found

@@ -136,6 +136,21 @@ def test_iterative_solvers_are_refused_where_they_do_not_fit() -> None:
         assert_on_page(str(caught.value))
 
 
+def test_a_solid_on_one_rank_alone() -> None:
+    """Another rank, if there is one, has nothing to solve for, and waits."""
+    model = ff.Model("falling")
+    bar = _bar((4, 1, 1), fixed={"x0": "xyz"})
+    model.add(
+        bar, ff.Gravity((0.0, 0.0, -9.81)), ff.PositionProbe("p", ff.Marker("bar", (0.4, 0.0, 0.0)))
+    )
+    found, exact = (
+        simulate(model, ff.RunOptions(dt=2e-3, t_end=4e-3, quiet=True, linear_solver=kind))
+        for kind in ("iterative", "direct")
+    )
+    for name, values in exact.history.items():  # of the first rank; the end falls by 1e-4 m
+        np.testing.assert_allclose(found.history[name], values, rtol=0.0, atol=1e-11)
+
+
 @pytest.mark.serial
 def test_too_many_multipliers_for_iterative_solvers(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("flexfem.solvers.linear.iterative.MOST_MULTIPLIERS", 8)

@@ -289,7 +289,7 @@ class FlexibleBodies:
             )
             matrix = matrix.getDiagonalBlock().createSubMatrix(index, index)
         rows = piece.right.size if not self.split else block.sizes[1]
-        if iterates(self._system, self.group.part, shifts, rows):
+        if rows and iterates(self._system, self.group.part, shifts, rows):
             if len(self.pieces) == 1:
                 matrix = (matrix if self.split else matrix.getDiagonalBlock()).copy()
                 if self._alone:  # large: better made again, by all ranks, than twice in memory
