@@ -37,9 +37,6 @@ _UNSTORED = 80
 #: Behind this prefix options of PETSc change the solver; these are set unless they are given.
 _PREFIX = "flexfem_iterative_"
 _OPTIONS = {"pc_gamg_threshold": 0.05, "mg_levels_ksp_max_it": 2}
-#: Coarse matrices of several ranks without those of their rows in between, which would be kept: a
-#: million unknowns take 3 GB less. PETSc knows it without a prefix only.
-_ON_RANKS = "matptap_via", "allatonce"
 
 
 @dataclass
@@ -159,7 +156,7 @@ class KrylovFactor:
             _set_options()
             ksp.setOptionsPrefix(_PREFIX)
             ksp.setFromOptions()
-        _set_up(ksp)
+        ksp.setUp()
         return ksp
 
     @property
@@ -221,20 +218,6 @@ def _set_options() -> None:
     for name, value in _OPTIONS.items():
         if not options.hasName(name):
             options[name] = value
-
-
-def _set_up(ksp: PETSc.KSP) -> None:
-    """Make the hierarchy (collective)."""
-    name, value = _ON_RANKS
-    options = PETSc.Options()
-    if ksp.comm.size == 1 or options.hasName(name):
-        ksp.setUp()
-        return
-    options[name] = value  # matrices of one rank would refuse it
-    try:
-        ksp.setUp()
-    finally:
-        options.delValue(name)
 
 
 def _level(matrix: PETSc.Mat, held: BoolArray) -> None:
