@@ -163,9 +163,9 @@ class KrylovFactor:
     def entries(self) -> int:
         """Numbers on this rank that storing responses must not exceed; see ``Factor``."""
         if self._matrix.getType() == PETSc.Mat.Type.PYTHON:  # multiplied without being stored
-            return _STORED * _UNSTORED * self.size
-        stored: float = self._matrix.getInfo()["nz_used"]
-        return _STORED * int(stored)
+            return int(_STORED * _UNSTORED * self.size)
+        stored = float(self._matrix.getInfo()["nz_used"])
+        return int(_STORED * stored)
 
     def solver(
         self, rhs: FloatArray, solution: FloatArray, *, transposed: bool = False,
