@@ -11,6 +11,7 @@ from flexfem._checks import InputError
 
 __all__ = [
     "DOUBT",
+    "ITERATED",
     "LINE_NODE",
     "PROGRAM",
     "SHELL_NODE",
@@ -22,8 +23,9 @@ __all__ = [
 ]
 
 #: Bytes that steps take: the program with its libraries on every rank, a node of a beam, and one of
-#: a shell, whose factors fill in, for each of its unknowns. Motions with 1e4 to 6e6 unknowns.
-PROGRAM, LINE_NODE, SHELL_NODE = 3e8, 1.56e4, 1.6e4
+#: a shell, whose factors fill in, for each of its unknowns. Motions with 1e4 to 6e6 unknowns. An
+#: unknown of a solid that is solved iteratively takes less, and as much from 1e5 to 1e6.
+PROGRAM, LINE_NODE, SHELL_NODE, ITERATED = 3e8, 1.56e4, 1.6e4, 5.5e3
 #: Factor by which these may be too large.
 DOUBT = 1.25
 

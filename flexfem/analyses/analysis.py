@@ -10,7 +10,15 @@ from flexfem._checks import InputError
 from flexfem._packages import without_collection
 from flexfem.options import FieldsOption, Settings, option, setting
 
-__all__ = ["Analysis", "fields", "kernels", "restart", "split_above"]
+__all__ = [
+    "Analysis",
+    "fields",
+    "kernels",
+    "linear_solver",
+    "linear_tolerance",
+    "restart",
+    "split_above",
+]
 
 
 def kernels() -> Any:
@@ -43,6 +51,31 @@ def split_above() -> Any:
         "a beam with more elements than this and than a rank's share is split over ranks",
         default=4000,
         minimum=1,
+    )
+
+
+def linear_solver() -> Any:
+    """Declare the option of analyses for the linear equations of large bodies."""
+    return option(
+        "solve solids by factors (direct), or by Krylov methods with multigrid (iterative): auto "
+        "does so from 300,000 unknowns of a body; all other bodies have factors in any case",
+        default="auto",
+        choices=("auto", "direct", "iterative"),
+        note="Conjugate gradients or GMRES with smoothed aggregation, whose hierarchy is kept over "
+        "steps as factors are. Masses of solids from 20,000 unknowns are solved by conjugate "
+        "gradients in any case.",
+    )
+
+
+def linear_tolerance() -> Any:
+    """Declare the option for the accuracy of iterative solves."""
+    return option(
+        "relative accuracy of iterative linear solves",
+        default=1e-8,
+        above=0,
+        maximum=1e-4,
+        note="It is that of each correction of a step, and not of the step: corrections follow "
+        "until they are below ``tolerance``.",
     )
 
 

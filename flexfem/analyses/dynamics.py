@@ -3,7 +3,15 @@
 
 from pathlib import Path
 
-from flexfem.analyses.analysis import Analysis, fields, kernels, restart, split_above
+from flexfem.analyses.analysis import (
+    Analysis,
+    fields,
+    kernels,
+    linear_solver,
+    linear_tolerance,
+    restart,
+    split_above,
+)
 from flexfem.options import Settings, option, settings
 
 __all__ = ["DYNAMICS", "INTEGRATORS", "RunOptions"]
@@ -99,6 +107,8 @@ class RunOptions(Settings):
         "folder.",
     )
     split_above: int = split_above()
+    linear_solver: str = linear_solver()
+    linear_tolerance: float = linear_tolerance()
     kernels: str = kernels()
     restart: Path | None = restart()
 
@@ -117,6 +127,15 @@ class RunOptions(Settings):
                 f"RunOptions: iteration_matrix must be 'auto' with the integrator "
                 f"{self.integrator!r}, got {self.iteration_matrix!r}"
             )
+        if self.linear_solver == "iterative":
+            for name, value in (
+                ("integrator", "independent_coordinates"), ("start", "equilibrium"),
+            ):  # fmt: skip
+                if getattr(self, name) == value:
+                    raise ValueError(
+                        f"RunOptions: linear_solver 'iterative' cannot be used with {name} "
+                        f"{value!r}, which needs factors"
+                    )
         if self.t_end > MAX_STEPS * self.dt:
             raise ValueError(
                 f"RunOptions: dt {self.dt:g} s up to t_end {self.t_end:g} s takes more than "

@@ -169,5 +169,5 @@ class ContactEntries:
     def _put(self, i: int, j: int, rows: IntArray, columns: IntArray, values: FloatArray) -> None:
         """Add matrices of nodes (k, p) in the rows and (k, q) in the columns."""
         widths = self._width.get(i, 6), self._width.get(j, 6)
-        row, column = block_indices(rows, columns, widths)
+        row, column = (k.astype(np.int64) for k in block_indices(rows, columns, widths))
         self._found[i, j].append((row, column, np.ascontiguousarray(values).ravel()))

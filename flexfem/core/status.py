@@ -16,4 +16,5 @@ class Status(Enum):
     EVENT = "an event cannot be located"
     LEFT = "a slider leaves its carrier"
     INSIDE_OUT = "an element is inverted"
+    UNSOLVED = "the iterative solution of linear equations did not converge"
     SINGULAR = "the iteration matrix is singular: redundant constraints or a singular configuration"

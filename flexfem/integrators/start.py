@@ -87,6 +87,7 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
     rows = system.constraints
     for contacts in system.contacts:
         contacts.start(dt)
+    failed = system.linear.counts.failed
     status = project_velocities(system, tangent, dt, np.zeros(rows.size))
     if status is not Status.OK:
         return status
@@ -96,12 +97,12 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
     blocks = [-p.block.owned_residual for p in system.parts]
     for _ in range(_SWEEPS):
         if not tangent.solve(blocks, -_rigid(system, accelerations) - _compliant(system)):
-            return Status.SINGULAR
+            return _unsolved(system, failed)
         if not _update_laws(system, tangent):
             break
     rows.forces[:], rows.impulses[:], rows.settled[:] = tangent.multiplier_step, 0.0, 0.0
     if not _decay(system, tangent, dt):
-        return Status.SINGULAR
+        return _unsolved(system, failed)
     for part in system.parts:
         part.block.spread_step()
         part.block.acceleration[:] = part.block.step
@@ -168,16 +169,22 @@ def project_velocities(
     _evaluate(system)
     tangent.assemble(MASS)
     system.counters.mass_factorizations += 1
+    failed = system.linear.counts.failed
     if not tangent.factor():
-        return Status.SINGULAR
+        return _unsolved(system, failed)
     zeros = [np.zeros_like(p.block.owned_residual) for p in system.parts]
     _, rates = drives(system, dt)
     if not tangent.solve(zeros, -_rigid(system, (1.0 + restitution) * rates)):
-        return Status.SINGULAR
+        return _unsolved(system, failed)
     for part in system.parts:
         part.block.spread_step()
         part.block.velocity += part.block.step
     return Status.OK
+
+
+def _unsolved(system: System, failed: int) -> Status:
+    """Reason of a linear solve without success, before which so many had failed."""
+    return Status.UNSOLVED if system.linear.counts.failed > failed else Status.SINGULAR
 
 
 def _evaluate(system: System) -> None:

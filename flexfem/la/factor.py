@@ -75,8 +75,9 @@ class Factor:
         return int(self._factor.getInfo()["nz_used"])
 
     def solver(
-        self, rhs: FloatArray, solution: FloatArray, *, transposed: bool = False
-    ) -> Callable[[], None]:
+        self, rhs: FloatArray, solution: FloatArray, *, transposed: bool = False,
+        lasting: bool = False,
+    ) -> Callable[[], None]:  # fmt: skip
         """Solve from one array to another, to be called again and again.
 
         A call is collective unless the factors are local.
@@ -85,6 +86,8 @@ class Factor:
             rhs: contiguous, of this rank's rows; read in every call.
             solution: likewise, written in every call.
             transposed: solve with the transposed matrix.
+            lasting: the solutions are kept, and are not corrected by later ones: no difference
+                here, but to iterative solvers.
         """
         solve = self._factor.solveTranspose if transposed else self._factor.solve
         if self._whole is not None:

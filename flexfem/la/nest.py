@@ -10,7 +10,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
 
 __all__ = [
     "CoordinateMatrix",
@@ -33,7 +33,7 @@ class CoordinateMatrix:
         """Create the pattern (collective); sizes are (local, global)."""
         self.mat = PETSc.Mat().createAIJ((rows, columns), comm=comm)
         kind = PETSc.IntType
-        self.mat.setPreallocationCOO(i.astype(kind), j.astype(kind))
+        self.mat.setPreallocationCOO(i.astype(kind, copy=False), j.astype(kind, copy=False))
 
     def assemble(self, values: FloatArray) -> None:
         """Set all entries (collective)."""
@@ -42,15 +42,16 @@ class CoordinateMatrix:
 
 def block_indices(
     rows: IntArray, columns: IntArray, widths: tuple[int, int] = (6, 6)
-) -> tuple[IntArray, IntArray]:
+) -> tuple[IndexArray, IndexArray]:
     """Entries (row, column) of dense blocks: every row of (k, m) node numbers with its columns.
 
-    ``widths`` are the unknowns of a node in the rows and in the columns.
+    ``widths`` are the unknowns of a node in the rows and in the columns. The numbers have PETSc's
+    type: there are many.
     """
     i, j = (
-        (width * nodes[..., np.newaxis] + np.arange(width)).reshape(
-            len(nodes), width * nodes.shape[1]
-        )
+        (width * nodes[..., np.newaxis] + np.arange(width))
+        .astype(PETSc.IntType)
+        .reshape(len(nodes), width * nodes.shape[1])
         for nodes, width in zip((rows, columns), widths, strict=True)
     )
     left = np.repeat(i, j.shape[1], axis=1).ravel()

@@ -20,6 +20,7 @@ __all__ = [
     "DampedElements",
     "ElementFamily",
     "HistoryElements",
+    "MultigridElements",
     "StrainedElements",
     "StresslessElements",
     "TimedElements",
@@ -245,6 +246,22 @@ class HistoryElements(Protocol):
 
     def lost(self) -> FloatArray:
         """Energies (m,) that the internal variables of each cell have dissipated, J."""
+        ...
+
+
+@runtime_checkable
+class MultigridElements(Protocol):
+    """Elements of nodes that are points, whose matrices an algebraic multigrid can solve.
+
+    Attributes:
+        multigrid: True if they fill a continuum: coarse spaces that contain the rigid motions of
+            bodies approximate their softest motions, as they do not where a body can bend.
+    """
+
+    multigrid: bool
+
+    def node_masses(self) -> FloatArray:
+        """(n,) diagonal of the mass matrix of one direction, kg, of this rank's cells."""
         ...
 
 

@@ -201,6 +201,8 @@ class _TimeSteps(Steps):
             "rejected_steps": simulation.rejected,
             "mass_factorizations": counters.mass_factorizations,
             "fallbacks": counters.fallbacks,
+            "linear_solves": self.system.linear.counts.solves,
+            "linear_iterations": self.system.linear.counts.iterations,
             "events": [{"name": name, "t": t} for name, t in simulation.events.fired],
             "stopped_by": simulation.events.stopped_by,
             # without the first step, which factorises and loads compiled code

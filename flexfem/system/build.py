@@ -25,6 +25,7 @@ from flexfem.contact.surfaces.surfaces import collision_surfaces
 from flexfem.core.marker import SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.forms.beam_law import law_expressions
+from flexfem.la.krylov import LinearSolver
 from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import Family
 from flexfem.layout.node_loads import NodeForces, NodeMasses
@@ -42,13 +43,17 @@ from flexfem.system.system import BlockPart, System
 __all__ = ["build"]
 
 
-def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> System:
+def build(
+    serial: NumberedModel, comm: MPI.Intracomm, split_above: int,
+    linear: LinearSolver | None = None,
+) -> System:  # fmt: skip
     """Build the system of a model (collective).
 
     Args:
         serial: serial data of a validated model, the same on every rank.
         comm: communicator.
         split_above: beams with more cells than this may be split over ranks.
+        linear: choice between factors and iterative solvers; None for factors.
 
     Raises:
         ValueError: a mistake in the model; raised on every rank before any communication.
@@ -82,7 +87,9 @@ def build(serial: NumberedModel, comm: MPI.Intracomm, split_above: int) -> Syste
         np.array([of(kind, np.array([node]))[0] for kind, node in interface.keys], dtype=np.int64)
         for of in (serial.bodies, serial.clusters)
     )
-    system = System(comm, parts, interface, constraints, bodies, clusters, model.loads, gravity)
+    system = System(
+        comm, parts, interface, constraints, bodies, clusters, model.loads, gravity, linear
+    )
     interface.update()
     return system
 

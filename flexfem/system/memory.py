@@ -3,7 +3,17 @@
 
 from mpi4py import MPI
 
-from flexfem._memory import DOUBT, LINE_NODE, PROGRAM, SHELL_NODE, available, check_room, together
+from flexfem._memory import (
+    DOUBT,
+    ITERATED,
+    LINE_NODE,
+    PROGRAM,
+    SHELL_NODE,
+    available,
+    check_room,
+    together,
+)
+from flexfem.la.krylov import LinearSolver
 from flexfem.model.model import Model
 
 __all__ = ["check_memory", "memory_of_run"]
@@ -14,30 +24,41 @@ _WIDTHS = {"rotation_free": 3.0, "director": 24.0}
 _DENSE = 10
 
 
-def memory_of_run(model: Model) -> float:
+def memory_of_run(model: Model, linear: LinearSolver | None = None) -> float:
     """Approximate bytes of steps with one factorisation on one rank, without contact.
 
     Args:
         model: the model, of which only the numbers of nodes are used.
+        linear: choice between factors and iterative solvers; None for that of motions.
     """
+    linear = linear or LinearSolver("auto")
     nodes = len(model.rigid_bodies) + (0 if model.mesh is None else len(model.mesh.points))
     nodes += sum(len(b.curve.points) for b in model.beams_of("nurbs") if b.curve is not None)
     total = PROGRAM + LINE_NODE * nodes
     if model.surface is not None and model.shells:
         width = _WIDTHS[model.shells[0].element]
         total += SHELL_NODE * width * len(model.surface.points)
-    total += sum(SHELL_NODE * float(body.width) * len(body.points) for body in model.other_bodies)
+    for body in model.other_bodies:
+        rows = body.width * len(body.points)
+        iterative = body.continuum and linear.iterates(rows)
+        total += (ITERATED if iterative else SHELL_NODE) * float(rows)
     widths = [float(body.reduced.size) for body in model.floating_bodies]
     return float(total + 8.0 * _DENSE * sum(width**2 for width in widths))
 
 
-def check_memory(model: Model, comm: MPI.Intracomm) -> None:
+def check_memory(model: Model, comm: MPI.Intracomm, linear: LinearSolver | None = None) -> None:
     """Refuse a model that does not fit into memory, before it is built (collective).
+
+    Args:
+        model: the model.
+        comm: communicator.
+        linear: choice between factors and iterative solvers; None for factors.
 
     Raises:
         InputError: on all ranks.
     """
-    needed = comm.allreduce(memory_of_run(model), op=MPI.MAX)  # ranks may differ in their models
+    # ranks may differ in their models
+    needed = comm.allreduce(memory_of_run(model, linear or LinearSolver()), op=MPI.MAX)
     if needed <= 4.0 * PROGRAM:
         return
     here = comm.Split_type(MPI.COMM_TYPE_SHARED)

@@ -24,6 +24,7 @@ from flexfem.core.load import Load
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State, counts
+from flexfem.la.krylov import LinearSolver
 from flexfem.layout.elements import ElementFamily, HistoryElements, StrainedElements, TimedElements
 from flexfem.layout.family import Family
 from flexfem.layout.inner_forces import InnerForces
@@ -196,6 +197,7 @@ class System:
         part_of_node, body_of_node, cluster_of_node: part, body and cluster of every interface node.
         gravity: (3,) acceleration in inertial axes, m/s^2.
         counters: counters of the run.
+        linear: choice between factors and iterative solvers of flexible bodies.
         time: time of the trial state, s.
         lead: time by which loads and drives are evaluated later, s: not zero just before or after a
             jump.
@@ -217,6 +219,7 @@ class System:
         cluster_of_node: IntArray,
         loads: Sequence[Load],
         gravity: FloatArray,
+        linear: LinearSolver | None = None,
     ) -> None:
         """Store the parts, the interface nodes and the rows."""
         self.comm, self.parts = comm, list(parts)
@@ -234,6 +237,7 @@ class System:
         self.interface, self.constraints = interface, constraints
         self._loads, self.gravity = list(loads), gravity
         self._factors = np.ones(len(self._loads))
+        self.linear = linear or LinearSolver()
         self.counters = Counters()
         self.time = self.lead = 0.0
         self.withheld = 0.0

@@ -130,6 +130,7 @@ class Solid(Body):
     """
 
     penalty = False
+    continuum = True
     family = "flexfem.families.solid.family:SolidFamily"
 
     name: str

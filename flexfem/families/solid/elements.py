@@ -52,6 +52,7 @@ class SolidElements(StresslessElements):
     chained = False
     thin = False
     stressed = False
+    multigrid = True
 
     def __init__(
         self, groups: Sequence[SolidCells], block: FrameBlock, plane: BoolArray, cells: int
@@ -92,6 +93,11 @@ class SolidElements(StresslessElements):
             values += np.bincount(index[own].ravel(), group.mass[own].ravel(), len(values))
         count = len(self._points)
         return csr_array((values, (pairs.rows, pairs.columns)), shape=(count, count))
+
+    def node_masses(self) -> FloatArray:
+        """See :class:`flexfem.layout.elements.MultigridElements`."""
+        found: FloatArray = self._mass.diagonal()
+        return found
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:

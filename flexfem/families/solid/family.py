@@ -226,10 +226,9 @@ class SolidFamily(PositionFamily[Solid]):
     def _own_facets(self, k: int, surface: str, elements: SolidElements) -> BoolArray:
         """(f,) True for facets of a surface whose cell is on this rank."""
         body = self._bodies[k]
-        corners = np.sort(body.mesh.surface("", surface), axis=1)
-        cells = [body.mesh.cell_of_facet[tuple(row)] for row in corners.tolist()]
+        cells = body.mesh.cells_of_facets(body.mesh.surface("", surface))
         own = np.concatenate([np.empty(0, np.int64), *(g.number for g in elements.groups)])
-        return np.isin(self.first_cell[k] + np.array(cells), own)
+        return np.isin(self.first_cell[k] + cells, own)
 
     def _pressures(
         self, block: FrameBlock, kind: FacetKind,

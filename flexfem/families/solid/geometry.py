@@ -182,9 +182,7 @@ class Figure:
             shape, facets = self.nodes.of_facets(own)
             pieces = _pieces(shape, self.degree)
             found.append(facets[:, pieces].reshape(-1, 3))
-            ordered = np.sort(own, axis=1).tolist()
-            of = np.array([mesh.cell_of_facet[tuple(row)] for row in ordered])
-            cells.append(np.repeat(of, len(pieces)))
+            cells.append(np.repeat(mesh.cells_of_facets(own), len(pieces)))
         return np.concatenate(found), np.concatenate(cells)
 
     def masses(self, density: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -220,10 +218,8 @@ class Figure:
 
 
 def _outward(mesh: SolidMesh, corners: IntArray) -> IntArray:
-    """Corners (f, c) of facets in the order in which their normals leave the first cell of each."""
-    own = mesh.cell_of_facet
-    cells = [own[tuple(row)] for row in np.sort(corners, axis=1).tolist()]
-    inside = mesh.points[mesh.corners[cells]].mean(axis=1)
+    """Corners (f, c) of facets in the order in which their normals leave a cell of each."""
+    inside = mesh.points[mesh.corners[mesh.cells_of_facets(corners)]].mean(axis=1)
     there = (corners >= 0)[..., np.newaxis]
     middle = (mesh.points[corners] * there).sum(axis=1) / there.sum(axis=1)
     first = mesh.points[corners[:, 1]] - mesh.points[corners[:, 0]]

@@ -205,12 +205,18 @@ class SolidMesh:
         found: IntArray = every[np.sort(first[times == 1])]
         return found
 
-    @cached_property
-    def cell_of_facet(self) -> Mapping[tuple[int, ...], int]:
-        """A cell that has each facet, by its ascending corners."""
+    def cells_of_facets(self, corners: IntArray) -> IntArray:
+        """A cell (f,) of each of some facets (f, c), which are rows like those of :attr:`facets`.
+
+        Of two it is the later one.
+        """
         every, _ = self._every_facet
-        count, ordered = len(reference_facets(self.cell)), np.sort(every, axis=1)
-        return {tuple(row): at // count for at, row in enumerate(ordered.tolist())}
+        near = np.flatnonzero(np.isin(every.max(axis=1), corners.max(axis=1)))
+        number = _numbers_of_rows(np.sort(np.concatenate([every[near], corners]), axis=1))
+        cell = np.full(len(number), -1)
+        cell[number[: len(near)]] = near // len(reference_facets(self.cell))
+        found: IntArray = cell[number[len(near) :]]
+        return found
 
     def surface(self, owner: str, name: str) -> IntArray:
         """Corners (f, c) of a named surface; "boundary" names all of it unless a surface does.

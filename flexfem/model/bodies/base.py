@@ -27,6 +27,7 @@ class Body(ABC):
         width: Unknowns of a node, 3 (positions) or 6 (positions and rotations).
         touches: Whether contacts may name it.
         penalty: Whether contacts may have the penalty, beside the barrier.
+        continuum: Whether elements fill a continuum, so that large bodies are solved iteratively.
     """
 
     family: ClassVar[Any]
@@ -37,6 +38,7 @@ class Body(ABC):
     width: ClassVar[int] = 3
     touches: bool = False
     penalty: ClassVar[bool] = True
+    continuum: ClassVar[bool] = False
 
     @property
     def surface(self) -> SurfaceMesh | None:

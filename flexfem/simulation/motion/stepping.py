@@ -18,6 +18,7 @@ from flexfem.core.status import Status
 from flexfem.integrators.accepted_forces import AcceptedForces
 from flexfem.integrators.integrator import create_integrator, discard
 from flexfem.integrators.start import make_consistent, start_consistently
+from flexfem.la.krylov import LinearSolver
 from flexfem.model.model import Model
 from flexfem.simulation.control.controls import Controls
 from flexfem.simulation.equilibria.equilibrium import start_in_equilibrium
@@ -31,6 +32,7 @@ from flexfem.simulation.run.checkpoints import Restart
 from flexfem.simulation.run.guard import agreed
 from flexfem.simulation.run.setup import set_up
 from flexfem.simulation.run.time_grid import TimeGrid
+from flexfem.solvers.linear.iterative import check_iterative
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.newton.iteration import NewtonOptions
 from flexfem.solvers.newton.policy import Policy
@@ -83,8 +85,10 @@ class Simulation:
         grid = TimeGrid.of(options.dt, options.t_end) if restart is None else restart.grid
         self.controls = Controls(model, grid.h)
         self.serial, self.system = set_up(
-            model, comm, options.split_above, check, self.controls, options.kernels, moving=True
-        )
+            model, comm, options.split_above, check, self.controls, options.kernels, moving=True,
+            linear=LinearSolver(options.linear_solver, options.linear_tolerance),
+        )  # fmt: skip
+        check_iterative(self.system)
         self.options = options
         self.cautions = Cautions.of_model(self.serial, options, self.system)
         self.breakpoints = Breakpoints(model, grid, options.t_end)

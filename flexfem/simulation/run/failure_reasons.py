@@ -36,6 +36,8 @@ _STEP = (
 )
 #: Advice after a failure of a motion.
 MOTION: Mapping[Status, str] = {
+    Status.UNSOLVED: "use linear_solver direct, or reduce dt: the matrix is nearly singular, or "
+    "bodies are on the verge of buckling",
     Status.NOT_CONVERGED: _STEP,
     Status.DIVERGED: _STEP,
     Status.INACCURATE: "increase error_tolerance, or smooth the jumps of drives and loads",

@@ -8,6 +8,7 @@ from mpi4py import MPI
 from flexfem._checks import InputError
 from flexfem._faults import watched
 from flexfem.la.dropped import destroy_dropped
+from flexfem.la.krylov import LinearSolver
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.model import Model
 from flexfem.simulation.control.controls import Controls, driven_model
@@ -25,7 +26,7 @@ __all__ = ["set_up"]
 def set_up(
     model: Model, comm: MPI.Intracomm | None, split_above: int,
     check: Callable[[NumberedModel], None] | None = None, controls: Controls | None = None,
-    kernels: str = "fast", moving: bool = False,
+    kernels: str = "fast", moving: bool = False, linear: LinearSolver | None = None,
 ) -> tuple[NumberedModel, System]:  # fmt: skip
     """Serial data and system of a model (collective).
 
@@ -37,12 +38,13 @@ def set_up(
         controls: the model's controllers; their outputs are zero without.
         kernels: "fast" or "ufl", see ``flexfem.analyses.analysis.KERNELS``.
         moving: True for analyses in which velocities have an effect.
+        linear: choice between factors and iterative solvers; None for factors.
 
     Raises:
         InputError: a mistake in the model, or it differs between ranks (a ValueError).
     """
     comm = comm or MPI.COMM_WORLD
-    check_memory(model, comm)
+    check_memory(model, comm, linear)
 
     def make() -> NumberedModel:
         model.validate()
@@ -56,7 +58,7 @@ def set_up(
         destroy_dropped(comm)  # models that were built before
         if comm.rank == 0:
             compile_beside(serial, comm.size)
-        system = build(serial, comm, split_above)
+        system = build(serial, comm, split_above, linear)
         if moving:
             attach_modal_damping(serial, system, split_above)
         return serial, system

@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -13,8 +14,11 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.la.dense import inverted
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.factor import Factor
+from flexfem.la.krylov import KrylovFactor
 from flexfem.la.nest import CoordinateMatrix
 from flexfem.layout.tangent_request import TangentRequest
+from flexfem.solvers.linear.iterative import is_mass, iterates, krylov_factor
+from flexfem.solvers.linear.mass_operator import mass_operator
 from flexfem.solvers.linear.schur_kernels import (
     BodyColumns,
     interface_response,
@@ -85,7 +89,7 @@ class KeptFactor:
     ``near`` has the compliances of nodes once they are found.
     """
 
-    factors: list[Factor]
+    factors: list[Factor | KrylovFactor]
     solvers: list[Callable[[], None]]
     products: list[Callable[[], None] | None]
     direct: bool
@@ -158,9 +162,6 @@ class FlexibleBodies:
         self._system, self.group, self._mechanics = system, group, mechanics
         block = group.part.block
         self._right = group.own.right[: block.owned, : block.width]
-        self._matrix = CoordinateMatrix(
-            system.comm, block.sizes, block.sizes, *part_pattern(group.part)
-        )
         elements = group.part.elements
         self._chained = elements is None or elements.chained
         self.split: bool = block.has_ghosts
@@ -204,10 +205,11 @@ class FlexibleBodies:
                 of them, on all ranks.
         """
         system, part = self._system, self.group.part
-        self._matrix.assemble(part_values(system, part, shifts, request, self._mechanics))
+        if not self._free(shifts):
+            self._matrix.assemble(part_values(system, part, shifts, request, self._mechanics))
         destroy_dropped(system.comm)  # older factors
         numbers = self.every if chosen is None else chosen
-        factors = {k: self._factor(self.pieces[k]) for k in numbers}
+        factors = {k: self._factor(self.pieces[k], shifts) for k in numbers}
         origin = self._mechanics.origin(system, part)[0]
         if chosen is None:
             self.use(self._keep(list(factors.values()), origin))
@@ -217,7 +219,26 @@ class FlexibleBodies:
             self._respond(self.pieces[k], factor)
         return self._kept
 
-    def _replace(self, factors: Mapping[int, Factor], origin: Mapping[str, FloatArray]) -> None:
+    @cached_property
+    def _matrix(self) -> CoordinateMatrix:
+        """Matrix of all bodies (collective)."""
+        block = self.group.part.block
+        pattern = part_pattern(self.group.part)
+        return CoordinateMatrix(self._system.comm, block.sizes, block.sizes, *pattern)
+
+    def _free(self, shifts: Shifts) -> bool:
+        """True if the matrix is that of masses that need not be assembled, on all ranks."""
+        free = is_mass(shifts) and len(self.pieces) == 1 and self._alone
+        return free and iterates(self._system, self.group.part, shifts)
+
+    @property
+    def _alone(self) -> bool:
+        """True if all ranks do the same with a piece."""
+        return self.split or self._system.comm.size == 1
+
+    def _replace(
+        self, factors: Mapping[int, Factor | KrylovFactor], origin: Mapping[str, FloatArray]
+    ) -> None:
         """Store new factors of some pieces, and the nodal arrays from which they were computed."""
         for k, factor in factors.items():
             self._kept.factors[k], self._kept.solvers[k] = factor, self._solver(k, factor)
@@ -225,7 +246,9 @@ class FlexibleBodies:
             for name, values in origin.items():
                 self._kept.nodes[name][self.pieces[k].nodes] = values[self.pieces[k].nodes]
 
-    def _keep(self, factors: list[Factor], origin: Mapping[str, FloatArray]) -> KeptFactor:
+    def _keep(
+        self, factors: list[Factor | KrylovFactor], origin: Mapping[str, FloatArray]
+    ) -> KeptFactor:
         """Allocate the storage of the factors of all pieces (collective)."""
         group = self.group
         reads = np.array([group.reads, sum(factor.entries for factor in factors)])
@@ -238,13 +261,13 @@ class FlexibleBodies:
         products = [self._product(k, factor) for k, factor in enumerate(factors)]
         return KeptFactor(factors, solvers, products, direct, responses, compliances, nodes, [])
 
-    def _solver(self, k: int, factor: Factor) -> Callable[[], None]:
+    def _solver(self, k: int, factor: Factor | KrylovFactor) -> Callable[[], None]:
         """Solve with the factors of piece ``k``, see :meth:`solve`."""
         if self._whole:
             return factor.solver(self._right, self.group.part.block.owned_step)
         return factor.solver(self.pieces[k].right, self.pieces[k].solution)
 
-    def _product(self, k: int, factor: Factor) -> Callable[[], None] | None:
+    def _product(self, k: int, factor: Factor | KrylovFactor) -> Callable[[], None] | None:
         """Multiply with the matrix of piece ``k``, see :meth:`add_product`."""
         if not (factor.kept and self._chained):
             return None
@@ -252,22 +275,33 @@ class FlexibleBodies:
             return factor.multiplier(self.group.part.block.owned_step, self._right)
         return factor.multiplier(self.pieces[k].solution, self.pieces[k].right)
 
-    def _factor(self, piece: Piece) -> Factor:
-        """Factors of a piece of the matrix."""
-        block, matrix = self.group.part.block, self._matrix.mat
+    def _factor(self, piece: Piece, shifts: Shifts) -> Factor | KrylovFactor:
+        """Factors of a piece of the matrix, or what takes their place."""
+        block = self.group.part.block
+        if self._free(shifts):
+            matrix = mass_operator(self._system, self.group.part, self._mechanics)
+            return krylov_factor(self._system.linear, self.group.part, matrix, shifts, piece.nodes)
+        matrix = self._matrix.mat
         if len(self.pieces) > 1:
-            rows = block.width * piece.nodes[:, np.newaxis] + np.arange(block.width)
+            own = block.width * piece.nodes[:, np.newaxis] + np.arange(block.width)
             index = PETSc.IS().createGeneral(
-                rows.ravel().astype(PETSc.IntType), comm=PETSc.COMM_SELF
+                own.ravel().astype(PETSc.IntType), comm=PETSc.COMM_SELF
             )
             matrix = matrix.getDiagonalBlock().createSubMatrix(index, index)
+        rows = piece.right.size if not self.split else block.sizes[1]
+        if rows and iterates(self._system, self.group.part, shifts, rows):
+            if len(self.pieces) == 1:
+                matrix = (matrix if self.split else matrix.getDiagonalBlock()).copy()
+                if self._alone:  # large: better made again, by all ranks, than twice in memory
+                    del self._matrix
+            return krylov_factor(self._system.linear, self.group.part, matrix, shifts, piece.nodes)
         nodes = np.diff(self.group.own.node_start)[piece.bodies]
         return Factor(
             matrix, block.width, not self.split, chained=self._chained,
             largest=block.width * int(nodes.max(initial=0)),
         )  # fmt: skip
 
-    def _respond(self, piece: Piece, factor: Factor) -> None:
+    def _respond(self, piece: Piece, factor: Factor | KrylovFactor) -> None:
         """Compute compliances, and responses if they are stored, of the bodies of a piece.
 
         Collective if a body is on several ranks.
@@ -281,7 +315,7 @@ class FlexibleBodies:
         place[piece.nodes] = np.arange(len(piece.nodes))
         rhs, solution = piece.right, piece.solution
         # columns of the inverse suffice for compliances, and are faster to solve for than its rows
-        solve = factor.solver(rhs, solution, transposed=not self._kept.direct)
+        solve = factor.solver(rhs, solution, transposed=not self._kept.direct, lasting=True)
         for c in range(most):
             bodies = piece.bodies[widths > c]
             columns = group.own.columns[group.own.column_start[bodies] + c]

@@ -34,6 +34,7 @@ from flexfem.solvers.frozen.refine import KeptOperator, Refined, Refinement
 from flexfem.solvers.frozen.secants import Secants
 from flexfem.solvers.frozen.stiff_rows import StiffRows
 from flexfem.solvers.frozen.vectors import StepVectors
+from flexfem.solvers.linear.iterative import iterates
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import MASS, BlockPart, PartStrains, Shifts, System
 
@@ -42,6 +43,8 @@ __all__ = ["FrozenSolver", "Worst"]
 #: Number of step sizes whose factors are kept, the latest used: each needs the memory of all
 #: factors.
 _KEPT = 6
+#: The same of bodies that are solved iteratively: large matrices, which are kept beside.
+_KEPT_MATRICES = 2
 #: Contraction of an iteration from which on the contacts are those of the last one, about.
 _ALIKE = 0.1
 #: Part of the squared error of the frozen operator above which a body is one of the worst.
@@ -158,7 +161,8 @@ class FrozenSolver:
         else:
             system.counters.mass_factorizations += 1
         self._kept.pop(shifts, None)
-        while len(self._kept) >= _KEPT:
+        large = any(iterates(system, part, shifts) for part in system.parts)
+        while len(self._kept) >= (_KEPT_MATRICES if large else _KEPT):
             del self._kept[next(iter(self._kept))]
         requests = self._requests(shifts, strains)
         parts = [

@@ -10,25 +10,33 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.la.direct import DirectSolver
 from flexfem.la.dropped import destroy_dropped
+from flexfem.la.factor import Factor
 from flexfem.la.nest import (
     CoordinateMatrix,
     block_indices,
     create_nest_matrix,
     create_nest_vector,
 )
+from flexfem.la.saddle import BodyFactor, SaddleSolver
 from flexfem.layout.tangent_request import TangentRequest
+from flexfem.solvers.linear.iterative import is_mass, iterates, krylov_factor
+from flexfem.solvers.linear.mass_operator import MassBlock, mass_operator
 from flexfem.system.mechanics import END_POINT, Mechanics
-from flexfem.system.system import BlockPart, PartStrains, Shifts, System
+from flexfem.system.system import MASS, BlockPart, PartStrains, Shifts, System
 
 __all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values", "with_contacts"]
 
 
 #: Stiffness of fixed unknowns, with a mass of 1 kg: their frequency is above all others.
 _STIFF = 1e20
+#: Some matrix with all entries.
+_STEP = Shifts(velocity=1.0, acceleration=1.0, scale=1.0)
+#: Relative accuracy of iterative solves with masses.
+_ACCURACY = 1e-12
 
 
 class TangentSolver:
@@ -40,20 +48,28 @@ class TangentSolver:
     """
 
     def __init__(self, system: System) -> None:
-        """Create patterns of all blocks (collective)."""
+        """Create patterns of all blocks, unless large bodies are never factorised (collective)."""
         self.system = system
         sliding = system.constraints.lines.sliding
         self._totals: list[PETSc.Mat] = []  # blocks with contacts
         self._sliding: bool = system.comm.allreduce(sliding, op=MPI.LOR)
-        self._create()
+        self._masses: bool | None = None
+        if not any(iterates(system, part, MASS) for part in system.parts):
+            self._create(_STEP)
 
-    def _create(self) -> None:
-        """Create patterns of all blocks for the present nodes of joints (collective)."""
+    def _create(self, shifts: Shifts) -> None:
+        """Create patterns of all blocks for the present nodes of joints (collective).
+
+        Masses that are solved iteratively are not assembled, until another matrix is.
+        """
+        self._masses = is_mass(shifts)
+        self._direct: DirectSolver | None = None
         system = self.system
         comm, rows = system.comm, system.constraints
         destroy_dropped(comm)  # older patterns
         parts = system.parts
         self._version = rows.lines.version
+        self._iterative = [iterates(system, part, shifts) for part in parts]
         sizes = [p.block.sizes for p in parts]
         if rows.size_global:
             sizes.append((rows.owned_count, rows.size_global))
@@ -62,7 +78,7 @@ class TangentSolver:
         self.matrix = create_nest_matrix(
             [[entry.mat for entry in line] for line in self._grid], comm
         )
-        self._solver = DirectSolver(self.matrix, "tangent_")
+        self._solver = self._linear_solver(shifts)
         self._rhs, self._solution = (create_nest_vector(sizes, comm) for _ in range(2))
         # all rows of this rank from their owners
         self._multipliers = PETSc.Vec().createSeq(rows.size)
@@ -73,13 +89,35 @@ class TangentSolver:
             last = self._rhs.getNestSubVecs()[-1]
             self._scatter = PETSc.Scatter().create(last, index, self._multipliers, None)
 
-    def _create_grid(self, sizes: list[tuple[int, int]]) -> list[list[CoordinateMatrix]]:
+    def _linear_solver(self, shifts: Shifts) -> DirectSolver | SaddleSolver:
+        """Solver of the block matrix; the direct one keeps its order of elimination."""
+        linear = self.system.linear
+        if not any(self._iterative):
+            self._direct = self._direct or DirectSolver(self.matrix, "tangent_")
+            return self._direct
+        tolerance = _ACCURACY if is_mass(shifts) else linear.tolerance
+        return SaddleSolver(self._body_factor, len(self.system.parts), tolerance, linear.counts)
+
+    def _body_factor(self, number: int, matrix: PETSc.Mat) -> BodyFactor:
+        """Solver of the block of a part (collective)."""
+        part = self.system.parts[number]
+        if not self._iterative[number]:
+            return Factor(matrix, part.block.width, local=False, chained=False)
+        nodes = np.arange(part.block.owned)
+        return krylov_factor(self.system.linear, part, matrix, self._shifts, nodes)
+
+    def _create_grid(
+        self, sizes: list[tuple[int, int]]
+    ) -> list[list[CoordinateMatrix | MassBlock]]:
         """Matrices of all blocks; ``sizes`` (local, global) of the parts, then of multipliers."""
         comm, rows, parts = self.system.comm, self.system.constraints, self.system.parts
-        grid: list[list[CoordinateMatrix]] = []
+        grid: list[list[CoordinateMatrix | MassBlock]] = []
         for i, part in enumerate(parts):
-            line = []
+            line: list[CoordinateMatrix | MassBlock] = []
             for j in range(len(parts)):
+                if i == j and self._masses and self._iterative[i]:
+                    line.append(MassBlock(mass_operator(self.system, part, END_POINT)))
+                    continue
                 row, column = self._couplings.pattern(i, j)
                 if i == j:
                     own = part_pattern(part)
@@ -87,7 +125,7 @@ class TangentSolver:
                 line.append(CoordinateMatrix(comm, sizes[i], sizes[j], row, column))
             grid.append(line)
         if rows.size_global:
-            last, bottom = sizes[-1], []
+            last, bottom = sizes[-1], list[CoordinateMatrix | MassBlock]()
             for i, line in enumerate(grid):
                 unknown, multiplier = self._couplings.gradient(i)
                 line.append(CoordinateMatrix(comm, sizes[i], last, unknown, multiplier))
@@ -114,14 +152,19 @@ class TangentSolver:
             mechanics: the equations.
         """
         system, rows = self.system, self.system.constraints
-        if self._sliding and system.comm.allreduce(self._version != rows.lines.version, op=MPI.LOR):
-            self._create()
+        self._shifts = shifts
+        if self._outdated(shifts):
+            self._create(shifts)
+        self._iterative = [iterates(system, part, shifts) for part in system.parts]
+        self._solver = self._linear_solver(shifts)
         owned = rows.owned
         factor = owned * rows.multipliers * shifts.stiffness
         hessians = mechanics.hessians(system, factor)
         count, strains = len(system.parts), strains or system.present
         for i, part in enumerate(system.parts):
             for j in range(count):
+                if isinstance(self._grid[i][j], MassBlock):
+                    continue
                 values = [self._couplings.values(i, j, hessians)]
                 if i == j:
                     request = shifts.request(strains[i])
@@ -135,9 +178,16 @@ class TangentSolver:
         if rows.size_global:
             own = rows.compliance[rows.owned_rows], rows.coupling[self._coupled()]
             self._grid[count][count].assemble(-np.concatenate(own))
-        if system.contacts:
+        if system.contacts and not self._masses:
             self._add_contacts(shifts)
         self.matrix.assemble()
+
+    def _outdated(self, shifts: Shifts) -> bool:
+        """True if patterns are those of other nodes, or lack entries (collective)."""
+        if self._masses is None or (self._masses and not is_mass(shifts)):
+            return True
+        older = self._version != self.system.constraints.lines.version
+        return self._sliding and bool(self.system.comm.allreduce(older, op=MPI.LOR))
 
     def _add_contacts(self, shifts: Shifts) -> None:
         """Create the block matrix again for the sparsity of the present contacts (collective)."""
@@ -151,6 +201,8 @@ class TangentSolver:
             return  # the nest may be kept, and with it the order of elimination
         mats = [[entry.mat for entry in line] for line in self._grid]
         self._solver.reset()
+        if self._direct is not None:
+            self._direct.reset()
         self.matrix.destroy()
         for old in self._totals:
             old.destroy()
@@ -269,7 +321,7 @@ def with_contacts(
     return total
 
 
-def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
+def part_pattern(part: BlockPart) -> tuple[IndexArray, IndexArray]:
     """Entries of a block's own matrix: cells, masses, forces."""
     numbers, widths = part.block.global_ids, (part.block.width, part.block.width)
     own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)
@@ -277,7 +329,10 @@ def part_pattern(part: BlockPart) -> tuple[IntArray, IntArray]:
     entries = [block_indices(single, single, widths)]
     entries[:0] = [block_indices(numbers[i], numbers[j], widths) for i, j in part.couplings()]
     if part.block.dirichlet is not None:
-        entries.append(2 * (_held_unknowns(part.block),))
+        entries.append(2 * (_held_unknowns(part.block).astype(PETSc.IntType),))
+    entries = [entry for entry in entries if len(entry[0])] or entries[:1]
+    if len(entries) == 1:
+        return entries[0]
     return np.concatenate([e[0] for e in entries]), np.concatenate([e[1] for e in entries])
 
 
@@ -301,9 +356,10 @@ def part_values(
     values = [matrices[:, :width, :width].ravel() for matrices in at_nodes]
     if part.elements is not None:
         values.insert(0, mechanics.cells(system, part, shifts, request or shifts.request()))
+    values = [own for own in values if len(own)] or values[:1]
+    every = np.concatenate(values) if len(values) > 1 else values[0]
     if part.block.dirichlet is None:
-        return np.concatenate(values)
-    every = np.concatenate(values)
+        return every
     every[part.dirichlet_entries] = 0.0
     own = shifts.scale * (shifts.acceleration + _STIFF * shifts.stiffness)
     return np.append(every, np.full(len(_held_unknowns(part.block)), own))

@@ -26,7 +26,7 @@ from petsc4py import PETSc
 import numpy as np
 import numpy.typing as npt
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.la.nest import CoordinateMatrix, block_indices
 from flexfem.lie import se3, so3
 from flexfem.solvers.linear.tangent import JointPattern, part_pattern, part_values
@@ -118,7 +118,7 @@ class Linearization:
         table = np.array(self.system.comm.allgather((starts, own)), dtype=np.int64)
         self._starts, self._own = table[:, 0], table[:, 1]
 
-    def _unknown(self, part: int, index: IntArray) -> IntArray:
+    def _unknown(self, part: int, index: IndexArray) -> IntArray:
         """Numbers of unknowns of a part given by its own global numbers."""
         width = self.system.parts[part].block.width
         node = index // width

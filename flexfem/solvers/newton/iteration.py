@@ -53,6 +53,9 @@ _STUCK, _TRIALS = 0.1, 5
 #: be longer than those before them once.
 _STAGNATION, _ALIKE, _TWICE = 0.5, 1e4, 2
 
+#: Number of a failure of linear solves; larger ones are iterative solves without convergence.
+_SINGULAR = 1.0
+
 
 @dataclass(frozen=True)
 class NewtonOptions:
@@ -105,19 +108,22 @@ def iterate(
             elements only; the others have the present ones.
     """
     rows, strains = system.constraints, system.accepted_strains(thin=thin)
+    linear = system.linear.counts
     first = previous = before = change_of_forces = inf
     wild = stuck = stagnant = 0
     for iteration in range(1, options.max_iterations + 1):
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
+        failed = linear.failed
         success, change = linear_step(shifts, strains)
         strains = system.continued_strains(thin=thin)
         done = equations.correct(system, again)
         moved = done.moved
         rows.multipliers -= change if moved.part == 1.0 else moved.part * change
-        sizes = _largest(system.comm, moved, change, success and done.success)
+        failure = _failure(success and done.success, linear.failed > failed)
+        sizes = _largest(system.comm, moved, change, failure)
         if sizes[2] > 0.0:
-            return Status.SINGULAR
+            return Status.UNSOLVED if sizes[2] > _SINGULAR else Status.SINGULAR
         if not (isfinite(sizes[0]) and isfinite(sizes[1])):
             return Status.DIVERGED
         size = max(sizes[0], sizes[1])
@@ -144,12 +150,19 @@ def iterate(
     return Status.NOT_CONVERGED
 
 
+def _failure(success: bool, unsolved: bool) -> float:
+    """Failure of linear solves on this rank, a number of which the largest one counts."""
+    if unsolved:
+        return 2.0 * _SINGULAR
+    return 0.0 if success else _SINGULAR
+
+
 def _largest(
-    comm: MPI.Intracomm, moved: Moved, change: FloatArray, success: bool
+    comm: MPI.Intracomm, moved: Moved, change: FloatArray, failure: float
 ) -> tuple[float, float, float, float]:
     """Largest steps of blocks and multipliers, failures, and changes of contacts on all ranks."""
     values = (
-        moved.largest, largest_entry(change), 0.0 if success else 1.0, moved.unsettled
+        moved.largest, largest_entry(change), failure, moved.unsettled
     )  # fmt: skip
     if comm.size == 1:
         return values

@@ -1,0 +1,259 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Krylov methods with a multigrid hierarchy that is kept over many solves, as factors are.
+
+The preconditioner of stiffnesses is PETSc's smoothed aggregation (GAMG; Vanek, Mandel, Brezina,
+Computing 56 (1996) 179-196), whose coarse spaces hold the rigid motions of the bodies; that of
+masses is the diagonal (Wathen, IMA J. Numer. Anal. 7 (1987) 449-457).
+"""
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from functools import partial
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray
+
+__all__ = ["KrylovFactor", "LinearSolver", "SolveCounts", "rigid_motions"]
+
+#: Unknowns of a body from which ``auto`` iterates: of its steps, where factors of a compact one
+#: take some 10 GB and as much time as 20 steps with iterations, and of its masses at the start.
+_LARGE, _LARGE_MASSES = 300_000, 20_000
+#: Relative accuracy of solves with masses, which no iteration repeats, and of those whose results
+#: are kept.
+_MASSES, _LASTING = 1e-13, 1e-10
+#: Largest number of iterations of a solve, and vectors that GMRES orthogonalises.
+_MOST, _RESTART = 500, 60
+#: Relative asymmetry that is round-off.
+_SYMMETRIC = 1e-11
+#: Length of a motion, relative to what it was, of which fixed unknowns have left nothing.
+_NOTHING = 1e-10
+#: Numbers of the matrix that a solve reads, about, that may be stored instead: as responses.
+_STORED = 2
+#: Entries of a row of the masses of quadratic tetrahedra, about, if they are not stored.
+_UNSTORED = 80
+#: Behind this prefix options of PETSc change the solver; these are set unless they are given.
+_PREFIX = "flexfem_iterative_"
+_OPTIONS = {"pc_gamg_threshold": 0.05, "mg_levels_ksp_max_it": 2}
+
+
+@dataclass
+class SolveCounts:
+    """Counters of iterative solves on this rank.
+
+    Attributes:
+        solves, iterations: their numbers.
+        failed: solves that have not converged.
+        setups: hierarchies that were made.
+    """
+
+    solves: int = 0
+    iterations: int = 0
+    failed: int = 0
+    setups: int = 0
+
+
+@dataclass(frozen=True)
+class LinearSolver:
+    """Choice between factors and Krylov methods.
+
+    Attributes:
+        kind: "auto", "direct" or "iterative".
+        tolerance: relative accuracy of solves by Krylov methods, in the norm of the preconditioned
+            residual.
+        counts: counters of the run.
+    """
+
+    kind: str = "direct"
+    tolerance: float = 1e-8
+    counts: SolveCounts = field(default_factory=SolveCounts)
+
+    def iterates(self, rows: int) -> bool:
+        """True for bodies of so many unknowns together that can be solved iteratively."""
+        return self.kind == "iterative" or (self.kind == "auto" and rows >= _LARGE)
+
+    def iterates_masses(self, rows: int) -> bool:
+        """True for bodies of so many unknowns together: masses need no factorisation."""
+        return self.iterates(rows) or rows >= _LARGE_MASSES
+
+
+def rigid_motions(points: FloatArray, axes: FloatArray, held: BoolArray | None) -> FloatArray:
+    """Increments (6, n, 3) of nodes that move together as a rigid body.
+
+    Args:
+        points: (n, 3) places of the nodes.
+        axes: (n, 3, 3) axes in whose directions the increments are counted, columns.
+        held: (n, 3) fixed unknowns, which do not move; None if there are none.
+    """
+    lines = np.eye(3)[:, np.newaxis] + np.zeros((1, len(points), 3))
+    turns = np.cross(np.eye(3)[:, np.newaxis], points[np.newaxis])
+    found: FloatArray = np.einsum("nij,kni->knj", axes, np.concatenate([lines, turns]))
+    if held is not None:
+        found[:, held] = 0.0
+    return found
+
+
+class KrylovFactor:
+    """Krylov method for a matrix, with the interface of :class:`flexfem.la.factor.Factor`.
+
+    Symmetric matrices are solved by conjugate gradients, and by GMRES if these find that a matrix
+    is not positive definite; others by GMRES. A solve that does not converge leaves NaN as its
+    solution, and counts: no caller can take it for one.
+
+    Attributes:
+        size: rows of this rank.
+        kept: see ``Factor``: the matrix is not multiplied by.
+    """
+
+    kept = False
+
+    def __init__(
+        self, matrix: PETSc.Mat, motions: FloatArray | None, held: BoolArray | None,
+        tolerance: float, counts: SolveCounts,
+    ) -> None:  # fmt: skip
+        """Make the preconditioner (collective).
+
+        Args:
+            matrix: assembled AIJ matrix, which this object takes over.
+            motions: (k, rows) of this rank, near null space of the multigrid; None for masses.
+            held: (rows,) fixed unknowns, whose rows and columns have nothing but their diagonal;
+                right-hand sides are zero there. None if there are none on any rank.
+            tolerance: relative accuracy.
+            counts: counters.
+        """
+        self.size = matrix.getLocalSize()[0]
+        self._matrix, self._motions, self._held = matrix, motions, held
+        self._tolerance = tolerance if motions is not None else min(tolerance, _MASSES)
+        self._counts = counts
+        if held is not None:
+            _level(matrix, held)
+        self._symmetric = _is_symmetric(matrix)
+        self._transposed: KrylovFactor | None = None
+        self._ksp = self._created("cg" if self._symmetric else "gmres")
+        counts.setups += 1
+
+    def _created(self, kind: str) -> PETSc.KSP:
+        """Solver with its preconditioner (collective)."""
+        ksp = PETSc.KSP().create(comm=self._matrix.comm)
+        ksp.setType(kind)
+        ksp.setTolerances(rtol=self._tolerance, atol=0.0, divtol=1e30, max_it=_MOST)
+        ksp.setNormType(PETSc.KSP.NormType.PRECONDITIONED)
+        ksp.setErrorIfNotConverged(False)
+        if kind == "gmres":
+            ksp.setGMRESRestart(_RESTART)
+        ksp.setOperators(self._matrix)
+        pc = ksp.getPC()
+        motions = [] if self._motions is None else _orthonormal(self._matrix, self._motions)
+        if not motions:  # masses, or nothing that moves
+            pc.setType(PETSc.PC.Type.JACOBI)
+        else:
+            self._matrix.setBlockSize(3)
+            near = PETSc.NullSpace().create(vectors=motions, comm=self._matrix.comm)
+            self._matrix.setNearNullSpace(near)
+            pc.setType(PETSc.PC.Type.GAMG)
+            _set_options()
+            ksp.setOptionsPrefix(_PREFIX)
+            ksp.setFromOptions()
+        ksp.setUp()
+        return ksp
+
+    @property
+    def entries(self) -> int:
+        """Numbers on this rank that storing responses must not exceed; see ``Factor``."""
+        if self._matrix.getType() == PETSc.Mat.Type.PYTHON:  # multiplied without being stored
+            return int(_STORED * _UNSTORED * self.size)
+        stored = float(self._matrix.getInfo()["nz_used"])
+        return int(_STORED * stored)
+
+    def solver(
+        self, rhs: FloatArray, solution: FloatArray, *, transposed: bool = False,
+        lasting: bool = False,
+    ) -> Callable[[], None]:  # fmt: skip
+        """Solve from one array to another, to be called again and again; see ``Factor``."""
+        if transposed and not self._symmetric:
+            return self._of_transposed().solver(rhs, solution, lasting=lasting)
+        vectors = [
+            PETSc.Vec().createWithArray(x.reshape(-1)[: self.size], comm=self._matrix.comm)
+            for x in (rhs, solution)
+        ]
+        accuracy = min(self._tolerance, _LASTING) if lasting else self._tolerance
+        return partial(self._solve, accuracy, *vectors)
+
+    def _of_transposed(self) -> "KrylovFactor":
+        if self._transposed is None:
+            other = self._matrix.transpose(PETSc.Mat())
+            self._transposed = KrylovFactor(
+                other, self._motions, None, self._tolerance, self._counts
+            )
+        return self._transposed
+
+    def _solve(self, accuracy: float, rhs: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """Solve (collective unless the matrix is this rank's alone)."""
+        self._counts.solves += 1
+        if self._converges(accuracy, rhs, solution):
+            return
+        if self._ksp.getType() == PETSc.KSP.Type.CG:
+            self._ksp = self._created("gmres")  # the matrix may not be positive definite
+            if self._converges(accuracy, rhs, solution):
+                return
+        self._counts.failed += 1
+        solution.set(np.nan)
+
+    def _converges(self, accuracy: float, rhs: PETSc.Vec, solution: PETSc.Vec) -> bool:
+        self._ksp.setTolerances(rtol=accuracy)
+        self._ksp.solve(rhs, solution)
+        self._counts.iterations += self._ksp.getIterationNumber()
+        return bool(self._ksp.getConvergedReason() > 0)
+
+    def multiplier(self, vector: FloatArray, product: FloatArray) -> Callable[[], None]:
+        """Refuse: the matrix is not ``kept``."""
+        raise AssertionError
+
+
+def _set_options() -> None:
+    """Set the options of multigrid that are not given."""
+    options = PETSc.Options(_PREFIX)
+    for name, value in _OPTIONS.items():
+        if not options.hasName(name):
+            options[name] = value
+
+
+def _level(matrix: PETSc.Mat, held: BoolArray) -> None:
+    """Give fixed unknowns a diagonal like those of the others (collective)."""
+    diagonal = matrix.getDiagonal()
+    values = diagonal.getArray()
+    own = np.array([values[~held].sum(), float((~held).sum())])
+    total, count = matrix.comm.tompi4py().allreduce(own)
+    values[held] = total / max(count, 1.0) or 1.0
+    matrix.setDiagonal(diagonal)
+
+
+def _is_symmetric(matrix: PETSc.Mat) -> bool:
+    """True if a matrix is symmetric, found by products of two vectors (collective)."""
+    x, y = matrix.createVecs()
+    first, last = x.getOwnershipRange()
+    own = np.arange(first, last, dtype=np.float64)
+    x.setArray(np.cos(own * own))
+    y.setArray(np.sin(3.0 * own * own + 1.0))
+    Ax, Ay = y.duplicate(), y.duplicate()
+    matrix.mult(x, Ax)
+    matrix.mult(y, Ay)
+    return bool(abs(y.dot(Ax) - x.dot(Ay)) <= _SYMMETRIC * y.norm() * Ax.norm())
+
+
+def _orthonormal(matrix: PETSc.Mat, motions: FloatArray) -> list[PETSc.Vec]:
+    """Orthonormal vectors of motions (k, rows), without those that others have (collective)."""
+    found: list[PETSc.Vec] = []
+    for motion in motions:
+        vector = matrix.createVecRight()
+        vector.setArray(motion.ravel())
+        length = vector.norm()
+        for _ in range(2):
+            for other in found:
+                vector.axpy(-vector.dot(other), other)
+        if vector.norm() > _NOTHING * length:
+            vector.normalize()
+            found.append(vector)
+    return found

@@ -1,0 +1,217 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Iterative solver of block matrices of bodies and multipliers, each body by its own factors.
+
+``[[A, B], [C, -D]]`` with as many blocks in A as there are parts: GMRES, preconditioned by the
+elimination of the multipliers from the diagonal blocks of A. It is exact, and GMRES ends at once,
+where parts are not coupled beside the multipliers; otherwise GMRES adds what is missing.
+"""
+
+import weakref
+from collections.abc import Callable
+from typing import Protocol
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+from scipy.linalg import LinAlgError, lu_factor, lu_solve
+
+from flexfem._types import FloatArray
+from flexfem.la.krylov import SolveCounts
+
+__all__ = ["MOST_MULTIPLIERS", "BodyFactor", "SaddleSolver"]
+
+#: Multipliers of a model from which they are too many: each takes a solve and a dense row.
+MOST_MULTIPLIERS = 500
+#: Largest number of iterations, in each of which every body is solved.
+_MOST = 40
+
+
+class BodyFactor(Protocol):
+    """Solver of a block, see :class:`flexfem.la.factor.Factor`."""
+
+    def solver(
+        self, rhs: FloatArray, solution: FloatArray, *, lasting: bool = False
+    ) -> Callable[[], None]:
+        """Solve from one array to another, to be called again and again."""
+        ...
+
+
+class SaddleSolver:
+    """Solver of block matrices, with the interface of ``DirectSolver``.
+
+    Attributes:
+        counts: counters of iterative solves; a body that is not solved leaves NaN, and so fails
+            the solve on all ranks.
+    """
+
+    def __init__(
+        self, factor: Callable[[int, PETSc.Mat], BodyFactor], parts: int, tolerance: float,
+        counts: SolveCounts,
+    ) -> None:  # fmt: skip
+        """Store the arguments.
+
+        Args:
+            factor: makes the solver of a diagonal block from its number and matrix (collective).
+            parts: number of blocks beside the multipliers.
+            tolerance: relative accuracy.
+            counts: counters of iterative solves.
+        """
+        self._factor, self._parts, self._tolerance = factor, parts, tolerance
+        self.counts = counts
+
+    def factor(self, matrix: PETSc.Mat) -> bool:
+        """Prepare solves with a matrix (collective); False where multipliers are dependent."""
+        self._comm: MPI.Intracomm = matrix.comm.tompi4py()
+        self._matrix = matrix
+        blocks = [matrix.getNestSubMatrix(i, i) for i in range(self._parts)]
+        self._rights = [np.zeros(mat.getLocalSize()[0]) for mat in blocks]
+        self._solutions = [np.zeros_like(right) for right in self._rights]
+        pairs = list(zip(self._rights, self._solutions, strict=True))
+        factors = [self._factor(i, mat) for i, mat in enumerate(blocks)]
+        self._solvers = [
+            f.solver(*pair, lasting=True) for f, pair in zip(factors, pairs, strict=True)
+        ]
+        self._rows = matrix.getNestSize()[0] > self._parts
+        if self._rows and not self._eliminate():
+            return False
+        count = matrix.getNestSize()[0]
+        self._grid = [[matrix.getNestSubMatrix(i, j) for j in range(count)] for i in range(count)]
+        sizes = [line[0].getLocalSize()[0] for line in self._grid]
+        self._ends = np.cumsum(sizes)
+        # its vectors are those of all blocks on this rank, one after the other
+        whole = (int(self._ends[-1]), None), (int(self._ends[-1]), None)
+        flat = PETSc.Mat().createPython(
+            whole, context=_Product(weakref.proxy(self)), comm=matrix.comm
+        )
+        flat.setUp()
+        self._ksp = PETSc.KSP().create(comm=matrix.comm)
+        self._ksp.setType(PETSc.KSP.Type.GMRES)
+        self._ksp.setGMRESRestart(_MOST)
+        self._ksp.setTolerances(rtol=self._tolerance, atol=0.0, divtol=1e30, max_it=_MOST)
+        self._ksp.setOperators(flat)
+        pc = self._ksp.getPC()
+        pc.setType(PETSc.PC.Type.PYTHON)
+        pc.setPythonContext(_Elimination(weakref.proxy(self)))
+        self._ksp.setUp()
+        return True
+
+    def _eliminate(self) -> bool:
+        """Solve for the motions by each multiplier, and factorise their system (collective)."""
+        last, matrix = self._parts, self._matrix
+        corner = matrix.getNestSubMatrix(last, last)
+        unit, row = corner.createVecs()
+        size, (first, end) = unit.getSize(), unit.getOwnershipRange()
+        counts = np.array(self._comm.allgather(end - first))
+        self._counts, self._own = counts, slice(first, end)
+        self._motions = [np.empty((len(right), size)) for right in self._rights]
+        own = np.empty((end - first, size))
+        for column in range(size):
+            unit.set(0.0)
+            if first <= column < end:
+                unit[column] = 1.0
+            unit.assemble()
+            corner.mult(unit, row)
+            own[:, column] = -row.getArray(readonly=True)
+            self._forces(unit)
+            self._solve_bodies()
+            for motion, solution in zip(self._motions, self._solutions, strict=True):
+                motion[:, column] = solution
+            own[:, column] += self._gaps()
+        every = np.empty((size, size))
+        self._comm.Allgatherv(own, (every, (counts * size).tolist()))
+        try:
+            self._schur = lu_factor(every)
+        except (ValueError, LinAlgError):
+            return False
+        pivots = np.abs(np.diag(self._schur[0]))
+        return bool(size == 0 or pivots.min() > 1e-13 * pivots.max())
+
+    def _forces(self, multipliers: PETSc.Vec) -> None:
+        """Set right-hand sides to the forces of multipliers (collective)."""
+        for i, right in enumerate(self._rights):
+            block = self._matrix.getNestSubMatrix(i, self._parts)
+            force = block.createVecLeft()
+            block.mult(multipliers, force)
+            right[:] = force.getArray(readonly=True)
+
+    def _gaps(self) -> FloatArray:
+        """Changes of this rank's rows by the solutions of the bodies (collective)."""
+        total = np.zeros(self._own.stop - self._own.start)
+        for i, solution in enumerate(self._solutions):
+            block = self._matrix.getNestSubMatrix(self._parts, i)
+            motion, gap = block.createVecs()
+            motion.setArray(solution)
+            block.mult(motion, gap)
+            total += gap.getArray(readonly=True)
+        return total
+
+    def _solve_bodies(self) -> None:
+        for solve in self._solvers:
+            solve()
+
+    def multiply(self, vector: FloatArray) -> FloatArray:
+        """Product of the matrix and a vector of this rank (collective)."""
+        out = np.zeros(len(vector))
+        pieces = zip(self._grid, np.split(out, self._ends[:-1]), strict=True)
+        for line, sums in pieces:
+            for block, own in zip(line, np.split(vector, self._ends[:-1]), strict=True):
+                x, y = block.createVecs()
+                x.setArray(own)
+                block.mult(x, y)
+                sums += y.getArray(readonly=True)  # noqa: PLW2901 (a view of the result)
+        return out
+
+    def eliminate(self, right: FloatArray) -> FloatArray:
+        """Solve without couplings between parts beside the multipliers (collective)."""
+        pieces = np.split(right, self._ends[:-1])
+        for own, piece in zip(self._rights, pieces, strict=False):
+            own[:] = piece
+        self._solve_bodies()
+        if not self._rows:
+            return np.concatenate(self._solutions)
+        own = self._gaps() - pieces[-1]
+        every = np.empty(self._counts.sum())
+        self._comm.Allgatherv(own, (every, self._counts.tolist()))
+        found = lu_solve(self._schur, every, check_finite=False)
+        moved = [u - Z @ found for u, Z in zip(self._solutions, self._motions, strict=True)]
+        return np.concatenate([*moved, found[self._own]])
+
+    def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> bool:
+        """Solve with the matrix prepared last; False without a solution (collective)."""
+        given, found = self._ksp.getOperators()[0].createVecs()
+        nests = right.getNestSubVecs(), solution.getNestSubVecs()
+        given.setArray(np.concatenate([vec.getArray(readonly=True) for vec in nests[0]]))
+        self._ksp.solve(given, found)
+        pieces = np.split(found.getArray(readonly=True), self._ends[:-1])
+        for vec, piece in zip(nests[1], pieces, strict=True):
+            vec.setArray(piece)
+        converged = bool(self._ksp.getConvergedReason() > 0)  # the same on all ranks
+        self.counts.failed += not converged
+        return converged
+
+    def reset(self) -> None:
+        """Release what was prepared (collective)."""
+        self._solvers, self._motions = [], []
+
+
+class _Product:
+    """Block matrix in the format of PETSc."""
+
+    def __init__(self, solver: SaddleSolver) -> None:
+        self._solver = solver
+
+    def mult(self, _: PETSc.Mat, x: PETSc.Vec, y: PETSc.Vec) -> None:
+        """Multiply by it (collective)."""
+        y.setArray(self._solver.multiply(x.getArray(readonly=True)))
+
+
+class _Elimination:
+    """Preconditioner in the format of PETSc."""
+
+    def __init__(self, solver: SaddleSolver) -> None:
+        self._solver = solver
+
+    def apply(self, _: PETSc.PC, right: PETSc.Vec, solution: PETSc.Vec) -> None:
+        """Apply it (collective)."""
+        solution.setArray(self._solver.eliminate(right.getArray(readonly=True)))
