@@ -10,7 +10,7 @@ import pytest
 import ufl
 
 import flexfem as ff
-from flexfem.families.solid.laws import trace_of_power
+from flexfem.families.solid.laws.energies import trace_of_power
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import so3
 from flexfem.system.build import build

@@ -23,7 +23,7 @@ from flexfem.families.solid.body import Solid, SolidMarker
 from flexfem.families.solid.cells import Kernels, SolidCells, TimedParameter
 from flexfem.families.solid.elements import SolidElements
 from flexfem.families.solid.forms import CellKind, SolidForms
-from flexfem.families.solid.laws import SolidLaw
+from flexfem.families.solid.laws.energies import SolidLaw
 from flexfem.families.solid.loads import SurfacePressure, SurfaceTraction
 from flexfem.families.solid.pressures import FacetKind, SolidPressures
 from flexfem.families.solid.probes import MOTION, SolidProbe
