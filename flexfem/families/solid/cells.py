@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from math import isfinite, nan
 from typing import Any
@@ -15,7 +15,7 @@ import numpy as np
 from flexfem._checks import returned_number
 from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.families.solid.forms import FIELDS, CellKind, LawFunctions, SolidForms
+from flexfem.families.solid.forms import FIELDS, CellKind, SolidForms
 from flexfem.families.solid.lagrange import (
     lattice,
     quadrature_weights,
@@ -36,12 +36,19 @@ _MOMENT = 1e-6
 
 
 class Motion(Record):
-    """Positions, velocities and steps of both (n, 3) of nodes, inertial axes."""
+    """Positions, velocities and steps of both (n, 3) of nodes, inertial axes; positions before."""
 
     points: Float2D
     velocity: Float2D
     step: Float2D
     rate: Float2D
+    start: Float2D
+
+
+#: Arrays of :class:`Motion` of the forms' coefficients.
+_NODAL = {
+    "position": "points", "velocity": "velocity", "step": "step", "rate": "rate", "start": "start",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -67,9 +74,11 @@ class Kernels:
     rate_dependent: bool
 
     @classmethod
-    def compiled(cls, comm: MPI.Intracomm, law: LawFunctions, forms: SolidForms) -> Kernels:
-        """Compile the forms of a law (collective)."""
-        kind = forms.kind
+    def compiled(
+        cls, comm: MPI.Intracomm, forms: SolidForms, without: Collection[str] = ()
+    ) -> Kernels:
+        """Compile the forms of a law (collective), ``without`` some of them."""
+        kind, law = forms.kind, forms.law
         fields = tuple(forms.coefficients.values())
         names = list(forms.coefficients)
         count = len(lattice(kind.cell, kind.degree))
@@ -88,19 +97,20 @@ class Kernels:
             results["loss"] = 1
         if len(law.initial):
             results["advanced"] = forms.coefficients["history"].ufl_element().dim
+        results = {name: size for name, size in results.items() if name not in without}
         nodal = {
-            name: (Nodal.POSITION, Motion.word(word))
-            for name, word in zip(names[:4], ("points", "velocity", "step", "rate"), strict=True)
+            name: (Nodal.POSITION, Motion.word(_NODAL[name])) for name in names if name in _NODAL
         }
         columns, first = dict[str, tuple[int, int]](), 0
-        for name, field in list(forms.coefficients.items())[4:]:
-            columns[name] = first, field.ufl_element().dim
-            first += field.ufl_element().dim
+        for name, field in forms.coefficients.items():
+            if name not in nodal:
+                columns[name] = first, field.ufl_element().dim
+                first += field.ufl_element().dim
         steps = {"step": (0, 3 * count), "rate": (3 * count, 3 * count)}
         if dilatation:
             steps["dilatation_step"] = 6 * count, dilatation
             steps["multiplier_step"] = 6 * count + dilatation, dilatation
-        still = {name: nodal[name] for name in ("position", "velocity")}
+        still = {name: place for name, place in nodal.items() if name not in steps}
         calls = {}
         for name, size in results.items():
             kernel: Kernel = compile_kernel(comm, getattr(forms, name), fields, batched=True)
@@ -147,6 +157,7 @@ class SolidCells:
 
     Attributes:
         kernels: of the law.
+        forms: that they are made of.
         nodes: (m, k) local nodes.
         mass: (m, k, k) products of shape functions with the density, kg.
         size: (m,) volumes at the start, m^3.
@@ -247,6 +258,7 @@ class SolidCells:
             forms: of the law.
             density: (m,) kg/m^3.
         """
+        self.forms = forms
         products = self._products(comm, forms, "Lagrange", self.kind.degree)
         self.size: FloatArray = products.sum(axis=(1, 2))
         self.mass: FloatArray = density[:, np.newaxis, np.newaxis] * products
@@ -399,10 +411,17 @@ class SolidCells:
         by_steps, by_dilatation = duals[:, :, :width], duals[:, :, width : width + few]
         # changes of the dilatation, and of the multiplier, along those of the nodes
         inverse = self._projection[first : first + len(own)]
-        theta = stiffness * (inverse @ np.swapaxes(by_pi, 1, 2))
+        theta = inverse @ self._swelling(cells, motion, stiffness * by_pi)
         pi = inverse @ (by_steps + by_dilatation @ theta)
         found: FloatArray = by_nodes + by_theta @ theta + by_pi @ pi
         return found
+
+    def _swelling(self, cells: Cells, motion: Memory, by_multiplier: FloatArray) -> FloatArray:
+        """Changes (r, s, 3 k) of the moments along the steps of nodes, the first of the sections.
+
+        They are also those of the forces by the multiplier (r, 3 k, s).
+        """
+        return np.swapaxes(by_multiplier, 1, 2)
 
     def _columns(self, name: str, cells: Cells, motion: Memory) -> FloatArray:
         """Results (r, s, c) of a kernel along the steps of all sections."""
@@ -450,6 +469,6 @@ def _still(points: FloatArray) -> Memory:
     """Positions (n, 3) of nodes at rest."""
     rest = np.zeros_like(points)
     memory: Memory = Motion(
-        points=np.ascontiguousarray(points), velocity=rest, step=rest, rate=rest
+        points=np.ascontiguousarray(points), velocity=rest, step=rest, rate=rest, start=rest
     ).memory
     return memory

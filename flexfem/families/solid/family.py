@@ -97,6 +97,21 @@ class SolidFamily(PositionFamily[Solid]):
         raise ValueError(f'Carrier on "{carrier.body}": a Solid has no line')
 
     @override
+    def check_energy_momentum(self, dissipates: bool) -> None:
+        for body in self._bodies:
+            laws = [law for region, law in body.law.items() if len(body.cells_of(region))]
+            for what, given in (
+                ("internal variables", any(len(law.initial) for law in laws)),
+                ("parameters that change with time", any(map(_timed, laws))),
+                ("numerical dissipation in solids: it needs rho_inf 1", dissipates),
+            ):
+                if given:
+                    raise InputError(
+                        f'Solid "{body.name}": the integrator energy_momentum does not support '
+                        f"{what}"
+                    )
+
+    @override
     def costs(self) -> dict[str, tuple[int, int]]:
         return {
             body.name: (body.elements, int(_COST * body.nodes.cells.shape[1]))
@@ -136,7 +151,7 @@ class SolidFamily(PositionFamily[Solid]):
             forms = SolidForms(law, kind, sizes)
             if forms.damped and ufl.algorithms.expand_derivatives(forms.loss).empty():
                 raise ValueError("the dissipation does not depend on the rate of F")
-            kernels = Kernels.compiled(comm, law, forms)
+            kernels = Kernels.compiled(comm, forms)
         except ValueError as error:
             raise InputError(f'Solid "{body.name}": {error}') from None
         nodes, places, thickness, density, bodies, numbers = [], [], [], [], [], []
@@ -287,6 +302,11 @@ def _sizes(law: SolidLaw) -> dict[str, int]:
     for name, value in law.parameters.items():
         sizes[name] = 3 if not callable(value) and np.ndim(value) == 2 else 1
     return sizes
+
+
+def _timed(law: SolidLaw) -> bool:
+    """True if parameters change with time."""
+    return any(callable(value) for value in law.parameters.values())
 
 
 def values_of(body: Solid, region: str, name: str, size: int, t: float = 0.0) -> FloatArray:

@@ -1,0 +1,137 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""UFL forms of the mean forces of a solid cell over a step, which do the work of energy changes.
+
+With the deformation gradients F_0 and F_1 at both ends, their mean F_m and ``C = F^T F``,
+``sym(F_m^T (F_1 - F_0)) = (C_1 - C_0)/2`` holds exactly. So the force ``int F_m S : grad v`` of a
+stress S with ``S : (C_1 - C_0)/2 = W_1 - W_0`` at every point of the quadrature does the work of
+the energy's change; S being symmetric, it has no moment about the mean positions, and no resultant.
+Such an S is the mean of the stresses at both ends and what Gonzalez (Comput. Methods Appl. Mech.
+Eng. 190 (2000) 1763-1783) adds along the change of C, a term of second order in the step. With a
+dilatation theta W changes by C and theta, theta by the projection of J, and J by C, each in this
+way. Viscous forces are those of F_m and ``(F_1 - F_0)/h``, whose rate of C is that of the step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from functools import cached_property
+from typing import Any
+
+import ufl
+
+from flexfem.families.solid.forms import CellKind, LawFunctions, LawParameters, SolidForms
+
+__all__ = ["SolidStepForms"]
+
+#: Change of C below which the energy's own rounding, over that of C, is more than what is added.
+_SMALL = 1e-5
+
+
+class SolidStepForms(SolidForms):
+    """Forms of a law in cells of a kind over a step.
+
+    The coefficients are those of :class:`SolidForms` and ``start``, the positions at the start of
+    the step, ``start_dilatation`` and ``per_step``, 1/h; ``position`` and ``dilatation`` are at the
+    end. :attr:`force` and :attr:`duals` are means over the step, :attr:`moments` those of the end.
+    """
+
+    def __init__(self, law: LawFunctions, kind: CellKind, sizes: Mapping[str, int]) -> None:
+        """Evaluate the law; see :class:`SolidForms`."""
+        super().__init__(law, kind, sizes)
+        self.coefficients["start"] = ufl.Coefficient(self._vectors)
+        self.coefficients["per_step"] = ufl.Coefficient(self._space("DG", 0))
+        if kind.dilatation >= 0:
+            space = self.coefficients["dilatation"].ufl_function_space()
+            self.coefficients["start_dilatation"] = ufl.Coefficient(space)
+        self._values = {name: self.coefficients[name] for name in sizes}
+
+    @cached_property
+    def _ends(self) -> list[tuple[Any, Any]]:
+        """F and theta (None without) at the start and the end, as variables."""
+        names = ("start", "start_dilatation"), ("position", "dilatation")
+        return [
+            (
+                ufl.variable(self.gradient(self.coefficients[place])),
+                ufl.variable(self.coefficients[theta]) if self.kind.dilatation >= 0 else None,
+            )
+            for place, theta in names
+        ]
+
+    def _energy_at(self, F: Any, theta: Any) -> Any:
+        """Energy per volume."""
+        if theta is None or self.law.split:
+            return self.law.energy(F, LawParameters(self._values, theta))
+        seen = (theta / ufl.det(F)) ** (1.0 / 3.0) * F
+        return self.law.energy(seen, LawParameters(self._values))
+
+    @cached_property
+    def _strain(self) -> Any:
+        """Change of C over the step."""
+        (F0, _), (F1, _) = self._ends
+        return F1.T * F1 - F0.T * F0
+
+    def _means(self, function: Any, swelling: Any) -> tuple[Any, Any]:
+        """Mean stress, and derivative by theta, whose products with the changes are a function's.
+
+        Args:
+            function: of F and theta, the same for all rotations.
+            swelling: change of theta, zero for functions of F alone.
+        """
+        energies, stresses, slopes = [], [], []
+        for F, theta in self._ends:
+            value = function(F, theta)
+            energies.append(value)
+            stresses.append(ufl.inv(F) * ufl.diff(value, F))
+            slopes.append(ufl.as_ufl(0.0) if theta is None else ufl.diff(value, theta))
+        change = self._strain
+        stress, slope = (stresses[0] + stresses[1]) / 2.0, (slopes[0] + slopes[1]) / 2.0
+        missing = energies[1] - energies[0] - ufl.inner(stress, change) / 2.0 - slope * swelling
+        square = ufl.inner(change, change) + swelling * swelling
+        part = missing * square / (square * square + _SMALL**4)
+        return stress + 2.0 * part * change, slope + part * swelling
+
+    @cached_property
+    def _mean(self) -> tuple[Any, Any]:
+        """Those of the energy."""
+        (_, before), (_, after) = self._ends
+        swelling = ufl.as_ufl(0.0) if before is None else after - before
+        return self._means(self._energy_at, swelling)
+
+    @cached_property
+    def duals(self) -> Any:
+        """Mean derivatives of the energy by the dilatation, J."""
+        return self._integral(self._mean[1] * self._dilated)
+
+    @cached_property
+    def force(self) -> Any:
+        """Mean elastic and viscous forces on the nodes over the step, N."""
+        (F0, _), (F1, _) = self._ends
+        middle, stress = (F0 + F1) / 2.0, self._mean[0]
+        if self.kind.dilatation >= 0:
+            by_volume, _ = self._means(lambda F, theta: ufl.det(F), ufl.as_ufl(0.0))
+            stress = stress + self.coefficients["multiplier"] * by_volume
+        mean = middle * stress
+        if self.damped:
+            mean = mean + self._viscous(middle)
+        test = self.gradient(ufl.TestFunction(self._vectors), rate=True)
+        return self._integral(ufl.inner(mean, test))
+
+    def _viscous(self, middle: Any) -> Any:
+        """Viscous part of the mean first Piola stress."""
+        change = self.coefficients["position"] - self.coefficients["start"]
+        rate = ufl.variable(self.coefficients["per_step"] * self.gradient(change, rate=True))
+        return ufl.diff(self.law.dissipation(middle, rate, LawParameters(self._values)), rate)
+
+    @cached_property
+    def loss(self) -> Any:
+        """Energy that the viscous forces take in the step, J."""
+        (F0, _), (F1, _) = self._ends
+        return self._integral(ufl.inner(self._viscous((F0 + F1) / 2.0), F1 - F0))
+
+    @cached_property
+    def action(self) -> Any:
+        """Change of the forces along steps of the positions at the end, and what follows them."""
+        steps = [("position", "step")]
+        if self.kind.dilatation >= 0:
+            steps += [("dilatation", "dilatation_step"), ("multiplier", "multiplier_step")]
+        return self._change(self.force, *steps)
