@@ -48,6 +48,7 @@ class _Part:
         state: both ends of the step.
         elements: mean forces of the elements; None without elements.
         before: (n, 12) frames at the start of the last step.
+        inner: forces inside elements, which are means of both ends.
         lumps: (k, 13) mass, first moment and rotary inertia about the centres of the nodes;
             nodes: (k,).
     """
@@ -72,6 +73,8 @@ class _Part:
             self.elements is not None and self.elements.offset
         )
         self.before = block.frames0.copy()
+        self.inner = part.line_forces
+        self._inner0 = np.zeros((count if self.inner else 0, 6))
         self._memory = 1.0
         self.state = StepNodes(
             frames0=block.frames0, frames=block.frames, increments=block.increment,
@@ -112,6 +115,28 @@ class _Part:
         state.jumps[:, 3:] = h * spin
         self.set_law(h)
         self._memory = memory
+
+    def begin_inner(self, factors: FloatArray) -> None:
+        """Forces inside the elements at the start, with load factors ``factors``, are kept."""
+        block = self.block
+        if self.inner:
+            block.frames[:], block.residual[:] = block.frames0, 0.0
+            for forces in self.inner:
+                forces.add_residual(block, factors, 1.0)
+            turns = se3.rotation(block.frames0)
+            self._inner0[:] = np.einsum(
+                "nab,nkb->nka", turns, block.residual.reshape(-1, 2, 3)
+            ).reshape(-1, 6)
+
+    def add_inner(self, factors: FloatArray, scale: float) -> None:
+        """Add ``scale`` times the forces inside the elements, means of both ends."""
+        block = self.block
+        if self.inner:
+            turns = se3.rotation(block.frames)
+            start = np.einsum("nba,nkb->nka", turns, self._inner0.reshape(-1, 2, 3))
+            block.residual += 0.5 * scale * start.reshape(-1, 6)
+            for forces in self.inner:
+                forces.add_residual(block, factors, 0.5 * scale)
 
     def predict(self, h: float, prediction: Prediction, share: float) -> None:
         """Predict increments as zero, from the rates, or also from their last change.
@@ -197,6 +222,7 @@ class StepMechanics(Mechanics):
         system.interface.update()
         for part in self._parts.values():
             part.begin(h, min(1.0, self._last_h / h))
+            part.begin_inner(factors)
             if part.elements is None:
                 continue
             if first:
@@ -276,6 +302,7 @@ class StepMechanics(Mechanics):
             block.residual[:] = 0.0
             if mine.elements is not None:
                 mine.elements.add_force(state, self.weight)
+                mine.add_inner(self._factors, self.weight)
                 block.add_ghosts()
             if len(mine.nodes):
                 add_step_inertia(mine.nodes, mine.lumps, state.memory, self.h, self.weight)
@@ -304,7 +331,10 @@ class StepMechanics(Mechanics):
         """See :class:`flexfem.system.mechanics.Mechanics`; stresses are means over the step."""
         mine = self._parts[id(part)]
         assert mine.elements is not None
-        return mine.elements.tangent(mine.state, self.weight).ravel()
+        values = mine.elements.tangent(mine.state, self.weight).ravel()
+        # without the change of the axes of nodes in which forces of the start are counted
+        own = [f.tangent(part.block, self._factors, 0.5 * self.weight) for f in mine.inner]
+        return np.concatenate([values, *(matrices.ravel() for matrices in own)])
 
     def add_cells(
         self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest,
@@ -314,6 +344,8 @@ class StepMechanics(Mechanics):
         mine = self._parts[id(part)]
         assert mine.elements is not None
         mine.elements.add_action(mine.state, factor * self.weight)
+        for forces in mine.inner:
+            forces.add_action(part.block, self._factors, 0.5 * factor * self.weight)
 
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
