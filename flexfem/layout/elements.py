@@ -242,8 +242,8 @@ class StepForces(Protocol):
 class SteppedElements(ElementFamily, Protocol):
     """Elements that may have mean forces over a step, which do the work of energy changes."""
 
-    def step_forces(self, comm: MPI.Intracomm, count: int) -> StepForces:
-        """Return the mean forces at ``count`` nodes (collective)."""
+    def step_forces(self, comm: MPI.Intracomm, count: int, dissipates: bool) -> StepForces:
+        """Return the mean forces at ``count`` nodes (collective), with numerical dissipation."""
         ...
 
     def losses(self, before: FloatArray, after: FloatArray, h: float) -> FloatArray:

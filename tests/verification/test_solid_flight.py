@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Nonlinear solids with the energy-momentum integrator: forces, motions, restart, refusals."""
 
-from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
 

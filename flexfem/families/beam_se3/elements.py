@@ -258,7 +258,7 @@ class SE3Beams:
             stress[rows], rate[rows] = group.viscosity(block)
         return stress, rate
 
-    def step_forces(self, comm: MPI.Intracomm, count: int) -> EnergyBeams:
+    def step_forces(self, comm: MPI.Intracomm, count: int, dissipates: bool) -> EnergyBeams:
         """See :class:`flexfem.layout.elements.SteppedElements`."""
         return EnergyBeams(comm, self.linear, count)
 

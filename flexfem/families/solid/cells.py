@@ -36,18 +36,23 @@ _MOMENT = 1e-6
 
 
 class Motion(Record):
-    """Positions, velocities and steps of both (n, 3) of nodes, inertial axes; positions before."""
+    """Positions, velocities and steps of both (n, 3) of nodes, inertial axes.
+
+    The other positions are those at the start of a step and of the step before.
+    """
 
     points: Float2D
     velocity: Float2D
     step: Float2D
     rate: Float2D
     start: Float2D
+    before: Float2D
 
 
 #: Arrays of :class:`Motion` of the forms' coefficients.
 _NODAL = {
-    "position": "points", "velocity": "velocity", "step": "step", "rate": "rate", "start": "start",
+    "position": "points", "velocity": "velocity", "step": "step", "rate": "rate",
+    "_start": "start", "_before": "before",
 }  # fmt: skip
 
 
@@ -164,9 +169,11 @@ class SolidCells:
         body: (m,) number of the body.
         number: (m,) number of the cell in the family.
         timed: parameters that change with time.
+        rest_moduli: (m, 2) shear and bulk modulus at small strains, Pa.
     """
 
     timed: Sequence[TimedParameter] = ()
+    rest_moduli: FloatArray
 
     def __init__(
         self, kernels: Kernels, kind: CellKind, nodes: IndexArray, places: FloatArray,
@@ -469,6 +476,11 @@ def _still(points: FloatArray) -> Memory:
     """Positions (n, 3) of nodes at rest."""
     rest = np.zeros_like(points)
     memory: Memory = Motion(
-        points=np.ascontiguousarray(points), velocity=rest, step=rest, rate=rest, start=rest
+        points=np.ascontiguousarray(points),
+        velocity=rest,
+        step=rest,
+        rate=rest,
+        start=rest,
+        before=rest,
     ).memory
     return memory

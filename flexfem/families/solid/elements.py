@@ -75,7 +75,7 @@ class SolidElements(StresslessElements):
         self.pairs = NodePairs(len(block.frames), [g.nodes for g in groups])
         count = len(block.frames)
         self._points, self._vectors = np.empty((count, 3)), np.empty((count, 3))
-        names = "points", "velocity", "step", "rate", "start"
+        names = "points", "velocity", "step", "rate", "start", "before"
         arrays = [self._points, *(np.zeros((count, 3)) for _ in names[1:])]
         self._motion = Motion(**dict(zip(names, arrays, strict=True)))
         self.mass = self._masses(np.ones(len(self.body), dtype=np.bool_))
@@ -259,9 +259,9 @@ class SolidElements(StresslessElements):
         stress[:, 0], rates[:, 0] = self._of_groups(powers), 1.0
         return stress, rates
 
-    def step_forces(self, comm: MPI.Intracomm, count: int) -> SolidSteps:
+    def step_forces(self, comm: MPI.Intracomm, count: int, dissipates: bool) -> SolidSteps:
         """See :class:`flexfem.layout.elements.SteppedElements`."""
-        self._steps = SolidSteps(comm, self.groups, self.pairs, self.mass)
+        self._steps = SolidSteps(comm, self.groups, self.pairs, self.mass, dissipates)
         return self._steps
 
     def losses(self, before: FloatArray, after: FloatArray, h: float) -> FloatArray:

@@ -103,7 +103,11 @@ class SolidFamily(PositionFamily[Solid]):
             for what, given in (
                 ("internal variables", any(len(law.initial) for law in laws)),
                 ("parameters that change with time", any(map(_timed, laws))),
-                ("numerical dissipation in solids: it needs rho_inf 1", dissipates),
+                (
+                    "rho_inf below 1 for a law whose moduli at rest are not found",
+                    dissipates
+                    and not np.isfinite([law.small_strain_moduli() for law in laws]).all(),
+                ),
             ):
                 if given:
                     raise InputError(
@@ -185,7 +189,17 @@ class SolidFamily(PositionFamily[Solid]):
             np.concatenate(bodies), np.concatenate(numbers),
         )  # fmt: skip
         found.timed = timed
+        found.rest_moduli = self._rest_moduli(parts, own)
         return found.with_masses(comm, forms, np.concatenate(density))
+
+    def _rest_moduli(
+        self, parts: Sequence[tuple[int, str]], own: Sequence[BoolArray]
+    ) -> FloatArray:
+        """Shear and bulk modulus (m, 2) at small strains of the cells of regions on this rank."""
+        moduli = [self._bodies[k].law[name].small_strain_moduli() for k, name in parts]
+        counts = [int(own[k][self._bodies[k].cells_of(name)].sum()) for k, name in parts]
+        found: FloatArray = np.repeat(np.reshape(moduli, (-1, 2)), counts, axis=0)
+        return found
 
     @override
     def contact_surface(self) -> ContactSurface | None:

@@ -30,25 +30,35 @@ _SMALL = 1e-5
 class SolidStepForms(SolidForms):
     """Forms of a law in cells of a kind over a step.
 
-    The coefficients are those of :class:`SolidForms` and ``start``, the positions at the start of
-    the step, ``start_dilatation`` and ``per_step``, 1/h; ``position`` and ``dilatation`` are at the
-    end. :attr:`force` and :attr:`duals` are means over the step, :attr:`moments` those of the end.
+    The coefficients are those of :class:`SolidForms` and, with names that no parameter has,
+    ``_start``, the positions at the start of the step, ``_start_dilatation`` and ``_per_step``,
+    1/h; ``position`` and ``dilatation`` are at the end. With numerical dissipation there are
+    ``_before``, at the start of the last step, ``_before_dilatation``, ``_half``, half the
+    dissipation, ``_share`` of the last change, and moduli of the law at rest, ``_shear`` and
+    ``_bulk``, Pa. :attr:`force` and :attr:`duals` are means over the step, :attr:`moments` those of
+    the end.
     """
 
-    def __init__(self, law: LawFunctions, kind: CellKind, sizes: Mapping[str, int]) -> None:
+    def __init__(
+        self, law: LawFunctions, kind: CellKind, sizes: Mapping[str, int], dissipates: bool
+    ) -> None:
         """Evaluate the law; see :class:`SolidForms`."""
         super().__init__(law, kind, sizes)
-        self.coefficients["start"] = ufl.Coefficient(self._vectors)
-        self.coefficients["per_step"] = ufl.Coefficient(self._space("DG", 0))
-        if kind.dilatation >= 0:
-            space = self.coefficients["dilatation"].ufl_function_space()
-            self.coefficients["start_dilatation"] = ufl.Coefficient(space)
+        self._dissipates = dissipates
+        names = ["_per_step", *(("_half", "_share", "_shear", "_bulk") if dissipates else ())]
+        for name in names:
+            self.coefficients[name] = ufl.Coefficient(self._space("DG", 0))
+        for name in ("_start", *(("_before",) if dissipates else ())):
+            self.coefficients[name] = ufl.Coefficient(self._vectors)
+            if kind.dilatation >= 0:
+                space = self.coefficients["dilatation"].ufl_function_space()
+                self.coefficients[f"{name}_dilatation"] = ufl.Coefficient(space)
         self._values = {name: self.coefficients[name] for name in sizes}
 
     @cached_property
     def _ends(self) -> list[tuple[Any, Any]]:
         """F and theta (None without) at the start and the end, as variables."""
-        names = ("start", "start_dilatation"), ("position", "dilatation")
+        names = ("_start", "_start_dilatation"), ("position", "dilatation")
         return [
             (
                 ufl.variable(self.gradient(self.coefficients[place])),
@@ -95,7 +105,27 @@ class SolidStepForms(SolidForms):
         """Those of the energy."""
         (_, before), (_, after) = self._ends
         swelling = ufl.as_ufl(0.0) if before is None else after - before
-        return self._means(self._energy_at, swelling)
+        stress, slope = self._means(self._energy_at, swelling)
+        if self._dissipates:
+            more, further = self._dissipation(swelling)
+            stress, slope = stress + more, slope + further
+        return stress, slope
+
+    def _dissipation(self, swelling: Any) -> tuple[Any, Any]:
+        """Stress, and derivative by theta, of second differences: ``chi/2 S (De - De_last)``.
+
+        The strains e are Green's and theta, their moduli S constant: with any others the sum that
+        never grows would not be one (``integrators.energy_momentum.scheme``).
+        """
+        given, (F0, theta) = self.coefficients, self._ends[0]
+        before = self.gradient(given["_before"])
+        last = given["_share"] * (F0.T * F0 - before.T * before)
+        second = (self._strain - last) / 2.0
+        stress = 2.0 * given["_shear"] * ufl.dev(second)
+        if theta is None:
+            return given["_half"] * (stress + given["_bulk"] * ufl.tr(second) * ufl.Identity(3)), 0
+        swelled = swelling - given["_share"] * (theta - given["_before_dilatation"])
+        return given["_half"] * stress, given["_half"] * given["_bulk"] * swelled
 
     @cached_property
     def duals(self) -> Any:
@@ -118,8 +148,8 @@ class SolidStepForms(SolidForms):
 
     def _viscous(self, middle: Any) -> Any:
         """Viscous part of the mean first Piola stress."""
-        change = self.coefficients["position"] - self.coefficients["start"]
-        rate = ufl.variable(self.coefficients["per_step"] * self.gradient(change, rate=True))
+        change = self.coefficients["position"] - self.coefficients["_start"]
+        rate = ufl.variable(self.coefficients["_per_step"] * self.gradient(change, rate=True))
         return ufl.diff(self.law.dissipation(middle, rate, LawParameters(self._values)), rate)
 
     @cached_property

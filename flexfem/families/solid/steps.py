@@ -31,24 +31,31 @@ __all__ = ["SolidSteps"]
 class _StepCells(SolidCells):
     """Cells of one law and kind, whose forces are means over a step."""
 
-    def __init__(self, comm: MPI.Intracomm, cells: SolidCells) -> None:
+    def __init__(self, comm: MPI.Intracomm, cells: SolidCells, dissipates: bool) -> None:
         """Compile the kernels (collective) for some cells, whose data are taken over."""
         vars(self).update(vars(cells))
         own = cells.forms
-        self.forms: SolidStepForms = SolidStepForms(own.law, own.kind, own.sizes)
+        self.forms: SolidStepForms = SolidStepForms(own.law, own.kind, own.sizes, dissipates)
         self.kernels = Kernels.compiled(comm, self.forms, without=("energy", "fields"))
         width = sum(count for _, count in self.kernels.columns.values())
         self._own = np.zeros((len(self.nodes), width))
         for name in cells.kernels.columns:
             self.data(name)[:] = cells.data(name)
         self._plain = self._cells(self._own)
+        if dissipates:
+            self.data("_shear")[:], self.data("_bulk")[:] = cells.rest_moduli.T[:, :, np.newaxis]
 
-    def begin(self, motion: Memory, per_step: float) -> None:
-        """Start a step of size 1/``per_step`` (s) at positions that are those of both ends."""
-        self.data("per_step")[:] = per_step
+    def begin(self, which: str, motion: Memory) -> None:
+        """Take the dilatation at the positions as that at the "_start" or "_before" it."""
         if self.kernels.dilatation and len(self.nodes):
             moments = self._evaluated(self.kernels.calls["moments"], self._plain, motion)
-            self.data("start_dilatation")[:] = self._projected(moments)
+            self.data(f"{which}_dilatation")[:] = self._projected(moments)
+
+    def set_law(self, law: FloatArray, share: float) -> None:
+        """Set the law of the step, see ``StepNodes``, and the share of the last change."""
+        self.data("_per_step")[:] = law[1]
+        if "_half" in self.kernels.columns:
+            self.data("_half")[:], self.data("_share")[:] = law[0], share
 
     def _swelling(self, cells: Cells, motion: Memory, by_multiplier: FloatArray) -> FloatArray:
         """See :class:`SolidCells`; forces over a step are no derivatives of the moments."""
@@ -69,8 +76,9 @@ class SolidSteps:
     offset = False
 
     def __init__(
-        self, comm: MPI.Intracomm, groups: Sequence[SolidCells], pairs: NodePairs, mass: csr_array
-    ) -> None:
+        self, comm: MPI.Intracomm, groups: Sequence[SolidCells], pairs: NodePairs, mass: csr_array,
+        dissipates: bool,
+    ) -> None:  # fmt: skip
         """Compile the kernels (collective).
 
         Args:
@@ -78,29 +86,30 @@ class SolidSteps:
             groups: the cells.
             pairs: of nodes that they couple.
             mass: (n, n) of one direction, kg.
+            dissipates: True with numerical dissipation.
         """
-        self._groups = [_StepCells(comm, group) for group in groups]
+        self._groups = [_StepCells(comm, group, dissipates) for group in groups]
         self._pairs, self._mass = pairs, mass
         count = mass.shape[0]
         self.centres = np.zeros((count, 3))
-        self._motion = Motion(
-            points=np.zeros((count, 3)), velocity=np.zeros((count, 3)), step=np.zeros((count, 3)),
-            rate=np.zeros((count, 3)), start=np.full((count, 3), np.nan),
-        )  # fmt: skip
-        self._per_step = 0.0
+        names = "points", "velocity", "step", "rate", "start", "before"
+        self._motion = Motion(**{name: np.zeros((count, 3)) for name in names})
+        self._dissipates = dissipates
 
     def begin(self, state: StepNodes, before: FloatArray, share: float) -> None:
-        """See :class:`flexfem.layout.elements.StepForces`; solids have no numerical dissipation."""
-        self._begin(state.frames0, float(state.law[1]))
-
-    def _begin(self, frames: FloatArray, per_step: float) -> None:
-        motion = self._motion
-        positions_into(frames, motion.points)
-        if self._per_step == per_step and np.array_equal(motion.points, motion.start):
-            return
-        motion.start[:], self._per_step = motion.points, per_step
+        """See :class:`flexfem.layout.elements.StepForces`."""
+        if self._dissipates:
+            self._start("_before", before, self._motion.before)
+        self._start("_start", state.frames0, self._motion.start)
         for group in self._groups:
-            group.begin(motion.memory, per_step)
+            group.set_law(state.law, share)
+
+    def _start(self, which: str, frames: FloatArray, points: FloatArray) -> None:
+        """Take positions at the start of this step or of the last one."""
+        positions_into(frames, points)
+        self._motion.points[:] = points
+        for group in self._groups:
+            group.begin(which, self._motion.memory)
 
     def _settle(self, state: StepNodes) -> None:
         """Take the positions at the end, and what follows from them in the cells."""
@@ -144,7 +153,9 @@ class SolidSteps:
 
     def losses(self, before: FloatArray, after: FloatArray, h: float) -> list[FloatArray]:
         """Energies (m,) that viscosity takes from the cells of each group in a step, J."""
-        self._begin(before, 1.0 / h)
+        self._start("_start", before, self._motion.start)
+        for group in self._groups:
+            group.set_law(np.array([0.0, 1.0 / h]), 0.0)
         positions_into(after, self._motion.points)
         return [
             group.losses(self._motion.memory)

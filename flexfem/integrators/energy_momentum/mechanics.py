@@ -60,7 +60,7 @@ class _Part:
         self.elements: StepForces | None = None
         if part.elements is not None:
             assert isinstance(part.elements, SteppedElements)  # families have been checked
-            self.elements = part.elements.step_forces(system.comm, count)
+            self.elements = part.elements.step_forces(system.comm, count, chi > 0.0)
         centres = np.zeros((count, 3))
         self.nodes, self.lumps = masses.nodes, lump(masses.matrices)
         self.entries: IntArray = np.arange(len(masses.nodes))
