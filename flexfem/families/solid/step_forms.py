@@ -23,8 +23,18 @@ from flexfem.families.solid.forms import CellKind, LawFunctions, LawParameters, 
 
 __all__ = ["SolidStepForms"]
 
-#: Change of C below which the energy's own rounding, over that of C, is more than what is added.
-_SMALL = 1e-5
+#: Change of C below which what is added is computed from stresses: the difference of two energies,
+#: over a small change of C, is rounding, and Simpson's rule is exact to the fifth power of it.
+_SMALL = 1e-3
+#: Square of a change of C that is none.
+_TINY = 1e-40
+
+
+def _values(function: Any, F: Any, theta: Any) -> tuple[Any, Any, Any]:
+    """A function of F and theta, its stress ``F^-1 dW/dF`` and its derivative by theta."""
+    value = function(F, theta)
+    slope = ufl.as_ufl(0.0) if theta is None else ufl.diff(value, theta)
+    return value, ufl.inv(F) * ufl.diff(value, F), slope
 
 
 class SolidStepForms(SolidForms):
@@ -87,18 +97,35 @@ class SolidStepForms(SolidForms):
             function: of F and theta, the same for all rotations.
             swelling: change of theta, zero for functions of F alone.
         """
-        energies, stresses, slopes = [], [], []
-        for F, theta in self._ends:
-            value = function(F, theta)
-            energies.append(value)
-            stresses.append(ufl.inv(F) * ufl.diff(value, F))
-            slopes.append(ufl.as_ufl(0.0) if theta is None else ufl.diff(value, theta))
-        change = self._strain
-        stress, slope = (stresses[0] + stresses[1]) / 2.0, (slopes[0] + slopes[1]) / 2.0
-        missing = energies[1] - energies[0] - ufl.inner(stress, change) / 2.0 - slope * swelling
+        change, middle = self._strain, self._middle
+        (W0, S0, p0), (W1, S1, p1) = (_values(function, *end) for end in self._ends)
+        _, Sm, pm = _values(function, *middle)
+
+        def along(stress: Any, slope: Any) -> Any:
+            return ufl.inner(stress, change) / 2.0 + slope * swelling
+
+        stress, slope = (S0 + S1) / 2.0, (p0 + p1) / 2.0
         square = ufl.inner(change, change) + swelling * swelling
-        part = missing * square / (square * square + _SMALL**4)
+        exact = W1 - W0 - along(stress, slope)
+        # Simpson's rule for the integral of the stress along the change, less the mean
+        smooth = 2.0 / 3.0 * along(Sm - stress, pm - slope)
+        share = square * square / (square * square + _SMALL**4)
+        part = (share * exact + (1.0 - share) * smooth) / (square + _TINY)
         return stress + 2.0 * part * change, slope + part * swelling
+
+    @cached_property
+    def _middle(self) -> tuple[Any, Any]:
+        """Deformation gradient without rotation whose C is the mean one, and the mean theta."""
+        (F0, before), (F1, after) = self._ends
+        C = (F0.T * F0 + F1.T * F1) / 2.0
+        a = ufl.sqrt(C[0, 0])
+        b, c = C[0, 1] / a, C[0, 2] / a
+        d = ufl.sqrt(C[1, 1] - b * b)
+        e = (C[1, 2] - b * c) / d
+        f = ufl.sqrt(C[2, 2] - c * c - e * e)
+        U = ufl.as_matrix([[a, b, c], [0.0, d, e], [0.0, 0.0, f]])
+        theta = None if before is None else ufl.variable((before + after) / 2.0)
+        return ufl.variable(U), theta
 
     @cached_property
     def _mean(self) -> tuple[Any, Any]:
