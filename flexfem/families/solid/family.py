@@ -101,6 +101,7 @@ class SolidFamily(PositionFamily[Solid]):
         for body in self._bodies:
             laws = [law for region, law in body.law.items() if len(body.cells_of(region))]
             for what, given in (
+                ("plane stress", body.plane == "stress"),
                 ("internal variables", any(len(law.initial) for law in laws)),
                 ("parameters that change with time", any(map(_timed, laws))),
                 (
