@@ -606,12 +606,16 @@ class Constraints(NumberedRows):
         out = np.zeros((len(self.pair_nodes), 12, 12))
         add_hessians(self.own.memory, factor[self.row_of_term] * self.factors, out)
         self.lines.add_hessians(factor, out)
+        self.hold_hessians(out)
+        return out
+
+    def hold_hessians(self, out: FloatArray) -> None:
+        """Set second derivatives (n_pairs, 12, 12) to zero along fixed unknowns."""
         if self._holds:
             held = np.concatenate([self.interface.held, np.zeros((1, 6), dtype=np.bool_)])
             pairs = held[self.pair_nodes].reshape(-1, 12)
             out[pairs] = 0.0
             out.transpose(0, 2, 1)[pairs] = 0.0
-        return out
 
     def local_jacobian(self) -> FloatArray:
         """(t, 2, 6) derivatives of ``values`` along local twists at fixed local velocities.

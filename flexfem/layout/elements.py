@@ -13,7 +13,10 @@ from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 if TYPE_CHECKING:
     from collections.abc import Mapping
 
+    from mpi4py import MPI
+
     from flexfem.core.nodes.frame_block import FrameBlock
+    from flexfem.core.nodes.step_kernels import StepNodes
     from flexfem.core.state import Numbering
 
 __all__ = [
@@ -21,6 +24,8 @@ __all__ = [
     "ElementFamily",
     "HistoryElements",
     "MultigridElements",
+    "StepForces",
+    "SteppedElements",
     "StrainedElements",
     "StresslessElements",
     "TimedElements",
@@ -193,14 +198,59 @@ class StrainedElements(Protocol):
         ...
 
 
+class StepForces(Protocol):
+    """Mean forces of elements over a step, which do the work of energy changes.
+
+    Their methods take the record of the nodes over the step. What rigid motions about the mean
+    positions leave alone has no effect: the forces have neither resultant nor moment.
+
+    Attributes:
+        centres: (n, 3) mass centres at the nodes, in their axes, m; the rates of a step are those
+            of the centres.
+        offset: True if elements have mass centres beside those of their nodes.
+    """
+
+    centres: FloatArray
+    offset: bool
+
+    def begin(self, state: StepNodes, before: FloatArray, share: float) -> None:
+        """Start a step.
+
+        Args:
+            state: the nodes; of these the frames at the start and the law count.
+            before: (n, 12) frames at the start of the last step.
+            share: of the strains' change since then that enters the numerical dissipation.
+        """
+        ...
+
+    def add_force(self, state: StepNodes, scale: float) -> None:
+        """Add ``scale`` times mean forces, inertia and weight to the nodes' residual."""
+        ...
+
+    def tangent(self, state: StepNodes, scale: float) -> FloatArray:
+        """Entries of ``scale`` times their derivatives, as in :meth:`ElementFamily.values`."""
+        ...
+
+    def add_action(self, state: StepNodes, scale: float) -> None:
+        """Add ``scale`` times the derivatives applied to the steps to the residual.
+
+        The state is that of the last forces.
+        """
+        ...
+
+
 @runtime_checkable
 class SteppedElements(ElementFamily, Protocol):
     """Elements that may have mean forces over a step, which do the work of energy changes."""
 
-    def losses(self, change: FloatArray, h: float) -> FloatArray:
+    def step_forces(self, comm: MPI.Intracomm, count: int, dissipates: bool) -> StepForces:
+        """Return the mean forces at ``count`` nodes (collective), with numerical dissipation."""
+        ...
+
+    def losses(self, before: FloatArray, after: FloatArray, h: float) -> FloatArray:
         """Energies (m,) that damping takes from the cells in a step of size h, s, J.
 
-        The strains of :meth:`ElementFamily.resultants` change by ``change`` (m, 6).
+        The frames of the nodes (n, 12) were those ``before`` and are those ``after`` the step.
         """
         ...
 

@@ -17,6 +17,7 @@ from typing import TYPE_CHECKING, Any, ClassVar, Protocol
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.inertia import point_inertia
 
@@ -114,7 +115,6 @@ class Family:
     Attributes:
         kind: number of the family, its row in the nest.
         serial: serial data of the model, an ``NumberedModel``.
-        energy_momentum: True if the integrator ``energy_momentum`` supports the family.
         bodies_have_places: True if every node is a point of a body, False if some are amplitudes of
             shapes.
         axes: True if nodes have rotations, on which moments and follower forces of markers act.
@@ -126,7 +126,6 @@ class Family:
     """
 
     noun: ClassVar[str] = "element body"
-    energy_momentum: ClassVar[bool] = False
     follows: ClassVar[bool] = False
     axes: ClassVar[bool] = True
     series: ClassVar[Any] = None
@@ -202,6 +201,20 @@ class Family:
     def owner(self) -> str:
         """Name of the first body in messages."""
         return f'{type(self.own[0]).__name__} "{self.own[0].name}"'
+
+    def check_energy_momentum(self, dissipates: bool) -> None:
+        """Refuse what has no mean forces over a step, see ``layout.elements.SteppedElements``.
+
+        Args:
+            dissipates: True if the integrator ``energy_momentum`` dissipates.
+
+        Raises:
+            InputError: naming a body, the same on all ranks; here of all families that have none.
+        """
+        raise InputError(
+            f"{self.owner}: the integrator energy_momentum is for beams of the formulation "
+            '"se3", solids and rigid bodies'
+        )
 
     def fingerprint(self) -> Mapping[str, Any]:
         """Further data, by their names, in the hash that assigns a checkpoint to a model."""

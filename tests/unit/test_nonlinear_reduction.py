@@ -62,7 +62,9 @@ def solid(**fixed: Any) -> ff.Solid:
 
 @serial
 @pytest.mark.parametrize(
-    ("law", "places"), [(STEEL, ENDS), (ff.laws.NeoHookean(1e6, 2e6), {"ends": clamped})], ids=str
+    ("law", "places"),
+    [(STEEL, ENDS), (ff.laws.NeoHookean(1e6, 2e6), {"ends": clamped})],
+    ids=["steel", "rubber"],
 )
 def test_forces_are_those_of_all_cells(
     law: Any, places: Any, monkeypatch: pytest.MonkeyPatch

@@ -11,7 +11,7 @@ import ufl
 from scipy.optimize import brentq
 
 import flexfem as ff
-from flexfem.families.solid.laws import trace_of_power
+from flexfem.families.solid.laws.energies import trace_of_power
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.layout.tangent_request import EXACT, TangentRequest
 from flexfem.lie import so3

@@ -14,6 +14,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.families.beam_se3.energy_momentum import EnergyBeams
 from flexfem.families.beam_se3.group import BeamCells, BeamGroup
 from flexfem.families.common.section_groups import materials
 from flexfem.kernels.driver import add_forces
@@ -257,8 +258,13 @@ class SE3Beams:
             stress[rows], rate[rows] = group.viscosity(block)
         return stress, rate
 
-    def losses(self, change: FloatArray, h: float) -> FloatArray:
+    def step_forces(self, comm: MPI.Intracomm, count: int, dissipates: bool) -> EnergyBeams:
         """See :class:`flexfem.layout.elements.SteppedElements`."""
+        return EnergyBeams(comm, self.linear, count)
+
+    def losses(self, before: FloatArray, after: FloatArray, h: float) -> FloatArray:
+        """See :class:`flexfem.layout.elements.SteppedElements`."""
+        change = self.resultants(after)[0] - self.resultants(before)[0]
         found = np.empty(len(change))
         for rows, group in self.groups:
             found[rows] = group.losses(change[rows], h)

@@ -78,26 +78,25 @@ class EnergyBeams:
             return cell_kernel(kernels[form], size, kernels.names, _NODAL, _OWN, _SECTION)
 
         self._force, self._stiffness = placed("residual", 12), placed("tangent", 144)
+        self._latest: FloatArray | None = None
 
-    def twists(self, frames: FloatArray) -> FloatArray:
-        """Relative twists (m, 6) of all cells."""
-        return self._beams.twists(frames)
-
-    @property
-    def last_change(self) -> FloatArray:
-        """Change (m, 6) of the relative twists over the last step, as a view to be written to."""
-        return self._cells.own[:, _LAST]
+    def begin(self, state: StepNodes, before: FloatArray, share: float) -> None:
+        """See :class:`flexfem.layout.elements.StepForces`."""
+        change = self._beams.twists(state.frames0) - self._beams.twists(before)
+        self._cells.own[:, _LAST] = share * change
 
     def add_force(self, state: StepNodes, scale: float) -> None:
         """Add ``scale`` times the mean force over the step to the residual of the nodes."""
+        self._latest = None
         memories = self._force.memory, self._cells.memory, state.memory
         add_forces(*memories, _constants(state), scale, state.residual)
 
-    def add_action(self, tangents: FloatArray, state: StepNodes, scale: float) -> None:
-        """Add ``scale`` times the derivatives of :meth:`tangent` times steps to the residual."""
-        matrices = tangents.reshape(-1, 144)
+    def add_action(self, state: StepNodes, scale: float) -> None:
+        """See :class:`flexfem.layout.elements.StepForces`."""
+        if self._latest is None:
+            self._latest = self.tangent(state, 1.0).reshape(-1, 144)
         steps, forces = state.step, state.residual
-        add_products(ALL_COLUMNS, self._cells.memory, matrices, steps, scale, False, forces)
+        add_products(ALL_COLUMNS, self._cells.memory, self._latest, steps, scale, False, forces)
 
     def tangent(self, state: StepNodes, scale: float) -> FloatArray:
         """``scale`` times the derivatives (m, 12, 12) along local twists at the end."""

@@ -12,6 +12,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
@@ -50,13 +51,25 @@ class SE3BeamFamily(BeamFamily):
     """See :class:`flexfem.layout.family.Family`."""
 
     formulation = "se3"
-    energy_momentum = True
 
     def __init__(self, serial: NumberedModel, kind: int) -> None:
         """Lay out the beams."""
         self.mesh = BeamMesh.of(serial.model)
         super().__init__(serial, kind, self.mesh)
         self._numbers = {beam.name: i for i, beam in enumerate(self.bodies)}
+
+    @override
+    def check_energy_momentum(self, dissipates: bool) -> None:
+        for beam in self.own:
+            for what, given in (
+                ("a prestrain that changes with time", beam.timed),
+                ("one damping for each strain", np.ndim(beam.damping) > 0),
+            ):
+                if given:
+                    raise InputError(
+                        f'Beam "{beam.name}": the integrator energy_momentum does not support '
+                        f"{what}"
+                    )
 
     @property
     @override

@@ -26,12 +26,15 @@ __all__ = ["RigidBodyFamily"]
 class RigidBodyFamily(Family):
     """See :class:`flexfem.layout.family.Family`."""
 
-    energy_momentum = True
     follows = True
     noun = "rigid body"
     series = "flexfem.io.paraview.family_series:RigidSeries"
 
     serial: NumberedModel
+
+    @override
+    def check_energy_momentum(self, dissipates: bool) -> None:
+        """All are supported."""
 
     @classmethod
     def members(cls, model: Model) -> list[RigidBody]:

@@ -21,7 +21,7 @@ from flexfem.core.marker import Marker, SurfaceMarker
 from flexfem.core.pose import Pose
 from flexfem.families.solid.geometry import Figure
 from flexfem.families.solid.lagrange import Lagrange
-from flexfem.families.solid.laws import SolidLaw
+from flexfem.families.solid.laws.energies import SolidLaw
 from flexfem.families.solid.loads import SurfacePressure, SurfaceTraction
 from flexfem.families.solid.mesh import SolidMesh
 from flexfem.mesh.body_mesh import BodyMesh

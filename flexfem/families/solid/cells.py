@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from math import isfinite, nan
@@ -16,7 +16,7 @@ import numpy as np
 from flexfem._checks import returned_number
 from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
-from flexfem.families.solid.forms import FIELDS, PAIRS, CellKind, LawFunctions, SolidForms
+from flexfem.families.solid.forms import FIELDS, PAIRS, CellKind, SolidForms
 from flexfem.families.solid.lagrange import (
     lattice,
     quadrature_weights,
@@ -36,20 +36,32 @@ _THINNINGS, _THINNED = 40, 1e-13
 _CHUNK = 2048
 #: Forms that are linear in steps, and the names of their columns.
 _LINEAR = {
-    "action": "column", "duals_action": "duals_column", "pulls_action": "pulls_column",
-    "stiffening": "stiffening_column",
+    "action": "column", "moments_action": "moments_column", "duals_action": "duals_column",
+    "pulls_action": "pulls_column", "stiffening": "stiffening_column",
 }  # fmt: skip
 #: Time of the differences of parameters, s.
 _MOMENT = 1e-6
 
 
 class Motion(Record):
-    """Positions, velocities and steps of both (n, 3) of nodes, inertial axes."""
+    """Positions, velocities and steps of both (n, 3) of nodes, inertial axes.
+
+    The other positions are those at the start of a step and of the step before.
+    """
 
     points: Float2D
     velocity: Float2D
     step: Float2D
     rate: Float2D
+    start: Float2D
+    before: Float2D
+
+
+#: Arrays of :class:`Motion` of the forms' coefficients.
+_NODAL = {
+    "position": "points", "velocity": "velocity", "step": "step", "rate": "rate",
+    "_start": "start", "_before": "before",
+}  # fmt: skip
 
 
 @dataclass(frozen=True)
@@ -77,10 +89,15 @@ class Kernels:
     _forms: SolidForms
 
     @classmethod
-    def compiled(cls, comm: MPI.Intracomm, law: LawFunctions, forms: SolidForms) -> Kernels:
-        """Compile the forms of a law (collective)."""
-        kind = forms.kind
-        kind, dilatation = forms.kind, _functions(forms.kind.dilatation, forms.kind.cell)
+    def compiled(
+        cls, comm: MPI.Intracomm, forms: SolidForms, without: Collection[str] = ()
+    ) -> Kernels:
+        """Compile the forms of a law (collective), ``without`` some of them."""
+        law, kind, dilatation = (
+            forms.law,
+            forms.kind,
+            _functions(forms.kind.dilatation, forms.kind.cell),
+        )
         averaged = _functions(kind.degree - 1, kind.cell)
         results = {"energy": 1, "fields": averaged * sum(FIELDS.values())}
         results |= dict.fromkeys(("force", "action"), 3 * _functions(kind.degree, kind.cell))
@@ -95,10 +112,12 @@ class Kernels:
             results["loss"] = 1
         if len(law.initial):
             results["advanced"] = forms.coefficients["history"].ufl_element().dim
+        results = {name: size for name, size in results.items() if name not in without}
         columns, first = dict[str, tuple[int, int]](), 0
-        for name, field in list(forms.coefficients.items())[4:]:
-            columns[name] = first, field.ufl_element().dim
-            first += field.ufl_element().dim
+        for name, field in forms.coefficients.items():
+            if name not in _NODAL:
+                columns[name] = first, field.ufl_element().dim
+                first += field.ufl_element().dim
         calls = _calls(comm, forms, results, columns)
         return cls(
             calls, columns, forms.damped, dilatation, averaged, law.initial, law.rate_dependent,
@@ -129,17 +148,14 @@ def _calls(
     """
     names, count = list(forms.coefficients), _functions(forms.kind.degree, forms.kind.cell)
     few = _functions(forms.kind.dilatation, forms.kind.cell)
-    nodal = {
-        name: (Nodal.POSITION, Motion.word(word))
-        for name, word in zip(names[:4], ("points", "velocity", "step", "rate"), strict=True)
-    }
+    nodal = {name: (Nodal.POSITION, Motion.word(_NODAL[name])) for name in names if name in _NODAL}
     steps = {"step": (0, 3 * count), "rate": (3 * count, 3 * count)}
     if few:
         steps["dilatation_step"] = 6 * count, few
         steps["multiplier_step"] = 6 * count + few, few
     if "stretch" in forms.coefficients:
         steps["stretch_step"] = 6 * count, forms.coefficients["stretch"].ufl_element().dim
-    still = {name: nodal[name] for name in ("position", "velocity")}
+    still = {name: place for name, place in nodal.items() if name not in steps}
     calls = {}
     for name, size in results.items():
         fields = tuple(forms.coefficients.values())
@@ -184,15 +200,18 @@ class SolidCells:
 
     Attributes:
         kernels: of the law.
+        forms: that they are made of.
         nodes: (m, k) local nodes.
         mass: (m, k, k) products of shape functions with the density, kg.
         size: (m,) volumes at the start, m^3.
         body: (m,) number of the body.
         number: (m,) number of the cell in the family.
         timed: parameters that change with time.
+        rest_moduli: (m, 2) shear and bulk modulus at small strains, Pa.
     """
 
     timed: Sequence[TimedParameter] = ()
+    rest_moduli: FloatArray
 
     def __init__(
         self, kernels: Kernels, kind: CellKind, nodes: IndexArray, places: FloatArray,
@@ -287,6 +306,7 @@ class SolidCells:
             density: (m,) kg/m^3.
             lumped: (m,) True for diagonal masses.
         """
+        self.forms = forms
         products = self._products(comm, forms, "Lagrange", self.kind.degree)
         self.size: FloatArray = products.sum(axis=(1, 2))
         self.mass: FloatArray = density[:, np.newaxis, np.newaxis] * products
@@ -505,7 +525,7 @@ class SolidCells:
         by_steps, by_dilatation = duals[:, :, :width], duals[:, :, width : width + few]
         # changes of the dilatation, and of the multiplier, along those of the nodes
         inverse = self._projection[first : first + len(own)]
-        theta = stiffness * (inverse @ np.swapaxes(by_pi, 1, 2))
+        theta = inverse @ self._swelling(cells, motion, stiffness * by_pi)
         pi = inverse @ (by_steps + by_dilatation @ theta)
         stiffening = self._stiffening(self._cells(own, first, factors), motion)
         found: FloatArray = by_nodes + by_theta @ theta + by_pi @ pi + stiffening
@@ -530,6 +550,13 @@ class SolidCells:
         if not self._stiffened:
             return 0.0
         return _columns(self.kernels.continuing["stiffening_column"], cells, motion)
+
+    def _swelling(self, cells: Cells, motion: Memory, by_multiplier: FloatArray) -> FloatArray:
+        """Changes (r, s, 3 k) of the moments along the steps of nodes, the first of the sections.
+
+        They are also those of the forces by the multiplier (r, 3 k, s).
+        """
+        return np.swapaxes(by_multiplier, 1, 2)
 
     def _columns(self, name: str, cells: Cells, motion: Memory) -> FloatArray:
         return _columns(self.kernels.calls[name], cells, motion)
@@ -588,6 +615,11 @@ def _still(points: FloatArray) -> Memory:
     """Positions (n, 3) of nodes at rest."""
     rest = np.zeros_like(points)
     memory: Memory = Motion(
-        points=np.ascontiguousarray(points), velocity=rest, step=rest, rate=rest
+        points=np.ascontiguousarray(points),
+        velocity=rest,
+        step=rest,
+        rate=rest,
+        start=rest,
+        before=rest,
     ).memory
     return memory

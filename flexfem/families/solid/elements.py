@@ -5,6 +5,8 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 
+from mpi4py import MPI
+
 import numpy as np
 from scipy.sparse import csr_array
 
@@ -21,6 +23,7 @@ from flexfem.families.common.corotating_loops import (
 )
 from flexfem.families.common.node_pairs import NodePairs
 from flexfem.families.solid.cells import Motion, SolidCells
+from flexfem.families.solid.steps import SolidSteps
 from flexfem.layout.elements import StresslessElements
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
@@ -44,6 +47,7 @@ class SolidElements(StresslessElements):
     Attributes:
         groups: the cells.
         body: (m,) number of the body of each cell; size: (m,) volume at the start, m^3.
+        pairs: of nodes that cells couple; mass: (n, n) mass matrix of one direction, kg.
 
     The methods of :class:`flexfem.layout.elements.ElementFamily` are described there.
     """
@@ -69,23 +73,24 @@ class SolidElements(StresslessElements):
         self.body = np.concatenate([np.empty(0, np.int64), *(g.body for g in groups)])
         self.size = self._of_groups([g.size for g in groups])
         self.viscous = any(g.kernels.damped for g in groups)
-        self._pairs = NodePairs(len(block.frames), [g.nodes for g in groups])
+        self.pairs = NodePairs(len(block.frames), [g.nodes for g in groups])
         count = len(block.frames)
         self._points, self._vectors = np.empty((count, 3)), np.empty((count, 3))
-        names = "points", "velocity", "step", "rate"
+        names = "points", "velocity", "step", "rate", "start", "before"
         arrays = [self._points, *(np.zeros((count, 3)) for _ in names[1:])]
         self._motion = Motion(**dict(zip(names, arrays, strict=True)))
-        self._mass = self._masses(np.ones(len(self.body), dtype=np.bool_))
+        self.mass = self._masses(np.ones(len(self.body), dtype=np.bool_))
         self._axes = _Axes(block, plane)
         self.remembering = len(self._histories) > 0
         self.rate_dependent = any(g.kernels.rate_dependent for g in self._histories)
         self._settled = np.full((count, 3), np.nan)
         self._time = self._accepted = 0.0
         self._name, self._cells = f"{block.name}_history", cells
+        self._steps: SolidSteps | None = None
 
     def _masses(self, chosen: BoolArray) -> csr_array:
         """Mass matrix of one direction of this rank's nodes with the chosen cells (m,), kg."""
-        pairs, first = self._pairs, 0
+        pairs, first = self.pairs, 0
         values = np.zeros(len(pairs.rows))
         for group, index in zip(self.groups, pairs.index, strict=True):
             own = chosen[first : first + len(group.nodes)]
@@ -96,13 +101,13 @@ class SolidElements(StresslessElements):
 
     def node_masses(self) -> FloatArray:
         """See :class:`flexfem.layout.elements.MultigridElements`."""
-        found: FloatArray = self._mass.diagonal()
+        found: FloatArray = self.mass.diagonal()
         return found
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
-        return self._pairs.couplings
+        return self.pairs.couplings
 
     def _settle(self, frames: FloatArray, continued: Strains | None = None) -> None:
         """Take positions, and what follows from them in the cells, or is continued."""
@@ -126,7 +131,7 @@ class SolidElements(StresslessElements):
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         self._move(block, request.strains)
         inertial_into(block.frames, block.acceleration, self._vectors)
-        total: FloatArray = self._mass @ (self._vectors - gravity)
+        total: FloatArray = self.mass @ (self._vectors - gravity)
         for group in self.groups:
             group.add_forces(self._motion.memory, total)
             if request.strains is not None:
@@ -139,7 +144,7 @@ class SolidElements(StresslessElements):
         request: TangentRequest = EXACT,
     ) -> FloatArray:  # fmt: skip
         """See :class:`flexfem.layout.elements.ElementFamily`."""
-        pairs = self._pairs
+        pairs = self.pairs
         blocks = np.zeros((len(pairs.rows), 3, 3))
         self._move(block, request.strains)
         if shifts[2] != 0.0 or self.viscous:
@@ -148,7 +153,7 @@ class SolidElements(StresslessElements):
                 for first in group.chunks():
                     own = group.matrices(self._motion.memory, first, *factors)
                     add_blocks(own, index, first, blocks)
-        masses = scale * float(shifts[1]) * self._mass.data
+        masses = scale * float(shifts[1]) * self.mass.data
         for a in range(3):
             blocks[:, a, a] += masses
         turn_blocks(pairs.rows, pairs.columns, block.frames, blocks)
@@ -161,7 +166,7 @@ class SolidElements(StresslessElements):
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         self._move(block, request.strains)
         inertial_into(block.frames, block.step, self._vectors)
-        total: FloatArray = float(shifts[1]) * (self._mass @ self._vectors)
+        total: FloatArray = float(shifts[1]) * (self.mass @ self._vectors)
         if shifts[2] != 0.0 or self.viscous:
             self._motion.step[:] = float(shifts[2]) * self._vectors
             self._motion.rate[:] = float(shifts[0]) * self._vectors
@@ -273,6 +278,16 @@ class SolidElements(StresslessElements):
         stress[:, 0], rates[:, 0] = self._of_groups(powers), 1.0
         return stress, rates
 
+    def step_forces(self, comm: MPI.Intracomm, count: int, dissipates: bool) -> SolidSteps:
+        """See :class:`flexfem.layout.elements.SteppedElements`."""
+        self._steps = SolidSteps(comm, self.groups, self.pairs, self.mass, dissipates)
+        return self._steps
+
+    def losses(self, before: FloatArray, after: FloatArray, h: float) -> FloatArray:
+        """See :class:`flexfem.layout.elements.SteppedElements`."""
+        assert self._steps is not None  # the steps' forces have been made
+        return self._of_groups(self._steps.losses(before, after, h))
+
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
@@ -299,7 +314,7 @@ class SolidElements(StresslessElements):
         positions_into(block.frames, self._points)
         inertial_into(block.frames, block.velocity, self._vectors)
         x, v = self._points, self._vectors
-        mass = self._mass if chosen.all() else self._masses(chosen)
+        mass = self.mass if chosen.all() else self._masses(chosen)
         momenta = mass @ v
         motion[0] += 0.5 * float((momenta * v).sum())
         motion[1] += float(mass.sum())

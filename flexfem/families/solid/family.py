@@ -23,7 +23,7 @@ from flexfem.families.solid.body import Solid, SolidMarker
 from flexfem.families.solid.cells import Kernels, SolidCells, TimedParameter
 from flexfem.families.solid.elements import SolidElements
 from flexfem.families.solid.forms import CellKind, SolidForms
-from flexfem.families.solid.laws import SolidLaw
+from flexfem.families.solid.laws.energies import SolidLaw
 from flexfem.families.solid.loads import SurfacePressure, SurfaceTraction
 from flexfem.families.solid.pressures import FacetKind, SolidPressures
 from flexfem.families.solid.probes import MOTION, SolidProbe
@@ -97,6 +97,26 @@ class SolidFamily(PositionFamily[Solid]):
         raise ValueError(f'Carrier on "{carrier.body}": a Solid has no line')
 
     @override
+    def check_energy_momentum(self, dissipates: bool) -> None:
+        for body in self._bodies:
+            laws = [law for region, law in body.law.items() if len(body.cells_of(region))]
+            for what, given in (
+                ("plane stress", body.plane == "stress"),
+                ("internal variables", any(len(law.initial) for law in laws)),
+                ("parameters that change with time", any(map(_timed, laws))),
+                (
+                    "rho_inf below 1 for a law without positive moduli at rest",
+                    dissipates
+                    and not (np.array([law.small_strain_moduli() for law in laws]) > 0.0).all(),
+                ),
+            ):
+                if given:
+                    raise InputError(
+                        f'Solid "{body.name}": the integrator energy_momentum does not support '
+                        f"{what}"
+                    )
+
+    @override
     def costs(self) -> dict[str, tuple[int, int]]:
         return {
             body.name: (body.elements, int(_COST * body.nodes.cells.shape[1]))
@@ -136,7 +156,7 @@ class SolidFamily(PositionFamily[Solid]):
             forms = SolidForms(law, kind, sizes)
             if forms.damped and ufl.algorithms.expand_derivatives(forms.loss).empty():
                 raise ValueError("the dissipation does not depend on the rate of F")
-            kernels = Kernels.compiled(comm, law, forms)
+            kernels = Kernels.compiled(comm, forms)
         except ValueError as error:
             raise InputError(f'Solid "{body.name}": {error}') from None
         nodes, places, thickness, density, bodies, numbers = [], [], [], [], [], []
@@ -172,7 +192,17 @@ class SolidFamily(PositionFamily[Solid]):
             np.concatenate(bodies), np.concatenate(numbers),
         )  # fmt: skip
         found.timed = timed
+        found.rest_moduli = self._rest_moduli(parts, own)
         return found.with_masses(comm, forms, np.concatenate(density), np.concatenate(lumped))
+
+    def _rest_moduli(
+        self, parts: Sequence[tuple[int, str]], own: Sequence[BoolArray]
+    ) -> FloatArray:
+        """Shear and bulk modulus (m, 2) at small strains of the cells of regions on this rank."""
+        moduli = [self._bodies[k].law[name].small_strain_moduli() for k, name in parts]
+        counts = [int(own[k][self._bodies[k].cells_of(name)].sum()) for k, name in parts]
+        found: FloatArray = np.repeat(np.reshape(moduli, (-1, 2)), counts, axis=0)
+        return found
 
     @override
     def contact_surface(self) -> ContactSurface | None:
@@ -288,6 +318,11 @@ def _sizes(law: SolidLaw) -> dict[str, int]:
     for name, value in law.parameters.items():
         sizes[name] = 3 if not callable(value) and np.ndim(value) == 2 else 1
     return sizes
+
+
+def _timed(law: SolidLaw) -> bool:
+    """True if parameters change with time."""
+    return any(callable(value) for value in law.parameters.values())
 
 
 def values_of(body: Solid, region: str, name: str, size: int, t: float = 0.0) -> FloatArray:

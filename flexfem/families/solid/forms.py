@@ -36,7 +36,7 @@ PAIRS = [(0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1)]
 
 
 class LawFunctions(Protocol):
-    """What forms need of a law; see ``laws.SolidLaw`` and ``history.HistoryLaw``."""
+    """What forms need of a law; see ``laws.energies.SolidLaw`` and ``laws.history.HistoryLaw``."""
 
     @property
     def initial(self) -> FloatArray:
@@ -100,7 +100,9 @@ class SolidForms:
     """Forms of a law in cells of a kind.
 
     Attributes:
+        law: the law.
         kind: of the cells.
+        sizes: number of components of each parameter, 1 or 3.
         coefficients: all coefficients by name: position, velocity, step and rate of the nodes,
             those of the cells, and the parameters of the law.
         damped: True if the law has a dissipation potential.
@@ -118,7 +120,7 @@ class SolidForms:
         Raises:
             ValueError: a function of the law fails, returns no scalar, or leaves out a parameter.
         """
-        self.kind, d = kind, kind.dimension
+        self.kind, self.sizes, d = kind, sizes, kind.dimension
         self._domain = ufl.Mesh(basix.ufl.element("Lagrange", kind.cell, 1, shape=(d,)))
         self._vectors = self._space("Lagrange", kind.degree, (3,))
         names = "position", "velocity", "step", "rate"
@@ -139,7 +141,7 @@ class SolidForms:
         }
         self.coefficients |= values
         theta = self.coefficients.get("dilatation") if law.split else None
-        self._law, self._parameters = law, LawParameters(values, theta)
+        self.law, self._parameters = law, LawParameters(values, theta)
         self._internal = len(law.initial)
         if self._internal:
             points = basix.ufl.quadrature_element(
@@ -203,7 +205,7 @@ class SolidForms:
         rate = self.gradient(self.coefficients["velocity"], rate=True)
         self._W = self._scalar("energy", self._stored, seen, self._parameters)
         self._D = self._scalar(
-            "dissipation", self._law.dissipation, self._F, rate, self._parameters, optional=True
+            "dissipation", self.law.dissipation, self._F, rate, self._parameters, optional=True
         )
         self.damped = self._D is not None
         if self.damped and self.kind.plane == "stress":
@@ -218,8 +220,8 @@ class SolidForms:
     def _stored(self, F: Any, p: Any) -> Any:
         """Stored energy at constant internal variables, for which :meth:`_closed` puts advanced."""
         if not self._internal:
-            return self._law.energy(F, p)
-        law: Any = self._law
+            return self.law.energy(F, p)
+        law: Any = self.law
         return law.stored(F, self._constant, p)
 
     def _closed(self, form: Any) -> Any:
@@ -228,14 +230,14 @@ class SolidForms:
 
     def _end_of_step(self) -> Any:
         """Internal variables at the end of the step."""
-        law: Any = self._law
+        law: Any = self.law
         F = self._seen(self.gradient(self.coefficients["position"]))
         z, h = self.coefficients["history"], self.coefficients["span"]
         return ufl.as_vector(law.advance(F, z, h, self._parameters))
 
     def _seen(self, F: Any) -> Any:
         """Deformation gradient in the law: with the dilatation, if there is one beside F."""
-        if self.kind.dilatation < 0 or self._law.split:
+        if self.kind.dilatation < 0 or self.law.split:
             return F
         return (self.coefficients["dilatation"] / ufl.det(F)) ** (1.0 / 3.0) * F
 
@@ -352,7 +354,7 @@ class SolidForms:
     def stresses_action(self) -> Any:
         """Change of these stresses along steps of positions and dilatation."""
         steps = [("position", "step")]
-        if self.kind.dilatation >= 0 and not self._law.split:
+        if self.kind.dilatation >= 0 and not self.law.split:
             steps.append(("dilatation", "dilatation_step"))
         if self.kind.plane == "stress":
             steps.append(("stretch", "stretch_step"))

@@ -17,6 +17,7 @@ from flexfem.constraints.rows.kernels import marker_poses
 from flexfem.constraints.rows.step_laws import step_forces
 from flexfem.core.laws import STORING_FUNCTIONS, LawKind
 from flexfem.core.row import RowKind
+from flexfem.integrators.energy_momentum.point_rows import StepPointRows, other_lines
 from flexfem.integrators.energy_momentum.rows import StepTerms, add_step_hessians, evaluate_step
 
 __all__ = ["StepRows"]
@@ -49,6 +50,7 @@ class StepRows:
             frames0=frames, frames=frames, poses0=poses, poses=poses, values0=np.zeros(terms),
             values=np.zeros(terms), gradient=rows.step_jacobian,
         )  # fmt: skip
+        self._points = StepPointRows(rows) if rows.lines.joints else None
         self._targets0, self._last = rows.targets.copy(), np.zeros(rows.size)
         # stiffness, damping and applied force at the start of the step
         self._laws0 = rows.elastic[:, 1:4].T.copy()
@@ -66,6 +68,8 @@ class StepRows:
         self._h, self._weight = h, weight
         self._step.frames0[:] = face.frames
         marker_poses(rows.own.memory, self._step.frames0, self._step.poses0)
+        if self._points is not None:
+            self._points.begin()
         self._memory = min(1.0, h / last_h)
         if not np.isfinite(last_h):
             self.evaluate()
@@ -102,6 +106,11 @@ class StepRows:
         evaluate_step(rows.own.memory, step.memory)
         np.multiply(step.gradient, factors, out=rows.force_jacobian)
         self._values0, self._values = self._sums(step.values0), self._sums(step.values)
+        if self._points is not None:
+            self._points.evaluate()
+            self._values0 += self._points.values0
+            self._values += self._points.values
+        rows.hold_gradients()
         rows.values[:] = self._values - rows.targets - rows.relaxation * rows.multipliers
         rows.compliance[:] = rows.relaxation
         rows.coupling[:] = 0.0
@@ -141,6 +150,9 @@ class StepRows:
         add_step_hessians(
             rows.own.memory, self._step.memory, factor[rows.row_of_term] * rows.factors, out
         )
+        if self._points is not None:
+            self._points.add_hessians(factor, out)
+        rows.hold_hessians(out)
         return out
 
 
@@ -152,7 +164,9 @@ def _check_laws(rows: Constraints) -> None:
     spans = np.isin(rows.kinds, (RowKind.SPAN, RowKind.TOUCH, RowKind.CATENARY))
     sheaves = np.unique(rows.joint_of_row[rows.row_of_term[spans]])
     found += [(i, "sheaves and hanging cables") for i in sheaves.tolist()]
-    found += [(i, "sliding along beams") for i in rows.lines.joints]
+    found += [
+        (i, "markers on lines, or on surfaces for joints that need axes") for i in other_lines(rows)
+    ]
     named = [(rows.joints[i].index, rows.joints[i].joint.owner, what) for i, what in found]
     everywhere = min((one for part in rows.comm.allgather(named) for one in part), default=None)
     if everywhere is not None:

@@ -26,14 +26,11 @@ from flexfem.contact.contacts import Contacts
 from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.nodes.step_kernels import StepNodes, correct, mean_acceleration, start
 from flexfem.core.state import State
-from flexfem.families.beam_se3.elements import SE3Beams
-from flexfem.families.beam_se3.energy_momentum import EnergyBeams
-from flexfem.families.beam_se3.family import SE3BeamFamily
 from flexfem.integrators.energy_momentum.constraints import StepRows
 from flexfem.integrators.split.impulse import Impulse
+from flexfem.layout.elements import StepForces, SteppedElements
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.lie import se3
-from flexfem.model.bodies.basic import Beam
 from flexfem.system.mechanics import Correction, Mechanics
 from flexfem.system.moving_apart import move_apart, predict_apart
 from flexfem.system.system import BlockPart, PartStrains, Shifts, System
@@ -49,8 +46,9 @@ class _Part:
 
     Attributes:
         state: both ends of the step.
-        twists0, last_change: (m, 6) relative twists at the start, their change over the last step.
+        elements: mean forces of the elements; None without elements.
         before: (n, 12) frames at the start of the last step.
+        inner: forces inside elements, which are means of both ends.
         lumps: (k, 13) mass, first moment and rotary inertia about the centres of the nodes;
             nodes: (k,).
     """
@@ -59,22 +57,24 @@ class _Part:
         block, masses = part.block, part.masses
         count = len(block.frames)
         self.block, self.chi = block, chi
-        self.beams = None
-        if isinstance(part.elements, SE3Beams):
-            self.beams = EnergyBeams(system.comm, part.elements.linear, count)
+        self.elements: StepForces | None = None
+        if part.elements is not None:
+            assert isinstance(part.elements, SteppedElements)  # families have been checked
+            self.elements = part.elements.step_forces(system.comm, count, chi > 0.0)
         centres = np.zeros((count, 3))
         self.nodes, self.lumps = masses.nodes, lump(masses.matrices)
         self.entries: IntArray = np.arange(len(masses.nodes))
-        if part.elements is None:
+        if self.elements is None:
             self._centre(masses.matrices, centres)
-        elif self.beams is not None:
-            centres = self.beams.centres
+        else:
+            centres = self.elements.centres
             self.lumps = moved_lumps(self.lumps, centres[self.nodes])
         self.offset = bool(np.any(self.lumps[:, 1:4])) or (
-            self.beams is not None and self.beams.offset
+            self.elements is not None and self.elements.offset
         )
-        self.twists0 = self.last_change = np.zeros((0, 6))
         self.before = block.frames0.copy()
+        self.inner = part.line_forces
+        self._inner0 = np.zeros((count if self.inner else 0, 6))
         self._memory = 1.0
         self.state = StepNodes(
             frames0=block.frames0, frames=block.frames, increments=block.increment,
@@ -115,6 +115,28 @@ class _Part:
         state.jumps[:, 3:] = h * spin
         self.set_law(h)
         self._memory = memory
+
+    def begin_inner(self, factors: FloatArray) -> None:
+        """Forces inside the elements at the start, with load factors ``factors``, are kept."""
+        block = self.block
+        if self.inner:
+            block.frames[:], block.residual[:] = block.frames0, 0.0
+            for forces in self.inner:
+                forces.add_residual(block, factors, 1.0)
+            turns = se3.rotation(block.frames0)
+            self._inner0[:] = np.einsum(
+                "nab,nkb->nka", turns, block.residual.reshape(-1, 2, 3)
+            ).reshape(-1, 6)
+
+    def add_inner(self, factors: FloatArray, scale: float) -> None:
+        """Add ``scale`` times the forces inside the elements, means of both ends."""
+        block = self.block
+        if self.inner:
+            turns = se3.rotation(block.frames)
+            start = np.einsum("nba,nkb->nka", turns, self._inner0.reshape(-1, 2, 3))
+            block.residual += 0.5 * scale * start.reshape(-1, 6)
+            for forces in self.inner:
+                forces.add_residual(block, factors, 0.5 * scale)
 
     def predict(self, h: float, prediction: Prediction, share: float) -> None:
         """Predict increments as zero, from the rates, or also from their last change.
@@ -169,18 +191,16 @@ class StepMechanics(Mechanics):
             InputError: a part of the model has no such equations; named on all ranks.
         """
         self.chi, self.h, self._last_h = chi, 0.0, np.inf
-        _check_parts(system)
+        _check_parts(system, chi)
         self._contacts = [c for c in system.contacts if isinstance(c, BarrierContacts)]
         self._parts = {id(p): _Part(system, p, chi) for p in system.parts}
         self._check_offsets(system)
         self._rows = StepRows(system.constraints, chi)
         self._factors = system.factors.copy()
-        self._cells: FloatArray | None = None
         self._impulse: Impulse | None = None
 
     def _check_offsets(self, system: System) -> None:
-        beams = [part for part in self._parts.values() if part.beams is not None]
-        offset = any(part.offset for part in beams)
+        offset = any(p.offset for p in self._parts.values() if p.elements is not None)
         if system.comm.size > 1:
             offset = bool(system.comm.allreduce(int(offset)))
         if offset and self.chi > 0.0:
@@ -202,13 +222,12 @@ class StepMechanics(Mechanics):
         system.interface.update()
         for part in self._parts.values():
             part.begin(h, min(1.0, self._last_h / h))
-            if part.beams is None:
+            part.begin_inner(factors)
+            if part.elements is None:
                 continue
-            part.twists0 = part.beams.twists(part.state.frames0)
             if first:
                 part.before[:] = se3.retract(part.state.frames0, -h * part.block.velocity)
-                part.last_change = part.twists0 - part.beams.twists(part.before)
-            part.beams.last_change[:] = self._part_of_last() * part.last_change
+            part.elements.begin(part.state, part.before, self._part_of_last())
         self._rows.begin(h, self.weight, self._last_h)
         for contacts in self._contacts:
             contacts.begin_step(h, 2.0 / (1.0 + self.chi), cayley=True)
@@ -229,9 +248,6 @@ class StepMechanics(Mechanics):
             values[:] = state.rows["rows"][name]
         for part in self._parts.values():
             part.before[:] = state.rows[part.block.name]["before"]
-            if part.beams is not None:
-                twists = part.beams.twists(part.block.frames0)
-                part.last_change = twists - part.beams.twists(part.before)
 
     def predict(self, system: System, prediction: Prediction) -> None:
         """Trial state from the accepted one (collective)."""
@@ -253,13 +269,10 @@ class StepMechanics(Mechanics):
         """Accept the trial state (collective)."""
         for contacts in system.contacts:
             contacts.evaluate()
-        misses = []
-        for part in self._parts.values():
-            if part.beams is not None:
-                twists = part.beams.twists(part.state.frames)
-                part.last_change = twists - part.twists0
-            misses.append(part.accept(self.h))
-        system.choose_prediction(misses)
+        system.choose_prediction([part.accept(self.h) for part in self._parts.values()])
+        for own in system.parts:
+            if own.elements is not None:
+                own.elements.accept(own.block)
         system.interface.update()
         self._rows.accept()
         system.constraints.accept()
@@ -283,13 +296,13 @@ class StepMechanics(Mechanics):
     def evaluate(self, system: System, shifts: Shifts, strains: PartStrains | None = None) -> None:
         """See :class:`flexfem.system.mechanics.Mechanics`; stresses are means over the step."""
         system.begin_evaluation(shifts.acceleration)
-        self._cells = None
         for part in system.parts:
             mine, block, forces = self._parts[id(part)], part.block, part.forces
             state = mine.state
             block.residual[:] = 0.0
-            if mine.beams is not None:
-                mine.beams.add_force(state, self.weight)
+            if mine.elements is not None:
+                mine.elements.add_force(state, self.weight)
+                mine.add_inner(self._factors, self.weight)
                 block.add_ghosts()
             if len(mine.nodes):
                 add_step_inertia(mine.nodes, mine.lumps, state.memory, self.h, self.weight)
@@ -317,8 +330,11 @@ class StepMechanics(Mechanics):
     ) -> FloatArray:
         """See :class:`flexfem.system.mechanics.Mechanics`; stresses are means over the step."""
         mine = self._parts[id(part)]
-        assert mine.beams is not None
-        return mine.beams.tangent(mine.state, self.weight).ravel()
+        assert mine.elements is not None
+        values = mine.elements.tangent(mine.state, self.weight).ravel()
+        # without the change of the axes of nodes in which forces of the start are counted
+        own = [f.tangent(part.block, self._factors, 0.5 * self.weight) for f in mine.inner]
+        return np.concatenate([values, *(matrices.ravel() for matrices in own)])
 
     def add_cells(
         self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest,
@@ -326,10 +342,10 @@ class StepMechanics(Mechanics):
     ) -> None:  # fmt: skip
         """See :class:`flexfem.system.mechanics.Mechanics`; stresses are means over the step."""
         mine = self._parts[id(part)]
-        assert mine.beams is not None
-        if self._cells is None:
-            self._cells = self.cells(system, part, shifts, request)
-        mine.beams.add_action(self._cells, mine.state, factor)
+        assert mine.elements is not None
+        mine.elements.add_action(mine.state, factor * self.weight)
+        for forces in mine.inner:
+            forces.add_action(part.block, self._factors, 0.5 * factor * self.weight)
 
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
@@ -364,20 +380,19 @@ class StepMechanics(Mechanics):
             values[:] = nodes[name]
         self.h, self._last_h, self._factors = float(numbers[0]), float(numbers[1]), numbers[2:]
         mine.set_law(self.h)
-        if mine.beams is not None:
-            change = mine.beams.twists(mine.state.frames0) - mine.beams.twists(mine.before)
-            mine.beams.last_change[:] = self._part_of_last() * change
+        if mine.elements is not None:
+            mine.elements.begin(mine.state, mine.before, self._part_of_last())
 
     def hessians(self, system: System, factor: FloatArray) -> FloatArray:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
         return self._rows.hessians(factor)
 
 
-def _check_parts(system: System) -> None:
+def _check_parts(system: System, chi: float) -> None:
     """Raise on all ranks for parts without discrete derivatives along a step.
 
-    The guide's page on limits has the reasons. Families declare it by ``Family.energy_momentum``;
-    rows are checked by :mod:`flexfem.integrators.energy_momentum.constraints`.
+    The guide's page on limits has the reasons. Families say so themselves; rows are checked by
+    :mod:`flexfem.integrators.energy_momentum.constraints`.
     """
     for contacts in system.contacts:
         if isinstance(contacts, Contacts):
@@ -391,27 +406,8 @@ def _check_parts(system: System) -> None:
             "the integrator energy_momentum does not support damping of modes"
         )
     for part in system.parts:
-        if not part.family.energy_momentum:
-            raise InputError(
-                f"{part.owner}: the integrator energy_momentum is for beams of the formulation "
-                '"se3" and rigid bodies'
-            )
+        part.family.check_energy_momentum(chi > 0.0)
         if part.elements is not None and part.elements.law_owner is not None:
             raise InputError(
                 f"{part.elements.law_owner}: the integrator energy_momentum needs a linear section"
-            )
-        if isinstance(part.family, SE3BeamFamily):
-            for beam in part.family.own:
-                _check_beam(beam)
-
-
-def _check_beam(beam: Beam) -> None:
-    """Raise for what has no energy over a step, or none that these equations have."""
-    for what, given in (
-        ("a prestrain that changes with time", beam.timed),
-        ("one damping for each strain", np.ndim(beam.damping) > 0),
-    ):
-        if given:
-            raise InputError(
-                f'Beam "{beam.name}": the integrator energy_momentum does not support {what}'
             )

@@ -19,6 +19,10 @@ every step, whatever its size: with ``chi = 0`` the energy E is constant, and ot
 below a bound that never increases. The discrete derivatives vanish for rigid motions about the mean
 positions, and so linear momentum is kept, and with ``chi = 0`` angular momentum too.
 
+Families provide the mean forces (``layout.elements.StepForces``): beams by their linear strains,
+solids by Green's strains, whose energy need not be quadratic. Loads inside elements are means of
+both ends of the step.
+
 Second order for every chi: the dissipation acts on second differences. A linear vibration of
 infinite frequency is multiplied by ``-rho_inf`` in a step, where ``chi = rho (1 - rho)/(1 +
 rho)^2``; 1/3 is the least radius (chi = 1/8).

@@ -48,7 +48,7 @@ class _State:
         loads: (k, 12) force, moment, position and angular velocity of each load, inertial axes.
         viscous, stretching: (j, 6) viscous stress of the elements, and the rate of their strain; of
             none where forces are means over a step.
-        strains: (m, 6) of damped elements where forces are means over a step, an array for each.
+        frames: (n, 12) of damped elements where forces are means over a step, an array for each.
         elastic, initial: (j, 6) stress and initial strain of elements where the latter changes.
         forces: (r,) of all rows, without impulses.
         impulses: (r,) means over the last step of forces besides.
@@ -65,7 +65,7 @@ class _State:
     loads: FloatArray
     viscous: FloatArray
     stretching: FloatArray
-    strains: list[FloatArray]
+    frames: list[FloatArray]
     elastic: FloatArray
     initial: FloatArray
     forces: FloatArray
@@ -229,7 +229,7 @@ class EnergyMeter:
         change = rows.side_changes(system.interface.velocities)
         return _State(
             self.loads(), *self._viscosity(),
-            [elements.resultants(block.frames)[0] for elements, block, _ in self._stepped],
+            [block.frames.copy() for _, block, _ in self._stepped],
             *self._eigenstates(), rows.forces.copy(),
             rows.impulses.copy(), rows.of_rows(change * self._working), *rows.stored(),
             rows.of_rows(change) if self._damped else _NONE,
@@ -325,9 +325,9 @@ class EnergyMeter:
             total += float(np.einsum("m,mi,mi->", 0.25 * h * self._lengths, stress, rate))
         if h > 0.0:
             for (elements, _, cells), a, b in zip(
-                self._stepped, before.strains, after.strains, strict=True
+                self._stepped, before.frames, after.frames, strict=True
             ):
-                total += float(elements.losses(b - a, h) @ cells)
+                total += float(elements.losses(a, b, h) @ cells)
         if self._system.modal_dampers is not None:
             rate, share = before.modal + after.modal, before.shares + after.shares
             total += 0.25 * h * float((self._system.modal_dampers.factors * rate) @ share)

@@ -17,7 +17,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._fields import array, declared, instance
 from flexfem._types import FloatArray
-from flexfem.families.solid.laws import (
+from flexfem.families.solid.laws.energies import (
     Parameter,
     SolidLaw,
     isochoric,
