@@ -12,6 +12,8 @@ crank pin leave no motion out of the plane.
 motions of the pins, of a band around the middle of the shank and to ``--internal-modes`` others.
 ``--reduced FILE`` keeps the reduction: the file is read if it is there, and else written. A file
 that was made with other numbers is refused.
+``--rod full`` is the same mesh as a nonlinear solid of Saint Venant and Kirchhoff's law with all
+of its nodes; pins of 1e-6 kg are bonded to the bores.
 ``--rod beam`` has SE(3) beams along the shank and the eyes as rigid bodies with their mass and
 inertia: within a wall of 12 mm around a rigid pin little can bend. ``--frame``, ``--stiffening``,
 ``--size``, ``--internal-modes`` and ``--reduced`` say nothing about it.
@@ -42,6 +44,8 @@ import numpy.typing as npt
 import flexfem as ff
 
 Z = (0.0, 0.0, 1.0)
+#: Mass of pins and gauge of the full solid, kg; those of the others have none.
+_PIN_MASS = 1e-6
 
 
 @dataclass(frozen=True)
@@ -87,6 +91,8 @@ def build(
     model.add(*(ff.Beam(name, section, orientation=(0.0, 1.0, 0.0)) for name in lines))
     if rod == "beam":
         pin, slider, middle = _add_eyes(model, at, density)
+    elif rod == "full":
+        pin, slider, middle = _add_solid(model, at, steel, size)
     else:
         body = _reduced(reduced, at, steel, size, internal_modes, stiffening)
         model.add(
@@ -129,10 +135,7 @@ def _reduced(
         return ff.load_reduced_body(file, made_with=made_with)
     if file and not Path(file).absolute().parent.is_dir():
         raise ValueError(f"--reduced {file}: there is no such folder")
-    mesh = ff.build_body_mesh(
-        "connecting_rod", length=at.rod_length, width=at.side, thickness=at.side, size=size,
-        big_bore=at.big_bore, small_bore=at.small_bore, wall=at.wall, gauge=at.gauge,
-    )  # fmt: skip
+    mesh = _body_mesh(at, size)
     body = ff.reduce_body(
         ff.solid_body(mesh.mesh, steel, name="rod"),
         {name: mesh.facets(name) for name in at.pins},
@@ -144,6 +147,35 @@ def _reduced(
     if file:
         ff.save_reduced_body(file, body, made_with=made_with)
     return body
+
+
+def _body_mesh(at: Dimensions, size: float) -> ff.BodyMesh:
+    """Quadratic tetrahedra of the rod, whose big end is at the origin."""
+    return ff.build_body_mesh(
+        "connecting_rod", length=at.rod_length, width=at.side, thickness=at.side, size=size,
+        big_bore=at.big_bore, small_bore=at.small_bore, wall=at.wall, gauge=at.gauge,
+    )  # fmt: skip
+
+
+def _add_solid(
+    model: ff.Model, at: Dimensions, steel: ff.Material, size: float
+) -> tuple[ff.Marker, ff.Marker, ff.Marker]:
+    """The solid with all of its nodes, bonded to pins, its middle to a gauge; their markers."""
+    made = _body_mesh(at, size)
+    mesh = ff.SolidMesh.from_dolfinx(made.mesh, made.cell_tags, made.facet_tags, made.groups)
+    law = ff.laws.SaintVenantKirchhoff(steel.youngs_modulus, steel.poisson_ratio)
+    shift = np.array([at.crank_length, 0.0, 0.0])
+    solid = ff.Solid("rod", law, mesh.moved(mesh.points + shift), density=steel.density)
+    model.add(solid)
+    pins = {name: ff.Marker(f"{name}_pin") for name in at.pins}
+    for name, pin in pins.items():
+        inertia = (_PIN_MASS * at.side**2,) * 3
+        model.add(ff.RigidBody(pin.body, _PIN_MASS, inertia, position=shift + at.pins[name]))
+        if name == "middle":
+            model.add(ff.Rigid("gauge", solid.surface_marker(name), pin))
+        else:
+            model.add(ff.RigidPoints(f"{name}_bond", pin, nodes=solid.node_markers(name)))
+    return pins["big_end"], pins["small_end"], pins["middle"]
 
 
 def _shank(at: Dimensions, elements: int) -> npt.NDArray[np.float64]:
@@ -242,7 +274,9 @@ CASE = ff.Case(
     description=__doc__,
     build=build,
     options=(
-        ff.Option("rod", str, "solid", "what the rod is made of", choices=("solid", "beam")),
+        ff.Option(
+            "rod", str, "solid", "what the rod is made of", choices=("solid", "full", "beam")
+        ),
         ff.Option("moment", float, 150.0, "on the crank", unit="N m"),
         ff.Option("elements", int, 24, "beam elements of the crank, and of a beam rod", minimum=2),
         ff.Option("size", float, 0.01, "edges of the tetrahedra", unit="m", above=0.0),

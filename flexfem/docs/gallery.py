@@ -54,6 +54,8 @@ DRAWINGS = {
     "manipulator_deployment": Drawing("--columns u2,theta1", script="plot_history"),
     "steady_turn": Drawing("--from 19 --interval 0.6"),
     "flying_spaghetti": Drawing("--to 8"),
+    "gripper": Drawing("--from 0.1 --interval 0.35"),
+    "tyre": Drawing("--view=0.3,-1,0.25 --from 0.05 --interval 1"),
     "gear_pair": Drawing("--from 0.395 --interval 1"),
     "knot": Drawing("--from 0.4 --to 2 --interval 1.6 --view=0.1,-0.5,1"),
     "plectoneme": Drawing("--from 3.7 --to 7 --interval 3.3 --view=-0.3,-0.5,1"),
