@@ -74,7 +74,7 @@ def build(
         tyre,
         ff.RigidBody(
             "rim", rim_mass, (0.5 * axial, axial, 0.5 * axial), velocity=(speed, 0.0, 0.0),
-            angular_velocity=turning,
+            angular_velocity=turning, shape=ff.Cylinder(inner_radius, width, axis=(0.0, 1.0, 0.0)),
         ),
         ff.RigidPoints("bond", rim, nodes=tyre.node_markers("inner")),
         ff.Contact(
