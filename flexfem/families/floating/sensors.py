@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.families.floating.elements import FloatingBodies
+from flexfem.families.floating.elements import FloatingBodies, FloatingGroup
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.probes.measured import ElongationProbe, ReductionErrorProbe
 
@@ -19,48 +19,55 @@ if TYPE_CHECKING:
 __all__ = ["BodyElongation", "BodyMissing"]
 
 
-class BodyElongation:
+class _OfBody:
+    """What sensors of one body share: the body, on its rank."""
+
+    def __init__(self, part: BlockPart, bodies: Sequence[FloatingBody], name: str) -> None:
+        """Find the body."""
+        self.number, self._block = [body.name for body in bodies].index(name), part.block
+        elements = part.elements
+        assert isinstance(elements, FloatingBodies)
+        groups = (g.only(self.number) for g in elements.groups if self.number in g.body)
+        self._found = next(groups, None)
+
+    def _coordinates(self, found: FloatingGroup) -> FloatArray:
+        """Elastic coordinates of the body with their rates."""
+        block = self._block
+        return found.coordinates(block.frames, block.velocity, block.acceleration)[1]
+
+
+class BodyElongation(_OfBody):
     """Relative displacement of two interfaces by elastic strain, on the rank of the body."""
 
     def __init__(
         self, part: BlockPart, bodies: Sequence[FloatingBody], probe: ElongationProbe
     ) -> None:
         """Find the body and the coordinates."""
-        number = [body.name for body in bodies].index(probe.body)
-        self._weights, self._block = _along(bodies[number], probe), part.block
-        elements = part.elements
-        assert isinstance(elements, FloatingBodies)
-        self._found = next((g.only(number) for g in elements.groups if number in g.body), None)
+        super().__init__(part, bodies, probe.body)
+        self._weights = _along(bodies[self.number], probe)
 
     def update(self) -> FloatArray:
         """See :class:`flexfem.layout.family.Sensor`."""
         if self._found is None:
             return np.zeros(1)
-        block = self._block
-        _, eta = self._found.coordinates(block.frames, block.velocity, block.acceleration)
-        strains = self._found.strains(eta[:, :, 0])[0]
+        strains = self._found.strains(self._coordinates(self._found)[:, :, 0])[0]
         return np.array([strains[: len(self._weights)] @ self._weights])
 
 
-class BodyMissing:
+class BodyMissing(_OfBody):
     """Relative displacement that a body misses, on its rank."""
 
     def __init__(
         self, part: BlockPart, bodies: Sequence[FloatingBody], probe: ReductionErrorProbe
     ) -> None:
         """Find the body."""
-        number, self._block = [body.name for body in bodies].index(probe.body), part.block
-        elements = part.elements
-        assert isinstance(elements, FloatingBodies)
-        self._found = next((g.only(number) for g in elements.groups if number in g.body), None)
+        super().__init__(part, bodies, probe.body)
 
     def update(self) -> FloatArray:
         """See :class:`flexfem.layout.family.Sensor`."""
         if self._found is None:
             return np.zeros(1)
-        block = self._block
-        _, eta = self._found.coordinates(block.frames, block.velocity, block.acceleration)
-        missing, moved = self._found.missing(eta)
+        missing, moved = self._found.missing(self._coordinates(self._found))
         return missing / moved if moved[0] > 0.0 else np.zeros(1)
 
 
