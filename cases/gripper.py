@@ -30,7 +30,6 @@ from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-import ufl
 
 import flexfem as ff
 
@@ -73,6 +72,8 @@ def finger(
 
 def viscous(F: Any, rate: Any, p: Any) -> Any:
     """Dissipation potential of a shear viscosity, W/m^3."""
+    import ufl
+
     strain = (F.T * rate + rate.T * F) / 2.0
     return p.viscosity * ufl.inner(strain, strain)
 

@@ -7,7 +7,6 @@ masses is the diagonal (Wathen, IMA J. Numer. Anal. 7 (1987) 449-457).
 """
 
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from functools import partial
 
 from petsc4py import PETSc
@@ -15,12 +14,10 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray
+from flexfem.la.linear_solver import SolveCounts
 
-__all__ = ["KrylovFactor", "LinearSolver", "SolveCounts", "rigid_motions"]
+__all__ = ["KrylovFactor", "rigid_motions"]
 
-#: Unknowns of a body from which ``auto`` iterates: of its steps, where factors of a compact one
-#: take some 10 GB and as much time as 20 steps with iterations, and of its masses at the start.
-_LARGE, _LARGE_MASSES = 300_000, 20_000
 #: Relative accuracy of solves with masses, which no iteration repeats, and of those whose results
 #: are kept.
 _MASSES, _LASTING = 1e-13, 1e-10
@@ -37,46 +34,6 @@ _UNSTORED = 80
 #: Behind this prefix options of PETSc change the solver; these are set unless they are given.
 _PREFIX = "flexfem_iterative_"
 _OPTIONS = {"pc_gamg_threshold": 0.05, "mg_levels_ksp_max_it": 2}
-
-
-@dataclass
-class SolveCounts:
-    """Counters of iterative solves on this rank.
-
-    Attributes:
-        solves, iterations: their numbers.
-        failed: solves that have not converged.
-        setups: hierarchies that were made.
-    """
-
-    solves: int = 0
-    iterations: int = 0
-    failed: int = 0
-    setups: int = 0
-
-
-@dataclass(frozen=True)
-class LinearSolver:
-    """Choice between factors and Krylov methods.
-
-    Attributes:
-        kind: "auto", "direct" or "iterative".
-        tolerance: relative accuracy of solves by Krylov methods, in the norm of the preconditioned
-            residual.
-        counts: counters of the run.
-    """
-
-    kind: str = "direct"
-    tolerance: float = 1e-8
-    counts: SolveCounts = field(default_factory=SolveCounts)
-
-    def iterates(self, rows: int) -> bool:
-        """True for bodies of so many unknowns together that can be solved iteratively."""
-        return self.kind == "iterative" or (self.kind == "auto" and rows >= _LARGE)
-
-    def iterates_masses(self, rows: int) -> bool:
-        """True for bodies of so many unknowns together: masses need no factorisation."""
-        return self.iterates(rows) or rows >= _LARGE_MASSES
 
 
 def rigid_motions(points: FloatArray, axes: FloatArray, held: BoolArray | None) -> FloatArray:

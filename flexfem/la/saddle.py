@@ -17,7 +17,7 @@ import numpy as np
 from scipy.linalg import LinAlgError, lu_factor, lu_solve
 
 from flexfem._types import FloatArray
-from flexfem.la.krylov import SolveCounts
+from flexfem.la.linear_solver import SolveCounts
 
 __all__ = ["MOST_MULTIPLIERS", "BodyFactor", "SaddleSolver"]
 

@@ -25,7 +25,7 @@ from flexfem.contact.surfaces.surfaces import collision_surfaces
 from flexfem.core.marker import SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.forms.beam_law import law_expressions
-from flexfem.la.krylov import LinearSolver
+from flexfem.la.linear_solver import LinearSolver
 from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import Family
 from flexfem.layout.node_loads import NodeForces, NodeMasses

@@ -13,7 +13,7 @@ from flexfem._memory import (
     check_room,
     together,
 )
-from flexfem.la.krylov import LinearSolver
+from flexfem.la.linear_solver import LinearSolver
 from flexfem.model.model import Model
 
 __all__ = ["check_memory", "memory_of_run"]

@@ -24,7 +24,7 @@ from flexfem.core.load import Load
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State, counts
-from flexfem.la.krylov import LinearSolver
+from flexfem.la.linear_solver import LinearSolver
 from flexfem.layout.elements import ElementFamily, HistoryElements, StrainedElements, TimedElements
 from flexfem.layout.family import Family
 from flexfem.layout.inner_forces import InnerForces

@@ -9,7 +9,8 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.la.krylov import KrylovFactor, SolveCounts
+from flexfem.la.krylov import KrylovFactor
+from flexfem.la.linear_solver import SolveCounts
 from flexfem.simulation.dynamics import simulate
 from tests.unit.refusals import assert_on_page
 
@@ -162,7 +163,7 @@ def test_too_many_multipliers_for_iterative_solvers(monkeypatch: pytest.MonkeyPa
 
 
 def test_masses_of_large_solids_are_never_factorised(monkeypatch: pytest.MonkeyPatch) -> None:
-    monkeypatch.setattr("flexfem.la.krylov._LARGE_MASSES", 100)
+    monkeypatch.setattr("flexfem.la.linear_solver._LARGE_MASSES", 100)
     found, exact = _run(_pendulum()), _run(_pendulum(), linear_solver="direct")
     assert found.summary["linear_solves"] > 0
     for name in exact.history:

@@ -25,6 +25,7 @@ def _end(*sizes: float, parts: tuple[float, ...] = ()) -> tuple[Status, int]:
         comm=MPI.COMM_SELF,
         counters=SimpleNamespace(newton_iterations=0),
         contacts=(),
+        linear=SimpleNamespace(counts=SimpleNamespace(failed=0)),
         constraints=SimpleNamespace(multipliers=np.zeros(0)),
         accepted_strains=lambda **_: (),
         continued_strains=lambda **_: (),

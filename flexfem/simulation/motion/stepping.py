@@ -18,7 +18,7 @@ from flexfem.core.status import Status
 from flexfem.integrators.accepted_forces import AcceptedForces
 from flexfem.integrators.integrator import create_integrator, discard
 from flexfem.integrators.start import make_consistent, start_consistently
-from flexfem.la.krylov import LinearSolver
+from flexfem.la.linear_solver import LinearSolver
 from flexfem.model.model import Model
 from flexfem.simulation.control.controls import Controls
 from flexfem.simulation.equilibria.equilibrium import start_in_equilibrium

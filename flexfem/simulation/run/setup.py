@@ -8,7 +8,7 @@ from mpi4py import MPI
 from flexfem._checks import InputError
 from flexfem._faults import watched
 from flexfem.la.dropped import destroy_dropped
-from flexfem.la.krylov import LinearSolver
+from flexfem.la.linear_solver import LinearSolver
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.model import Model
 from flexfem.simulation.control.controls import Controls, driven_model

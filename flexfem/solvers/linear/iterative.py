@@ -5,7 +5,8 @@ from petsc4py import PETSc
 
 from flexfem._checks import InputError
 from flexfem._types import IntArray
-from flexfem.la.krylov import KrylovFactor, LinearSolver, rigid_motions
+from flexfem.la.krylov import KrylovFactor, rigid_motions
+from flexfem.la.linear_solver import LinearSolver
 from flexfem.la.saddle import MOST_MULTIPLIERS
 from flexfem.layout.elements import MultigridElements
 from flexfem.system.system import BlockPart, Shifts, System
