@@ -90,9 +90,10 @@ def rubber(modulus: float, ratio: float, relaxation: float) -> ff.laws.SolidLaw:
 
 def build(
     *, pressure: float, close_time: float, lift: float, lift_time: float, length: float,
-    width: float, depth: float, wall: float, gap: float, cells: int, youngs_modulus: float,
-    poisson_ratio: float, stiffening: float, density: float, relaxation: float, palm_mass: float,
-    ball_radius: float, ball_mass: float, ball_depth: float, friction: float,
+    width: float, depth: float, wall: float, gap: float, cells: int, degree: int,
+    youngs_modulus: float, poisson_ratio: float, stiffening: float, density: float,
+    relaxation: float, palm_mass: float, ball_radius: float, ball_mass: float, ball_depth: float,
+    friction: float,
 ) -> ff.Model:  # fmt: skip
     """Model of the gripper above the ball."""
     law = {
@@ -116,7 +117,7 @@ def build(
     tips = []
     for name, inner in (("left", -gap), ("right", gap)):
         mesh = finger(length=length, width=width, depth=depth, wall=wall, cells=cells, inner=inner)
-        solid = ff.Solid(name, law, mesh, density=density, touching="inner")
+        solid = ff.Solid(name, law, mesh, density=density, degree=degree, touching="inner")
         model.add(
             solid,
             ff.RigidPoints(f"{name}_bond", palm, nodes=solid.node_markers("root")),
@@ -178,6 +179,7 @@ CASE = ff.Case(
         ff.Option("wall", float, 0.002, "thickness", unit="m", above=0.0),
         ff.Option("gap", float, 0.024, "of a finger from the middle", unit="m", above=0.0),
         ff.Option("cells", int, 8, "along a finger", minimum=3),
+        ff.Option("degree", int, 2, "of the positions in a cell", minimum=1, maximum=3),
         ff.Option("youngs_modulus", float, 1e6, "of the rubber", unit="N/m^2", above=0.0),
         ff.Option("poisson_ratio", float, 0.4, "of the rubber", above=-1.0, maximum=0.49),
         ff.Option("stiffening", float, 20.0, "of the inner wall", above=0.0),
@@ -193,7 +195,7 @@ CASE = ff.Case(
     t_end=0.45,
     integrator="energy_momentum",
     rho_inf=1.0,
-    smoke={"cells": 3, "dt": 1e-3, "t_end": 3e-3},
+    smoke={"cells": 3, "degree": 1, "dt": 1e-3, "t_end": 2e-3},
     results=results,
 )  # fmt: skip
 

@@ -133,13 +133,13 @@ CASE = ff.Case(
         ff.Option("speed", float, 1.0, "at the start, along X", unit="m/s"),
         ff.Option("spin", float, 0.0, "at the start, rolling along X", unit="rad/s"),
         ff.Option("friction", float, 0.6, "coefficient", minimum=0.0),
-        ff.Option("cells_around", int, 32, "cells around the tube", minimum=8),
+        ff.Option("cells_around", int, 32, "cells around the tube", minimum=4),
     ),
     dt=2e-3,
     t_end=0.16,
     integrator="energy_momentum",
     rho_inf=1.0,
-    smoke={"cells_around": 8, "t_end": 4e-3},
+    smoke={"cells_around": 4, "t_end": 2e-3},
     results=results,
 )  # fmt: skip
 

@@ -90,6 +90,7 @@ def test_strain_rates_are_differences_of_the_strains():
     np.testing.assert_allclose(made.rates(frames, direction), slope, atol=1e-9 * abs(slope).max())
 
 
+@pytest.mark.slow
 def test_loops_equal_the_assembled_form():
     """Energy, and forces on positions and directors as DOLFINx assembles them."""
     made, parameters, start, frames = shell()

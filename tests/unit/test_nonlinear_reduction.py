@@ -63,8 +63,12 @@ def solid(**fixed: Any) -> ff.Solid:
 @serial
 @pytest.mark.parametrize(
     ("law", "places"),
-    [(STEEL, ENDS), (ff.laws.NeoHookean(1e6, 2e6), {"ends": clamped})],
-    ids=["steel", "rubber"],
+    [
+        pytest.param(STEEL, ENDS, id="steel"),
+        pytest.param(
+            ff.laws.NeoHookean(1e6, 2e6), {"ends": clamped}, id="rubber", marks=pytest.mark.slow
+        ),
+    ],
 )
 def test_forces_are_those_of_all_cells(
     law: Any, places: Any, monkeypatch: pytest.MonkeyPatch
@@ -187,6 +191,7 @@ def test_clamped_beam_stiffens_as_it_sags() -> None:
     assert_on_page(line)
 
 
+@pytest.mark.slow
 @serial
 def test_falling_beam_is_the_solid() -> None:
     """A soft beam on a joint of its end face bends by a fourth of its length as it starts to fall.

@@ -170,6 +170,7 @@ def _tabulate(address, tensor, data, constants, points):
     tabulate(address, tensor, data, constants, points)
 
 
+@pytest.mark.slow
 def test_loops_equal_the_kernels_of_the_form_at_a_point(monkeypatch):
     # to optimise these takes ten times as long as all else here, and no loop calls them
     monkeypatch.setattr(

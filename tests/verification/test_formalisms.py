@@ -55,7 +55,7 @@ def reference(equations):
     return equations.position(equations.mechanism.observed, end.y[:n, -1])
 
 
-@pytest.mark.parametrize("spatial", [False, True])
+@pytest.mark.parametrize("spatial", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_all_formalisms_converge_to_the_same_motion(spatial):
     own = mechanism(spatial)
     model = MechanismEquations(own)

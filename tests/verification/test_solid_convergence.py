@@ -104,6 +104,7 @@ def cook(nu: float, formulation: str, cells: int) -> float:
     return float(ff.solve_static(model, ff.StaticOptions()).history["corner_y"][-1]) - 0.060
 
 
+@pytest.mark.slow
 def test_nearly_incompressible_bending_does_not_lock():
     """Cook's membrane at nu = 0.4999: 6.91 mm with 16 cells along each side."""
     # 6.80 mm with four by the dilatation, 5.92 mm without

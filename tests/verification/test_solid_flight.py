@@ -185,6 +185,7 @@ def test_solids_in_mechanisms_keep_their_energy(shared_tmp_path):
     assert np.abs(history["energy_balance"]).max() < 1e-9 * history["energy_kinetic"][0]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_stiff_vibrations_decay_by_the_given_radius():
     """Modes that no step resolves: each step multiplies strains by -rho_inf, as with beams."""
