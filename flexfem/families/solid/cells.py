@@ -76,6 +76,7 @@ class Kernels:
         fields: number of functions of each field.
         initial: (z,) internal variables of a point at the start.
         rate_dependent: True if internal variables change with time alone.
+        comm: communicator; forms: that the kernels are made of.
     """
 
     calls: Mapping[str, CellKernel]
@@ -85,19 +86,16 @@ class Kernels:
     fields: int
     initial: FloatArray
     rate_dependent: bool
-    _comm: MPI.Intracomm
-    _forms: SolidForms
+    comm: MPI.Intracomm
+    forms: SolidForms
 
     @classmethod
     def compiled(
         cls, comm: MPI.Intracomm, forms: SolidForms, without: Collection[str] = ()
     ) -> Kernels:
         """Compile the forms of a law (collective), ``without`` some of them."""
-        law, kind, dilatation = (
-            forms.law,
-            forms.kind,
-            _functions(forms.kind.dilatation, forms.kind.cell),
-        )
+        law, kind = forms.law, forms.kind
+        dilatation = _functions(kind.dilatation, kind.cell)
         averaged = _functions(kind.degree - 1, kind.cell)
         results = {"energy": 1, "fields": averaged * sum(FIELDS.values())}
         results |= dict.fromkeys(("force", "action"), 3 * _functions(kind.degree, kind.cell))
@@ -127,10 +125,10 @@ class Kernels:
     @cached_property
     def continuing(self) -> Mapping[str, CellKernel]:
         """Kernels of stresses that are continued along steps (collective the first time)."""
-        kind, stresses = self._forms.kind, self._forms.coefficients["excess"].ufl_element().dim
+        kind, stresses = self.forms.kind, self.forms.coefficients["excess"].ufl_element().dim
         results = {"stresses": stresses, "stresses_action": stresses}
         results["stiffening"] = 3 * _functions(kind.degree, kind.cell)
-        return _calls(self._comm, self._forms, results, self.columns)
+        return _calls(self.comm, self.forms, results, self.columns)
 
 
 def _functions(degree: int, cell: str) -> int:
@@ -200,7 +198,6 @@ class SolidCells:
 
     Attributes:
         kernels: of the law.
-        forms: that they are made of.
         nodes: (m, k) local nodes.
         mass: (m, k, k) products of shape functions with the density, kg.
         size: (m,) volumes at the start, m^3.
@@ -295,53 +292,48 @@ class SolidCells:
         found: FloatArray = np.einsum("kd,mda->mka", own, inverse, optimize=True)
         return found
 
-    def with_masses(
-        self, comm: MPI.Intracomm, forms: SolidForms, density: FloatArray, lumped: BoolArray
-    ) -> SolidCells:
+    def with_masses(self, density: FloatArray, lumped: BoolArray) -> SolidCells:
         """Compute masses, volumes and what projects onto functions of the cells (collective).
 
         Args:
-            comm: communicator.
-            forms: of the law.
             density: (m,) kg/m^3.
             lumped: (m,) True for diagonal masses.
         """
-        self.forms = forms
-        products = self._products(comm, forms, "Lagrange", self.kind.degree)
+        products = self._products("Lagrange", self.kind.degree)
         self.size: FloatArray = products.sum(axis=(1, 2))
         self.mass: FloatArray = density[:, np.newaxis, np.newaxis] * products
         diagonal = np.einsum("mii->mi", products)[lumped]
         diagonal = diagonal * (density * self.size)[lumped, np.newaxis]
         diagonal /= np.einsum("mii->m", products)[lumped, np.newaxis]
         self.mass[lumped] = diagonal[:, :, np.newaxis] * np.eye(self.nodes.shape[1])
-        own = self._products(comm, forms, "DG", self.kind.degree - 1)
+        own = self._products("DG", self.kind.degree - 1)
         self._averages, self._parts = np.linalg.inv(own), own.sum(axis=2)
         if len(self.kernels.initial):
-            self._volumes = self._tabulated(comm, forms, forms.volumes, len(self._weights))
+            self._volumes = self._tabulated(self.kernels.forms.volumes, len(self._weights))
         if self.kernels.dilatation:
-            own = self._products(comm, forms, "DG", self.kind.dilatation)
+            own = self._products("DG", self.kind.dilatation)
             self._projection = np.linalg.inv(own)
         return self
 
-    def _products(
-        self, comm: MPI.Intracomm, forms: SolidForms, family: str, degree: int
-    ) -> FloatArray:
+    def _products(self, family: str, degree: int) -> FloatArray:
         """Products (m, j, j) of functions of a degree."""
-        count = len(lattice(self.kind.cell, degree)) if degree > 0 else 1
-        form = forms.products(family, degree)
-        return self._tabulated(comm, forms, form, count**2).reshape(-1, count, count)
+        count = _functions(degree, self.kind.cell)
+        form = self.kernels.forms.products(family, degree)
+        return self._tabulated(form, count**2).reshape(-1, count, count)
 
-    def _tabulated(
-        self, comm: MPI.Intracomm, forms: SolidForms, form: Any, size: int
-    ) -> FloatArray:
+    def _tabulated(self, form: Any, size: int) -> FloatArray:
         """Results (m, s) of a form of the geometry alone (collective)."""
-        fields = tuple(forms.coefficients.values())
-        kernel = compile_kernel(comm, form, fields, batched=True)
-        call = cell_kernel(kernel, size, forms.coefficients, {}, self.kernels.columns)
+        kernels = self.kernels
+        coefficients = kernels.forms.coefficients
+        kernel = compile_kernel(kernels.comm, form, tuple(coefficients.values()), batched=True)
+        call = cell_kernel(kernel, size, coefficients, {}, kernels.columns)
         return self._evaluated(call, self._plain, _still(np.zeros((1, 3))))
 
     def _evaluated(self, call: CellKernel, cells: Cells, motion: Memory) -> FloatArray:
-        return _evaluated(call, cells, motion)
+        """Results (m, s) of a kernel."""
+        out = np.empty((len(cells.nodes), call.size))
+        evaluate(call.memory, cells.memory, motion, _NOTHING, out)
+        return out
 
     def _projected(self, values: FloatArray, first: int = 0) -> FloatArray:
         own = self._projection[first : first + len(values)]
@@ -505,51 +497,38 @@ class SolidCells:
         kernel of whole matrices does, whose compilation takes five times as long.
         """
         own = self._own[first : first + _CHUNK].copy()
+        width, thin = 3 * self.nodes.shape[1], self.kind.plane == "stress"
+        fields = self._slopes.shape[1] if thin else 2 * self.kernels.dilatation
+        # behind the steps of the nodes those of fields in the cells, which follow from them
+        steps = np.zeros((width + fields, 2 * width + fields))
+        steps[:width, :width] = stiffness * np.eye(width)
+        steps[:width, width : 2 * width] = damping * np.eye(width)
+        steps[width:, 2 * width :] = np.eye(fields)
+        cells, nodal = (self._cells(own, first, rows) for rows in (steps, steps[:width]))
+        every = self._columns(self.kernels.calls["column"], cells, motion)
+        found, by_fields = np.split(every, [width], axis=2)
+        if thin:
+            pulls = self._columns(self.kernels.calls["pulls_column"], nodal, motion)
+            slopes = self._slopes[first : first + len(own), :, np.newaxis]
+            found = found - by_fields @ (pulls / slopes)
+        elif fields:
+            by_multiplier = stiffness * by_fields[:, :, self.kernels.dilatation :]
+            found = found + by_fields @ self._dilated(cells, motion, first, by_multiplier)
+        if self._stiffened:
+            call = self.kernels.continuing["stiffening_column"]
+            found = found + self._columns(call, nodal, motion)
+        return found
+
+    def _dilated(
+        self, cells: Cells, motion: Memory, first: int, by_multiplier: FloatArray
+    ) -> FloatArray:
+        """Changes (r, 2 s, 3 k) of dilatation and multiplier along the steps of nodes."""
         width, few = 3 * self.nodes.shape[1], self.kernels.dilatation
-        factors = np.zeros((width, 2 * width + 2 * few))
-        factors[:, :width] = stiffness * np.eye(width)
-        factors[:, width : 2 * width] = damping * np.eye(width)
-        if self.kind.plane == "stress":
-            return self._thin_matrices(self._cells(own, first, factors), motion, first)
-        if not few:
-            cells = self._cells(own, first, factors)
-            return self._columns("column", cells, motion) + self._stiffening(cells, motion)
-        # behind the steps of the nodes those of the dilatation, then those of the multiplier
-        steps = np.zeros((width + 2 * few, 2 * width + 2 * few))
-        steps[:width] = factors
-        steps[width:, 2 * width :] = np.eye(2 * few)
-        cells = self._cells(own, first, steps)
-        every = self._columns("column", cells, motion)
-        by_nodes, by_theta, by_pi = np.split(every, [width, width + few], axis=2)
-        duals = self._columns("duals_column", cells, motion)
+        duals = self._columns(self.kernels.calls["duals_column"], cells, motion)
         by_steps, by_dilatation = duals[:, :, :width], duals[:, :, width : width + few]
-        # changes of the dilatation, and of the multiplier, along those of the nodes
-        inverse = self._projection[first : first + len(own)]
-        theta = inverse @ self._swelling(cells, motion, stiffness * by_pi)
-        pi = inverse @ (by_steps + by_dilatation @ theta)
-        stiffening = self._stiffening(self._cells(own, first, factors), motion)
-        found: FloatArray = by_nodes + by_theta @ theta + by_pi @ pi + stiffening
-        return found
-
-    def _thin_matrices(self, cells: Cells, motion: Memory, first: int) -> FloatArray:
-        """Matrices (r, 2 k, 2 k) of cells in plane stress, for their columns of sections."""
-        own, width = cells.own, cells.sections.shape[0]
-        points = self._slopes.shape[1]
-        steps = np.zeros((width + points, cells.sections.shape[1] + points))
-        steps[:width, : cells.sections.shape[1]] = cells.sections
-        steps[width:, cells.sections.shape[1] :] = np.eye(points)
-        every = self._columns("column", self._cells(own, first, steps), motion)
-        by_nodes, by_stretch = np.split(every, [width], axis=2)
-        pulls = self._columns("pulls_column", self._cells(own, first, steps[:width]), motion)
-        stretch = -pulls / self._slopes[first : first + len(own), :, np.newaxis]
-        found: FloatArray = by_nodes + by_stretch @ stretch + self._stiffening(cells, motion)
-        return found
-
-    def _stiffening(self, cells: Cells, motion: Memory) -> FloatArray | float:
-        """Matrices (r, 3 k, 3 k) of excess stresses, zero without any."""
-        if not self._stiffened:
-            return 0.0
-        return _columns(self.kernels.continuing["stiffening_column"], cells, motion)
+        inverse = self._projection[first : first + len(cells.nodes)]
+        theta = inverse @ self._swelling(cells, motion, by_multiplier)
+        return np.concatenate([theta, inverse @ (by_steps + by_dilatation @ theta)], axis=1)
 
     def _swelling(self, cells: Cells, motion: Memory, by_multiplier: FloatArray) -> FloatArray:
         """Changes (r, s, 3 k) of the moments along the steps of nodes, the first of the sections.
@@ -558,8 +537,13 @@ class SolidCells:
         """
         return np.swapaxes(by_multiplier, 1, 2)
 
-    def _columns(self, name: str, cells: Cells, motion: Memory) -> FloatArray:
-        return _columns(self.kernels.calls[name], cells, motion)
+    def _columns(self, call: CellKernel, cells: Cells, motion: Memory) -> FloatArray:
+        """Results (r, s, c) of a kernel along the steps of all sections."""
+        out = np.empty((len(cells.nodes), call.size, len(cells.sections)))
+        for column in range(out.shape[2]):
+            cells.section[:] = column
+            out[:, :, column] = self._evaluated(call, cells, motion)
+        return out
 
     def chunks(self) -> Sequence[int]:
         """First cells of those whose matrices are computed together."""
@@ -593,22 +577,6 @@ class SolidCells:
         now = np.linalg.det(self._sides(points[self.nodes], gradients))
         ratio: FloatArray = (now / self._start).min(axis=1)
         return ratio
-
-
-def _evaluated(call: CellKernel, cells: Cells, motion: Memory) -> FloatArray:
-    """Results (m, s) of a kernel."""
-    out = np.empty((len(cells.nodes), call.size))
-    evaluate(call.memory, cells.memory, motion, _NOTHING, out)
-    return out
-
-
-def _columns(call: CellKernel, cells: Cells, motion: Memory) -> FloatArray:
-    """Results (r, s, c) of a kernel along the steps of all sections."""
-    out = np.empty((len(cells.nodes), call.size, len(cells.sections)))
-    for column in range(out.shape[2]):
-        cells.section[:] = column
-        out[:, :, column] = _evaluated(call, cells, motion)
-    return out
 
 
 def _still(points: FloatArray) -> Memory:

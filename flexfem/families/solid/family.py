@@ -193,7 +193,7 @@ class SolidFamily(PositionFamily[Solid]):
         )  # fmt: skip
         found.timed = timed
         found.rest_moduli = self._rest_moduli(parts, own)
-        return found.with_masses(comm, forms, np.concatenate(density), np.concatenate(lumped))
+        return found.with_masses(np.concatenate(density), np.concatenate(lumped))
 
     def _rest_moduli(
         self, parts: Sequence[tuple[int, str]], own: Sequence[BoolArray]

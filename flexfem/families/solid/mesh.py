@@ -337,7 +337,7 @@ class SolidMesh:
             found = [place[x] for x in map(tuple, file.points[rows].tolist()) if x in place]
             if found and name not in made.surfaces:
                 sets[name] = found
-        return made._with_nodes(sets)
+        return made._with(nodes={**made.nodes, **sets})
 
     @classmethod
     def from_dolfinx(
@@ -381,12 +381,10 @@ class SolidMesh:
                 surfaces[name] = facets[facet_values == tag]
         return cls(points, cells, cell, degree=degree, regions=regions, surfaces=surfaces)
 
-    def _with_nodes(self, sets: Mapping[str, npt.ArrayLike]) -> Self:
-        """The mesh with further sets of nodes."""
-        return type(self)(
-            self.points, self.cells, self.cell, degree=self.degree, regions=self.regions,
-            surfaces=self.surfaces, nodes={**self.nodes, **sets},
-        )  # fmt: skip
+    def _with(self, **parts: Any) -> Self:
+        """The mesh with other points, surfaces or sets of nodes, checked anew."""
+        kept = {name: getattr(self, name) for name in ("points", "regions", "surfaces", "nodes")}
+        return type(self)(cells=self.cells, cell=self.cell, degree=self.degree, **kept | parts)
 
     def moved(self, points: npt.ArrayLike) -> Self:
         """Return the mesh with its nodes at other places.
@@ -399,10 +397,7 @@ class SolidMesh:
             ValueError: Another shape, or cells that are inside out or without volume.
         """
         places = _checks.array("SolidMesh.moved", "points", points, self.points.shape)
-        return type(self)(
-            places, self.cells, self.cell, degree=self.degree, regions=self.regions,
-            surfaces=self.surfaces, nodes=self.nodes,
-        )  # fmt: skip
+        return self._with(points=places)
 
     def raised(self, degree: int) -> Self:
         """Return the same cells with further nodes, which :meth:`moved` may bring onto curves.
@@ -446,10 +441,7 @@ class SolidMesh:
                     f"{_checks.show(there)}"
                 )
             found[name] = self.boundary[(there[self.boundary] | (self.boundary < 0)).all(axis=1)]
-        return type(self)(
-            self.points, self.cells, self.cell, degree=self.degree, regions=self.regions,
-            surfaces={**self.surfaces, **found}, nodes=self.nodes,
-        )  # fmt: skip
+        return self._with(surfaces={**self.surfaces, **found})
 
 
 #: Bytes of a node of a box with its cells, sets and what makes them.

@@ -34,9 +34,9 @@ class _StepCells(SolidCells):
     def __init__(self, comm: MPI.Intracomm, cells: SolidCells, dissipates: bool) -> None:
         """Compile the kernels (collective) for some cells, whose data are taken over."""
         vars(self).update(vars(cells))
-        own = cells.forms
-        self.forms: SolidStepForms = SolidStepForms(own.law, own.kind, own.sizes, dissipates)
-        self.kernels = Kernels.compiled(comm, self.forms, without=("energy", "fields"))
+        own = cells.kernels.forms
+        forms = SolidStepForms(own.law, own.kind, own.sizes, dissipates)
+        self.kernels = Kernels.compiled(comm, forms, without=("energy", "fields"))
         width = sum(count for _, count in self.kernels.columns.values())
         self._own = np.zeros((len(self.nodes), width))
         for name in cells.kernels.columns:
@@ -60,7 +60,7 @@ class _StepCells(SolidCells):
     def _swelling(self, cells: Cells, motion: Memory, by_multiplier: FloatArray) -> FloatArray:
         """See :class:`SolidCells`; forces over a step are no derivatives of the moments."""
         width = 3 * self.nodes.shape[1]
-        return self._columns("moments_column", cells, motion)[:, :, :width]
+        return self._columns(self.kernels.calls["moments_column"], cells, motion)[:, :, :width]
 
 
 class SolidSteps:

@@ -39,15 +39,6 @@ def curved(
     return place(grid), np.stack(rows, axis=1)
 
 
-def named(mesh: ff.SolidMesh, surfaces: dict[str, Callable[[Values], Values]]) -> ff.SolidMesh:
-    """The mesh with names for facets of its boundary whose corners satisfy conditions."""
-    found = {
-        name: mesh.boundary[on(mesh.points)[mesh.boundary].all(axis=1)]
-        for name, on in surfaces.items()
-    }
-    return ff.SolidMesh(mesh.points, mesh.cells, mesh.cell, degree=mesh.degree, surfaces=found)
-
-
 def quarter(cells: int, degree: int = 2) -> ff.SolidMesh:
     """A quarter of the tube's section, of so many cells across and twice as many around."""
 
@@ -60,13 +51,10 @@ def quarter(cells: int, degree: int = 2) -> ff.SolidMesh:
     made = curved((cells, 2 * cells), "quadrilateral", place, degree)
     mesh = ff.SolidMesh(*made, "quadrilateral", degree=degree)
     radius = np.hypot(mesh.points[:, 0], mesh.points[:, 1])
-    return named(
-        mesh,
-        {
-            "inner": lambda x: np.isclose(radius, INNER),
-            "x0": lambda x: x[:, 0] == 0.0,
-            "y0": lambda x: x[:, 1] == 0.0,
-        },
+    return mesh.with_surfaces(
+        inner=lambda x: np.isclose(radius, INNER),
+        x0=lambda x: x[:, 0] == 0.0,
+        y0=lambda x: x[:, 1] == 0.0,
     )
 
 
@@ -91,7 +79,7 @@ def octant(cells: int) -> ff.SolidMesh:
     mesh = ff.SolidMesh(every[first], same.ravel()[np.concatenate(rows)], "hexahedron", degree=2)
     radius = np.linalg.norm(mesh.points, axis=1)
     sides = {f"{'xyz'[i]}0": lambda x, i=i: np.abs(x[:, i]) < 1e-9 for i in range(3)}
-    return named(mesh, {"inner": lambda x: np.isclose(radius, INNER), **sides})
+    return mesh.with_surfaces(inner=lambda x: np.isclose(radius, INNER), **sides)
 
 
 def half_section(cells: int) -> ff.SolidMesh:
@@ -106,13 +94,10 @@ def half_section(cells: int) -> ff.SolidMesh:
         *curved((cells, 2 * cells), "quadrilateral", place), "quadrilateral", degree=2
     )
     radius = np.hypot(mesh.points[:, 0], mesh.points[:, 1])
-    return named(
-        mesh,
-        {
-            "inner": lambda x: np.isclose(radius, INNER),
-            "x0": lambda x: x[:, 0] == 0.0,
-            "y0": lambda x: x[:, 1] == 0.0,
-        },
+    return mesh.with_surfaces(
+        inner=lambda x: np.isclose(radius, INNER),
+        x0=lambda x: x[:, 0] == 0.0,
+        y0=lambda x: x[:, 1] == 0.0,
     )
 
 
