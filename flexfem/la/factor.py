@@ -14,6 +14,10 @@ from flexfem.la.whole import WholeMatrix, taken_whole
 __all__ = ["Factor"]
 
 
+#: Right-hand sides that MUMPS solves for together, which reads its factors once for all of them.
+_TOGETHER = 32
+#: MUMPS solves with the transposed matrix where this parameter is not 1.
+_TRANSPOSED = 9
 #: Rows of a body from which MUMPS factorises faster (with equal times of a solve): a plate of
 #: 4000 rows takes 11 ms by either, one of 30,000 rows 0.4 s instead of 1.8 s.
 _LARGE = 6000
@@ -74,6 +78,12 @@ class Factor:
             return int(self._factor.getMumpsInfog(29)) if self._comm.rank == 0 else 0
         return int(self._factor.getInfo()["nz_used"])
 
+    @property
+    def together(self) -> int:
+        """Number of right-hand sides that are quickly solved for together."""
+        mumps = self._whole is None and self._factor.getType() == "mumps"
+        return _TOGETHER if mumps else 1
+
     def solver(
         self, rhs: FloatArray, solution: FloatArray, *, transposed: bool = False,
         lasting: bool = False,
@@ -99,6 +109,30 @@ class Factor:
         )
         # PETSc's own call, without a frame between: it is one of the most frequent of a run
         return partial(solve, *vectors)
+
+    def solve_columns(
+        self, right: FloatArray, solution: FloatArray, *, transposed: bool = False
+    ) -> None:
+        """Solve for several right-hand sides, whose solutions are kept (collective as a solve).
+
+        Args:
+            right: (k, ...) contiguous, this rank's rows each, k at most ``together``.
+            solution: likewise, written.
+            transposed: solve with the transposed matrix.
+        """
+        if self.together == 1:
+            for one, found in zip(right, solution, strict=True):
+                self.solver(one, found, transposed=transposed, lasting=True)()
+            return
+        shape = ((self.size, None), (None, len(right)))
+        columns = [
+            PETSc.Mat().createDense(shape, array=x.T, comm=self._comm) for x in (right, solution)
+        ]
+        self._factor.setMumpsIcntl(_TRANSPOSED, 0 if transposed else 1)
+        self._factor.matSolve(*columns)
+        self._factor.setMumpsIcntl(_TRANSPOSED, 1)
+        for matrix in columns:
+            matrix.destroy()
 
     def multiplier(self, vector: FloatArray, product: FloatArray) -> Callable[[], None]:
         """Multiply with the matrix that was factorised, from one array to another, as solutions.

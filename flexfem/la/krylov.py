@@ -61,10 +61,10 @@ class KrylovFactor:
 
     Attributes:
         size: rows of this rank.
-        kept: see ``Factor``: the matrix is not multiplied by.
+        kept: see ``Factor``: the matrix is not multiplied by; likewise ``together``.
     """
 
-    kept = False
+    kept, together = False, 1
 
     def __init__(
         self, matrix: PETSc.Mat, motions: FloatArray | None, held: BoolArray | None,
@@ -137,6 +137,13 @@ class KrylovFactor:
         ]
         accuracy = min(self._tolerance, _LASTING) if lasting else self._tolerance
         return partial(self._solve, accuracy, *vectors)
+
+    def solve_columns(
+        self, right: FloatArray, solution: FloatArray, *, transposed: bool = False
+    ) -> None:
+        """Solve for several right-hand sides, one by one; see ``Factor``."""
+        for one, found in zip(right, solution, strict=True):
+            self.solver(one, found, transposed=transposed, lasting=True)()
 
     def _of_transposed(self) -> "KrylovFactor":
         if self._transposed is None:

@@ -7,6 +7,7 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
+from flexfem.la import factor as factors_of_bodies
 from flexfem.la import whole
 from flexfem.la.dense import inverted
 from flexfem.la.direct import CountingFactors, DirectSolver, factorise, lu_solver
@@ -221,6 +222,33 @@ def test_factor_equals_a_dense_solve(local, largest, rng, monkeypatch):
             expected = scale * np.linalg.solve(A, right)
             # round-off; the transpose in place of the matrix is wrong by order 1
             np.testing.assert_allclose(solution.ravel(), expected[rows], atol=1e-12)
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize("kind", ["own", "MUMPS", "whole"])
+def test_columns_are_solved_for_together(kind, rng, monkeypatch):
+    """A few right-hand sides, fewer than fit; then a single one with the same factors."""
+    monkeypatch.setattr(whole, "LARGEST", 3000 if kind == "whole" else 0)
+    monkeypatch.setattr(factors_of_bodies, "_LARGE", 6000 if kind == "own" else 0)
+    size, first = 8 * COMM.size, 8 * COMM.rank
+    dense = rng.normal(size=(size, size)) + 20.0 * np.eye(size)
+    if kind == "own":
+        dense *= np.equal.outer(np.arange(size) // 8, np.arange(size) // 8)
+    rows = np.arange(first, first + 8)
+    i, j = (index.ravel() for index in np.meshgrid(rows, np.arange(size), indexing="ij"))
+    matrix = CoordinateMatrix(COMM, (8, size), (8, size), i, j)
+    matrix.assemble(dense[i, j])
+    factors = Factor(matrix.mat, 2, local=kind == "own", chained=False, largest=size)
+    assert (factors.together > 1) == (kind == "MUMPS" or (kind == "whole" and COMM.size == 1))
+    count = min(3, factors.together)
+    right = rng.normal(size=(count, size))
+    own, found = right[:, rows].copy(), np.zeros((count, 8))
+    for transposed, A in ((True, dense.T), (False, dense)):
+        factors.solve_columns(own, found, transposed=transposed)
+        # round-off; the transpose in place of the matrix is wrong by order 1
+        np.testing.assert_allclose(found, np.linalg.solve(A, right.T).T[:, rows], atol=1e-12)
+    factors.solver(own[0], found[0])()
+    np.testing.assert_allclose(found[0], np.linalg.solve(dense, right[0])[rows], atol=1e-12)
 
 
 @pytest.mark.three_ranks

@@ -306,27 +306,31 @@ class FlexibleBodies:
 
         Collective if a body is on several ranks.
         """
-        group, part = self.group, self.group.part
-        widths = np.diff(group.own.column_start)[piece.bodies]
+        widths = np.diff(self.group.own.column_start)[piece.bodies]
         most = int(widths.max(initial=0))
         if self.split:
             most = self._system.comm.allreduce(most, op=MPI.MAX)
-        place = np.full(part.block.owned, -1)
-        place[piece.nodes] = np.arange(len(piece.nodes))
-        rhs, solution = piece.right, piece.solution
         # columns of the inverse suffice for compliances, and are faster to solve for than its rows
-        solve = factor.solver(rhs, solution, transposed=not self._kept.direct, lasting=True)
-        for c in range(most):
-            bodies = piece.bodies[widths > c]
-            columns = group.own.columns[group.own.column_start[bodies] + c]
-            local = part.interface_nodes[columns[:, 0]]
-            held = local >= 0
-            rhs[:] = 0.0
-            rhs[place[local[held]], columns[held, 1]] = 1.0
-            if part.block.dirichlet is not None:
-                rhs[part.block.dirichlet[piece.nodes]] = 0.0
-            solve()
-            self._store(bodies, c, solution, place)
+        transposed = not self._kept.direct
+        for first in range(0, most, factor.together):
+            numbers = range(first, min(first + factor.together, most))
+            right = np.zeros((len(numbers), *piece.right.shape))
+            solution = np.zeros_like(right)
+            for c, unit in zip(numbers, right, strict=True):
+                self._load(piece, piece.bodies[widths > c], c, unit)
+            factor.solve_columns(right, solution, transposed=transposed)
+            for c, found in zip(numbers, solution, strict=True):
+                self._store(piece.bodies[widths > c], c, found)
+
+    def _load(self, piece: Piece, bodies: IntArray, c: int, right: FloatArray) -> None:
+        """Unit force on column ``c`` of every body of a piece, in zero right-hand sides."""
+        own, block = self.group.own, self.group.part.block
+        columns = own.columns[own.column_start[bodies] + c]
+        local = self.group.part.interface_nodes[columns[:, 0]]
+        held = local >= 0
+        right[self._place[local[held]], columns[held, 1]] = 1.0
+        if block.dirichlet is not None:
+            right[block.dirichlet[piece.nodes]] = 0.0
 
     def respond(self, y: FloatArray) -> None:
         """See :meth:`Bodies.respond`; for a body on several ranks each writes a part (collective).
@@ -411,12 +415,17 @@ class FlexibleBodies:
         """Number of unknowns of pieces."""
         return sum(self.pieces[k].right.size for k in pieces)
 
-    def _store(self, bodies: IntArray, c: int, solution: FloatArray, place: IntArray) -> None:
-        """Column ``c`` of responses, row ``c`` of compliances; without responses column ``c``.
+    @cached_property
+    def _place(self) -> IntArray:
+        """Position of every owned node in the solution of its piece."""
+        place = np.full(self.group.part.block.owned, -1)
+        for piece in self.pieces:
+            place[piece.nodes] = np.arange(len(piece.nodes))
+        return place
 
-        ``place``: position of the owned nodes in the solution.
-        """
-        group = self.group
+    def _store(self, bodies: IntArray, c: int, solution: FloatArray) -> None:
+        """Column ``c`` of responses, row ``c`` of compliances; without responses column ``c``."""
+        group, place = self.group, self._place
         for b in bodies:
             width = group.own.column_start[b + 1] - group.own.column_start[b]
             nodes = group.own.nodes[group.own.node_start[b] : group.own.node_start[b + 1]]
