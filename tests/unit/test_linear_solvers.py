@@ -87,8 +87,8 @@ def test_minimal_residual_takes_one_reduction_a_vector(rng):
 
 @pytest.mark.three_ranks
 @pytest.mark.parametrize(
-    ("interior", "far"), [(0, 0), (5, 0), (50, 0), (169, 13)],
-    ids=["shared only", "dense", "band", "grid"],
+    ("interior", "far"), [(0, 0), (5, 0), (50, 0), (169, 13), (80, 81)],
+    ids=["shared only", "small", "band", "grid", "full"],
 )  # fmt: skip
 @pytest.mark.parametrize("shared", [0, 4], ids=["alone", "shared"])
 def test_interface_system_equals_a_dense_solve(interior, far, shared, rng):
@@ -107,6 +107,7 @@ def test_interface_system_equals_a_dense_solve(interior, far, shared, rng):
         block = rng.normal(size=(count, count)) + (3.0 + count) * np.eye(count)
         apart = np.abs(np.subtract.outer(np.arange(count), np.arange(count)))
         near = (apart <= 4) | (np.abs(apart - far) <= 4) | (np.abs(apart - 5 * far) <= 1)
+        near |= far > interior
         near[interior:] = near[:, interior:] = True
         block *= near
         every[np.ix_(numbers, numbers)] += block

@@ -21,6 +21,8 @@ from flexfem.solvers.linear.multifrontal import Fronts
 
 __all__ = ["InterfaceSystem"]
 
+#: Part of all entries from which LAPACK's dense factors are faster than any sparse ones.
+_FULL = 0.4
 #: Half bandwidth up to which a banded factorisation is faster than a multifrontal one.
 _WIDEST = 64
 
@@ -105,10 +107,62 @@ class _Band:
             x[: len(self._order)] -= self._columns.T @ x[len(self._order) :]
 
 
+class _Dense:
+    """Elimination by LAPACK: bodies that are bonded by many nodes couple all of their rows."""
+
+    def __init__(self, i: IntArray, j: IntArray, count: int, size: int) -> None:
+        """Entries (i, j), number of the first rows, number of rows."""
+        self._index, self._count = i * size + j, count
+        self._every = np.arange(len(i))
+        self._matrix = np.zeros((size, size))
+        self._pivots = np.zeros(count, dtype=np.int32)
+        self.complement = np.zeros((size - count, size - count))
+
+    def factor(self, values: FloatArray) -> bool:
+        """See :class:`_Elimination`."""
+        n, matrix = self._count, self._matrix
+        matrix[:] = 0.0
+        _scatter_add(self._index, self._every, values, matrix.reshape(-1))
+        # LAPACK's order is the transposed one
+        factors, self._pivots, _ = dgetrf(matrix[:n, :n].T)
+        largest, pivots = np.abs(matrix[:n, :n]).max(initial=0.0), np.abs(np.diagonal(factors))
+        if not (pivots > SMALLEST_PIVOT * largest).all():
+            return False
+        self._factors, self._from_first = factors, matrix[n:, :n]
+        if len(matrix) > n:
+            # rows of (first, others): each is solved for as a right-hand side
+            self._columns = dgetrs(factors, self._pivots, matrix[:n, n:], trans=1)[0]
+            self.complement = matrix[n:, n:] - self._from_first @ self._columns
+        return True
+
+    def reduce(self, x: FloatArray) -> None:
+        """See :class:`_Elimination`."""
+        n = self._count
+        x[:n] = dgetrs(self._factors, self._pivots, x[:n], trans=1)[0]
+        if len(x) > n:
+            x[n:] -= self._from_first @ x[:n]
+
+    def complete(self, x: FloatArray) -> None:
+        """See :class:`_Elimination`."""
+        if len(x) > self._count:
+            x[: self._count] -= self._columns @ x[self._count :]
+
+
+def _is_full(first: IntArray, second: IntArray, count: int) -> bool:
+    """True if the entries fill most of a matrix that is not small."""
+    if count <= _WIDEST or len(first) < _FULL * count**2:
+        return False
+    filled = np.zeros((count, count), dtype=np.bool_)
+    filled[first, second] = True
+    return bool(filled.mean() >= _FULL)
+
+
 def _elimination(i: IntArray, j: IntArray, count: int, size: int) -> _Elimination:
-    """Elimination of the first rows, banded if their order gives a narrow band."""
+    """Elimination of the first rows: dense, banded if their order allows it, or by fronts."""
     inner = (i < count) & (j < count)
     first, second = i[inner], j[inner]
+    if _is_full(first, second, count):
+        return _Dense(i, j, count, size)
     order = _ordering("rcm", first, second, count)
     rank = np.empty(count, dtype=np.int64)
     rank[order] = np.arange(count)
