@@ -202,7 +202,7 @@ ENDS = {
 
 
 @pytest.mark.parametrize("end", ENDS)
-@pytest.mark.parametrize("leaving", [0, 1])
+@pytest.mark.parametrize("leaving", [pytest.param(0, marks=pytest.mark.slow), 1])
 def test_input_refused_on_one_rank_while_a_model_is_built(
     leaving: int, end: str, tmp_path: Path, run: Callable[..., Any]
 ) -> None:
