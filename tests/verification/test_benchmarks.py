@@ -8,7 +8,9 @@ from tests.verification.table import load, modules
 pytestmark = pytest.mark.serial
 
 #: Those of statics and modes of beams have tests of their own.
-NAMES = [name for name in modules() if name.startswith(("rigid_", "flexible_", "shell_"))]
+NAMES = [
+    name for name in modules() if name.startswith(("rigid_", "flexible_", "shell_", "plastic_"))
+]
 
 
 @pytest.mark.parametrize("name", NAMES)

@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 
 from flexfem.cli import load_case
+from tests.verification.benchmarks import solid_connecting_rod
 from tests.verification.motions import run
 
 pytestmark = pytest.mark.serial
@@ -46,3 +47,11 @@ def test_frames_agree(histories):
     # 3.5e-2, and the angles 4e-5
     assert np.abs(pin["rod_deflection"] - mean["rod_deflection"]).max() < 5e-3 * size
     assert pin["crank_angle"] == pytest.approx(mean["crank_angle"], rel=0, abs=2e-5)
+
+
+@pytest.mark.slow
+@pytest.mark.benchmark
+def test_all_nodes_bend_as_the_reduction_does():
+    """Lines of the table, a minute."""
+    for result in solid_connecting_rod.results():
+        assert result.error <= result.tolerance, result

@@ -171,3 +171,26 @@ def test_plastic_bar_keeps_its_strain_when_it_is_unloaded(shared_tmp_path):
     assert strain > 0.02
     # of first order in the steps; ones that forget their plastic strain would come back
     assert np.log(history["end_x"][-1]) == pytest.approx(strain, rel=5e-3)
+
+
+@pytest.mark.slow_on_ranks
+def test_plastic_impact_is_no_numerical_dissipation(shared_tmp_path):
+    """A block that stops at a wall: what its law takes is neither an error nor a warning."""
+    mesh = ff.SolidMesh.box((0.1, 0.1, 0.1), (1, 1, 1), "tetrahedron")
+    law = ff.laws.J2Plasticity(4e5, 1e6, 2e4, 1e4)
+    model = ff.Model("impact")
+    model.add(
+        ff.Solid(
+            "block", law, mesh, density=1000.0, degree=1, fixed={"x0": "x"}, velocity=(-3.0, 0, 0)
+        ),
+        ff.EnergyProbe(),
+    )
+    options = ff.RunOptions(output=shared_tmp_path, split_above=1, dt=5e-4, t_end=0.02)
+    outcome = ff.simulate(model, options)
+    history = columns(outcome)
+    start = history["energy_kinetic"][0]
+    # the elastic limit is a twentieth of the energy: bounds that tell nothing at half of the loss
+    assert history["energy_dissipation"][-1] > 0.8 * start
+    assert abs(history["energy_balance"][-1]) < 0.02 * start
+    warnings = COMM.bcast(outcome.summary and outcome.summary["warnings"])
+    assert not [text for text in warnings if "numerical dissipation" in text]

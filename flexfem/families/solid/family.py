@@ -365,7 +365,9 @@ def check_start(comm: MPI.Intracomm, owner: str, group: SolidCells, points: Floa
     about = {None: 1.0, "strain": in_plane, "stress": in_plane, "axisymmetric": 0.0}
     turn = _TURN * about[group.kind.plane]
     shear, swell = np.zeros((3, 3)), np.eye(3)
-    shear[0, 1], swell[2, 2] = 1.0, float(group.kind.plane is None)
+    # radii of axisymmetric bodies must stay positive, however far from the origin they are along y
+    shear[(1, 0) if group.kind.plane == "axisymmetric" else (0, 1)] = 1.0
+    swell[2, 2] = float(group.kind.plane is None)
     motions = [
         np.eye(3), so3.exp(turn),
         *(np.eye(3) + sign * _STRAIN * way for way in (shear, swell) for sign in (1.0, -1.0)),

@@ -14,6 +14,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.laws import LawKind
 from flexfem.inspection.finding import owner_of
+from flexfem.layout.elements import HistoryElements
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.simulation.watch.brief_contacts import BriefContacts
 from flexfem.simulation.watch.inside_out import InsideOut
@@ -96,12 +97,18 @@ class EnergyWatch:
         self._sample()
 
     def _may_lose(self) -> bool:
-        """Return True if dampers, friction or contacts on this rank may dissipate energy."""
+        """Return True if dampers, friction, contacts or internal variables may dissipate energy.
+
+        On this rank.
+        """
         system, rows = self._system, self._system.constraints
         takes = bool(((rows.elastic[:, 2] != 0.0) | rows.frictional).any())
         viscous = any(p.elements is not None and p.elements.viscous for p in system.parts)
         modal = system.modal_dampers is not None
-        return takes or viscous or modal or bool(system.contacts)
+        wears = any(
+            isinstance(p.elements, HistoryElements) and p.elements.remembering for p in system.parts
+        )
+        return takes or viscous or modal or wears or bool(system.contacts)
 
     def follow(self) -> None:
         """Sum the work up to an accepted state."""
