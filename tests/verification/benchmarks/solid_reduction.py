@@ -22,7 +22,7 @@ Values = np.ndarray
 SIZE, CELLS, DENSITY, GRAVITY = (1.0, 0.02, 0.05), (6, 1, 1), 1200.0, 30.0
 LAW = ff.laws.SaintVenantKirchhoff(2e7, 0.3)
 #: Steps, and the end of the fall, s.
-STEP, END = 5e-3, 0.12
+STEP, END = 1e-3, 0.14
 LOW = (0.0, -SIZE[1] / 2, -SIZE[2] / 2)
 
 
@@ -85,7 +85,7 @@ def apart(first: dict[str, Values], second: dict[str, Values]) -> Values:
 
 
 def falls(cases: tuple[tuple[int, int, float], ...], end: float) -> Iterator[Result]:
-    """Largest distance of the tips, over the length."""
+    """Largest distance of the tips. The free end turns by 0.9 rad in the frame of the other."""
     exact = fall(full(), end)
     for modes, derivatives, tolerance in cases:
         found = fall(reduced(modes, derivatives), end)
@@ -98,7 +98,5 @@ def falls(cases: tuple[tuple[int, int, float], ...], end: float) -> Iterator[Res
 
 
 def results(full: bool = True) -> list[Result]:
-    """All lines; the short one is one reduction that falls for two thirds of the time."""
-    if not full:
-        return list(falls(((4, 8, 1e-3),), 0.08))
-    return list(falls(((4, 8, 1e-2), (6, 12, 5e-3)), END))
+    """All lines; an inertia that is linear in the rotation of the end is 0.009 to 0.010 m off."""
+    return list(falls(((4, 8, 3e-3), (8, 24, 2e-3)) if full else ((4, 8, 3e-3),), END))
