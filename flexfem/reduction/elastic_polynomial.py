@@ -181,10 +181,9 @@ class ElasticPolynomial:
     def energies(self, coordinates: FloatArray) -> FloatArray:
         """Strain energies (m,), J, of all coordinates (m, n)."""
         x, pairs = coordinates, pairs_of(coordinates)
-        linear = np.einsum("mi,ij,mj->m", x, self.stiffness, x, optimize=True)
-        quadratic = np.einsum("mp,pi,mi->m", pairs, self.quadratic, x, optimize=True)
-        cubic = np.einsum("mp,pq,mq->m", pairs, self.cubic, pairs, optimize=True)
-        energies: FloatArray = linear / 2.0 + quadratic / 3.0 + cubic / 4.0
+        slopes = x @ self.stiffness / 2.0 + pairs @ self.quadratic / 3.0
+        cubic = ((pairs @ self.cubic) * pairs).sum(axis=1)
+        energies: FloatArray = (slopes * x).sum(axis=1) + cubic / 4.0
         return energies
 
     def displacements(
@@ -200,13 +199,11 @@ class ElasticPolynomial:
             accelerations: (m, 12 + n) amplitudes of the inertia forces.
         """
         pairs = pairs_of(coordinates)
-        residual = pairs @ self.residual_quadratic.T
-        residual += np.einsum("sip,mp,mi->ms", self.residual_cubic, pairs, coordinates)
-        residual += accelerations @ self.load_residual.T
-        squares = np.einsum("ms,ms->m", residual, residual)
-        squares += np.einsum(
-            "mi,ij,mj->m", accelerations, self.load_gram, accelerations, optimize=True
-        )
+        triples = (coordinates[:, :, np.newaxis] * pairs[:, np.newaxis]).reshape(len(pairs), -1)
+        residual = triples @ self.residual_cubic.reshape(-1, triples.shape[1]).T
+        residual += pairs @ self.residual_quadratic.T + accelerations @ self.load_residual.T
+        beside = (accelerations @ self.load_gram) * accelerations
+        squares = (residual**2).sum(axis=1) + beside.sum(axis=1)
         missing: FloatArray = np.sqrt(np.maximum(squares, 0.0))
         moved: FloatArray = np.sqrt(np.maximum(2.0 * self.energies(coordinates), 0.0))
         return missing, moved
