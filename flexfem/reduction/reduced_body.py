@@ -319,9 +319,9 @@ class ReducedBody:
             _checks.text("ReducedBody", "name of a line", name)
             _checks.instance("ReducedBody", f'line "{name}"', line, BodyLine)
             count = line.displacement.shape[2]
-            if count != self.size:
+            if count != self.functions:
                 raise ValueError(
-                    f'ReducedBody: line "{name}" must have {self.size} functions, got {count}'
+                    f'ReducedBody: line "{name}" must have {self.functions} functions, got {count}'
                 )
 
     def _check_polynomial(self) -> None:

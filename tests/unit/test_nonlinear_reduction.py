@@ -12,6 +12,7 @@ import ufl
 from dolfinx import fem, mesh
 
 import flexfem as ff
+from flexfem.lie import so3
 from flexfem.reduction.fem.modes.derivatives import NonlinearBasis
 from tests.unit.reduction_bodies import at
 from tests.unit.refusals import assert_on_page
@@ -225,6 +226,28 @@ def test_what_modes_miss_of_a_weight() -> None:
     # the one mode bends the beam the other way: nothing moves
     assert across["missing"] > 0.99
     assert across["lines"] == 1
+
+
+@serial
+def test_a_region_turns_rigidly() -> None:
+    """With its line for sliders and its picture, by a radian in the frame of the other end."""
+    across = [(LENGTH, y, 0.02) for y in (-HEIGHT / 2, 0.0, HEIGHT / 2)]
+    body = ff.reduce_body(
+        beam(comm=MPI.COMM_SELF), ENDS, modes=1, derivatives=0, lines={"across": across}
+    )
+    t = np.array([0.3, -0.5, 0.8])
+    R, turned = so3.exp(t), np.zeros(body.functions)
+    turned[9:12] = np.sin(np.linalg.norm(t)) / np.linalg.norm(t) * t
+    turned[body.size :] = (R + R.T - (np.trace(R) - 1.0) * np.eye(3))[np.triu_indices(3)]
+    assert body.recovery is not None
+    line, face = body.lines["across"], np.isclose(body.recovery.points[:, 0], LENGTH)
+    for points, moves in (
+        (line.points, line.displacement),
+        (body.recovery.points[face], body.recovery.displacement[face]),
+    ):
+        # the rotation vector without products would be off by 0.4 of the height
+        away = moves @ turned - (points - [LENGTH, 0.0, 0.0]) @ (R - np.eye(3)).T
+        assert np.abs(away).max() < 1e-9 * HEIGHT
 
 
 @serial

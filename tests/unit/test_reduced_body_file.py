@@ -52,7 +52,7 @@ def test_bodies_come_back_on_any_ranks(shared_tmp_path: Path) -> None:
     geometric = np.arange(12.0 * 144).reshape(12, 12, 12)
     rng = np.random.default_rng(3)
     lines = {
-        name: ff.BodyLine(rng.normal(size=(4, 3)), *rng.normal(size=(2, 4, 3, 12)))
+        name: ff.BodyLine(rng.normal(size=(4, 3)), *rng.normal(size=(2, 4, 3, 18)))
         for name in ("axis", "top")
     }
     body = two_masses(

@@ -137,7 +137,7 @@ def reduce_body(
         by_acceleration,
         by_interface,
         recover(body, every, polynomial is not None) if recovery else None,
-        {name: trace(owner, body, functions, name, points) for name, points in along.items()},
+        {name: trace(owner, body, every, name, points) for name, points in along.items()},
         polynomial,
     )
 
