@@ -229,6 +229,15 @@ def test_what_modes_miss_of_a_weight() -> None:
 
 
 @serial
+def test_tetrahedra_have_points_enough() -> None:
+    """Gradients of quadratic ones are linear: their energy of second order takes degree two."""
+    made = ff.solid_body(mesh.create_unit_cube(MPI.COMM_SELF, 1, 1, 1), STEEL, density=DENSITY)
+    assert made.energy is not None
+    # a rule of degree one would let cells hourglass
+    assert made.energy.quadrature == 2
+
+
+@serial
 def test_a_region_turns_rigidly() -> None:
     """With its line for sliders and its picture, by a radian in the frame of the other end."""
     across = [(LENGTH, y, 0.02) for y in (-HEIGHT / 2, 0.0, HEIGHT / 2)]
