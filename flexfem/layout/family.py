@@ -384,17 +384,17 @@ class Family:
         """
         return np.empty(0, dtype=np.int64), np.empty(0)
 
-    def missing(self, part: Any) -> tuple[IntArray, FloatArray, FloatArray]:
+    def missing(self, part: Any) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
         """Numbers (m,) of reduced bodies of this rank, what they miss, and how far they deform.
 
         A nonlinear body misses the displacement with which functions beside its coordinates would
         answer to the forces that these leave out of balance. It and the body's own are in the
-        energy norm; those of linear bodies are zero.
+        energy norm; those of linear bodies are zero. The last is the norm of a strain of one.
 
         Args:
             part: the family's ``BlockPart``.
         """
-        return np.empty(0, dtype=np.int64), np.empty(0), np.empty(0)
+        return np.empty(0, dtype=np.int64), np.empty(0), np.empty(0), np.empty(0)
 
     def sensor(self, probe: AnyProbe, part: Any) -> Sensor | None:
         """Sensor of a probe that the family measures, None for other probes (collective).

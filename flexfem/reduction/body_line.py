@@ -18,7 +18,8 @@ class BodyLine:
 
     Attributes:
         points: (p, 3) at rest from the line's start to its end, body axes, m; two at least.
-        displacement: (p, 3, n) displacement of the points per coordinate.
+        displacement: (p, 3, n) displacement of the points per coordinate, in nonlinear bodies also
+            per product of rotations, see ``ElasticPolynomial``.
         rotation: (p, 3, n) small rotation of the body there per coordinate, body axes.
     """
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Elastic forces of a reduced body as a polynomial of third order in its coordinates.
 
+Inertia of the functions that it has beside those of linear bodies is here as well.
+
 The energy is ``1/2 K x x + 1/3 Q x x x + 1/4 C x x x x`` with symmetric tensors. Symmetric pairs of
 indices are kept once, in the order of ``numpy.triu_indices``: with ``s_kl = x_k x_l``, counted
 twice where k and l differ, the products ``z = Q x`` and ``y = C s`` are symmetric matrices, by
@@ -14,7 +16,13 @@ import numpy as np
 from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
 
-__all__ = ["ElasticPolynomial", "pair_count", "pair_numbers", "pairs_of"]
+__all__ = ["ARRAYS", "ElasticPolynomial", "pair_count", "pair_numbers", "pairs_of"]
+
+#: Names of the arrays of a polynomial.
+ARRAYS = (
+    "stiffness", "quadratic", "cubic", "residual_quadratic", "residual_cubic", "moments",
+    "products", "load_residual", "load_gram", "unit_strain",
+)  # fmt: skip
 
 #: Relative asymmetry of tensors that is round-off.
 _ROUND_OFF = 1e-8
@@ -45,6 +53,8 @@ def pairs_of(coordinates: FloatArray) -> FloatArray:
 class ElasticPolynomial:
     """Nonlinear elastic forces of a :class:`ReducedBody`, and what these leave out of balance.
 
+    Inertia forces are those of the displacements in the same coordinates.
+
     Its coordinates x are those of the body without the first interface's, whose frame is that of
     the body, and six more for each of the other interfaces, the products of its rotations tt_xx,
     tt_xy, tt_xz, tt_yy, tt_yz, tt_zz: a region that turns by the rotation vector t moves by
@@ -54,7 +64,10 @@ class ElasticPolynomial:
     The residual is the force of the deformed body on s functions that are not coordinates, those
     that answer best to what the coordinates leave out of balance: in them the body would go on to
     deform. They have unit energy each and no linear coupling with the coordinates, so that the norm
-    of the residual is that of this further displacement in the metric of the stiffness.
+    of the residual is that of this further displacement in the metric of the stiffness. Beside
+    the nonlinear forces the residual has the inertia forces, weight included, by 12 + n amplitudes:
+    the acceleration of the body's shape at rest in twelve fields as in ``ReducedBody``, and those
+    of the coordinates. What they do on other functions is kept by its Gram matrix.
 
     Attributes:
         turning: k, the number of interfaces after the first.
@@ -63,6 +76,13 @@ class ElasticPolynomial:
         cubic: (P, P) the tensor C.
         residual_quadratic: (s, P) second-order part of the residual by pairs.
         residual_cubic: (s, n, P) third-order part by a coordinate and pairs.
+        moments: (3, 6 k) integrals of rho Phi_j over the functions of the products, kg.
+        products: (3, 3, n+1, 6 k); [a, b, i, j] is the integral of rho Phi_ia Phi_jb with these
+            functions j, Phi_0 = r, then all coordinates.
+        load_residual: (s, 12 + n) inertia forces on the s functions.
+        load_gram: (12 + n, 12 + n) products, in the metric of the stiffness, of the displacements
+            that these forces cause beside coordinates and functions.
+        unit_strain: (1,) norm of a displacement with strains of one in the whole body.
     """
 
     turning: int
@@ -71,6 +91,11 @@ class ElasticPolynomial:
     cubic: FloatArray
     residual_quadratic: FloatArray
     residual_cubic: FloatArray
+    moments: FloatArray
+    products: FloatArray
+    load_residual: FloatArray
+    load_gram: FloatArray
+    unit_strain: FloatArray
 
     def __post_init__(self) -> None:
         """Check the arrays against each other.
@@ -97,15 +122,24 @@ class ElasticPolynomial:
             "residual_cubic": _checks.array(
                 owner, "residual_cubic", self.residual_cubic, (len(second), n, pairs)
             ),
+            "moments": _checks.array(owner, "moments", self.moments, (3, 6 * turning)),
+            "products": _checks.array(owner, "products", self.products, (3, 3, n + 1, 6 * turning)),
+            "load_residual": _checks.array(
+                owner, "load_residual", self.load_residual, (len(second), 12 + n)
+            ),
+            "load_gram": _checks.array(owner, "load_gram", self.load_gram, (12 + n, 12 + n)),
+            "unit_strain": _checks.array(owner, "unit_strain", self.unit_strain, (1,)),
         }
         _checks.assign(
             self, turning=turning, stiffness=stiffness, residual_quadratic=second, **fields
         )
-        number = pair_numbers(n)
+        number, own = pair_numbers(n), self.products[:, :, n + 1 - 6 * turning :]
         whole = {
             "stiffness": stiffness,
             "quadratic": self.quadratic[number],
             "cubic": self.cubic[number][:, :, number],
+            "products": own.transpose(0, 2, 1, 3).reshape(18 * turning, 18 * turning),
+            "load_gram": self.load_gram,
         }
         for name, tensor in whole.items():
             defect = np.abs(tensor - tensor.swapaxes(0, -1)).max(initial=0.0)
@@ -120,8 +154,22 @@ class ElasticPolynomial:
     @property
     def arrays(self) -> dict[str, FloatArray]:
         """All arrays by name."""
-        names = ("stiffness", "quadratic", "cubic", "residual_quadratic", "residual_cubic")
-        return {name: getattr(self, name) for name in names}
+        return {name: getattr(self, name) for name in ARRAYS}
+
+    def with_products(
+        self, moments: FloatArray, products: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Integrals (3, n + 1) and (3, 3, n + 1, n + 1) of r and all n functions.
+
+        Args:
+            moments: those of r and the body's own coordinates.
+            products: of the same.
+        """
+        own, every = products.shape[3], len(self.stiffness) + 1
+        whole = np.empty((3, 3, every, every))
+        whole[:, :, :own, :own], whole[:, :, :, own:] = products, self.products
+        whole[:, :, own:, :own] = self.products[:, :, :own].transpose(1, 0, 3, 2)
+        return np.hstack([moments, self.moments]), whole
 
     def forces(self, coordinates: FloatArray) -> FloatArray:
         """Elastic forces (n,) on all coordinates (n,)."""
@@ -133,33 +181,29 @@ class ElasticPolynomial:
     def energies(self, coordinates: FloatArray) -> FloatArray:
         """Strain energies (m,), J, of all coordinates (m, n)."""
         x, pairs = coordinates, pairs_of(coordinates)
-        linear = np.einsum("mi,ij,mj->m", x, self.stiffness, x, optimize=True)
-        quadratic = np.einsum("mp,pi,mi->m", pairs, self.quadratic, x, optimize=True)
-        cubic = np.einsum("mp,pq,mq->m", pairs, self.cubic, pairs, optimize=True)
-        energies: FloatArray = linear / 2.0 + quadratic / 3.0 + cubic / 4.0
+        slopes = x @ self.stiffness / 2.0 + pairs @ self.quadratic / 3.0
+        cubic = ((pairs @ self.cubic) * pairs).sum(axis=1)
+        energies: FloatArray = (slopes * x).sum(axis=1) + cubic / 4.0
         return energies
 
     def displacements(
-        self, coordinates: FloatArray, amplitudes: FloatArray
+        self, coordinates: FloatArray, accelerations: FloatArray
     ) -> tuple[FloatArray, FloatArray]:
         """Displacement that is missing, and that of the body, each (m,), in the energy norm.
 
         The squares are twice energies, J: that which the body would release, and that which it has.
-        Missing are the displacement of the residual, see the class, and the difference between the
-        coordinates and the amplitudes of the functions in inertia forces, for large rotations.
+        Missing is the displacement of the residual, see the class.
 
         Args:
             coordinates: (m, n) of the polynomial.
-            amplitudes: (m, n - 6 k) coordinates of the body.
+            accelerations: (m, 12 + n) amplitudes of the inertia forces.
         """
-        pairs, own = pairs_of(coordinates), amplitudes.shape[1]
-        residual = pairs @ self.residual_quadratic.T
-        residual += np.einsum("sip,mp,mi->ms", self.residual_cubic, pairs, coordinates)
-        turned = amplitudes - coordinates[:, :own]
-        squares = np.einsum("ms,ms->m", residual, residual)
-        squares += np.einsum(
-            "mi,ij,mj->m", turned, self.stiffness[:own, :own], turned, optimize=True
-        )
-        missing: FloatArray = np.sqrt(squares)
+        pairs = pairs_of(coordinates)
+        triples = (coordinates[:, :, np.newaxis] * pairs[:, np.newaxis]).reshape(len(pairs), -1)
+        residual = triples @ self.residual_cubic.reshape(-1, triples.shape[1]).T
+        residual += pairs @ self.residual_quadratic.T + accelerations @ self.load_residual.T
+        beside = (accelerations @ self.load_gram) * accelerations
+        squares = (residual**2).sum(axis=1) + beside.sum(axis=1)
+        missing: FloatArray = np.sqrt(np.maximum(squares, 0.0))
         moved: FloatArray = np.sqrt(np.maximum(2.0 * self.energies(coordinates), 0.0))
         return missing, moved

@@ -22,6 +22,7 @@ from flexfem._fields import Array, declared, vector
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.reduction.body_line import BodyLine
 from flexfem.reduction.elastic_polynomial import ElasticPolynomial
+from flexfem.reduction.law_expansion import COUNT, cauchy_stress
 
 __all__ = ["Interface", "Recovery", "ReducedBody", "interface_motions"]
 
@@ -69,15 +70,21 @@ class Recovery:
     Attributes:
         points: (p, 3) at rest, body axes, m.
         cells: (t, 3) triangles or (t, 2) lines, as indices of points.
-        displacement: (p, 3, n) displacement of the points per coordinate.
+        displacement: (p, 3, n) displacement of the points per coordinate, in nonlinear bodies also
+            per product of rotations, see ``ElasticPolynomial``.
         stress: (t, 6, n) mean stress xx, yy, zz, yz, xz, xy of the cells per coordinate, Pa; None
             if the body has none.
+        gradient: (t, 9, n) mean displacement gradient of the cells, rows of ``grad u``, per
+            function: of nonlinear bodies in the place of the stress.
+        law: derivatives of their energy at rest, see ``law_expansion``, Pa.
     """
 
     points: FloatArray
     cells: IntArray
     displacement: FloatArray
     stress: FloatArray | None = None
+    gradient: FloatArray | None = None
+    law: FloatArray | None = None
 
     def __post_init__(self) -> None:
         """Check the arrays against each other.
@@ -99,13 +106,33 @@ class Recovery:
         if stress is not None:
             shape = (len(cells), 6, moves.shape[2])
             stress = _checks.array("Recovery", "stress", stress, shape)
+        gradient, law = self.gradient, self.law
+        if gradient is not None:
+            shape = (len(cells), 9, moves.shape[2])
+            gradient = _checks.array("Recovery", "gradient", gradient, shape)
+            law = _checks.array("Recovery", "law", law, (COUNT,))
         _checks.assign(
             self,
             points=points,
             cells=_checks.freeze(cells.reshape(-1, corners), np.int64),
             displacement=moves,
             stress=stress,
+            gradient=gradient,
+            law=law,
         )
+
+    def stresses(self, strains: FloatArray) -> FloatArray:
+        """Mean stresses (t, 6) of the cells, Pa, in the axes of the frame; zeros if there are none.
+
+        Args:
+            strains: (n,) coordinates without motions that cause no stress.
+        """
+        if self.gradient is not None and self.law is not None:
+            return cauchy_stress(self.law, self.gradient @ strains)
+        if self.stress is None:
+            return np.zeros((len(self.cells), 6))
+        linear: FloatArray = self.stress @ strains
+        return linear
 
 
 @dataclass(frozen=True, eq=False)
@@ -217,6 +244,11 @@ class ReducedBody:
         return len(self.stiffness)
 
     @property
+    def functions(self) -> int:
+        """Number of functions in pictures: of the coordinates, then of products of rotations."""
+        return self.size + (0 if self.polynomial is None else 6 * self.polynomial.turning)
+
+    @property
     def modes(self) -> int:
         """Number of internal functions, m."""
         return len(self.frequencies)
@@ -276,8 +308,10 @@ class ReducedBody:
             return
         _checks.instance("ReducedBody", "recovery", self.recovery, Recovery)
         count = self.recovery.displacement.shape[2]
-        if count != self.size:
-            raise ValueError(f"ReducedBody: recovery must have {self.size} functions, got {count}")
+        if count != self.functions:
+            raise ValueError(
+                f"ReducedBody: recovery must have {self.functions} functions, got {count}"
+            )
 
     def _check_lines(self) -> None:
         _checks.instance("ReducedBody", "lines", self.lines, Mapping)
@@ -285,9 +319,9 @@ class ReducedBody:
             _checks.text("ReducedBody", "name of a line", name)
             _checks.instance("ReducedBody", f'line "{name}"', line, BodyLine)
             count = line.displacement.shape[2]
-            if count != self.size:
+            if count != self.functions:
                 raise ValueError(
-                    f'ReducedBody: line "{name}" must have {self.size} functions, got {count}'
+                    f'ReducedBody: line "{name}" must have {self.functions} functions, got {count}'
                 )
 
     def _check_polynomial(self) -> None:

@@ -36,11 +36,14 @@ PRESETS: dict[str, dict[str, Any]] = {
 }
 
 
-def bar() -> Any:
-    """The bar on its mesh: a ``LinearBody``."""
+def bar(nonlinear: bool = False) -> Any:
+    """The bar on its mesh: a ``LinearBody``, or one with the energy of a law."""
     import flexfem as ff
 
     make = ff.solid_body  # imports what must come before dolfinx
+    if nonlinear:
+        law = ff.laws.SaintVenantKirchhoff(MODULUS, POISSON)
+        return make(_box(), law, density=DENSITY, name="bar")
     return make(_box(), ff.Material(MODULUS, POISSON, DENSITY), name="bar")
 
 
@@ -66,14 +69,20 @@ def far(x: np.ndarray) -> np.ndarray:
 
 
 def run_flexfem(
-    bodies: int, modes: int, steps: int, dt: float, frame: str, stiffening: bool
+    bodies: int,
+    modes: int,
+    steps: int,
+    dt: float,
+    frame: str,
+    stiffening: bool,
+    derivatives: int | None = None,
 ) -> dict[str, Any]:
     """Integrate the chain in flexfem; see ``run_exudyn`` for the result."""
     import flexfem as ff
 
     reduced = ff.reduce_body(
-        bar(), {"near": near, "far": far}, modes=modes, recovery=False,
-        geometric_stiffness=stiffening,
+        bar(derivatives is not None), {"near": near, "far": far}, modes=modes, recovery=False,
+        geometric_stiffness=stiffening, derivatives=derivatives,
     )  # fmt: skip
     model = ff.Model("chain")
     model.add(ff.Gravity(GRAVITY))
@@ -220,12 +229,13 @@ def main() -> None:
     parser.add_argument("--preset", choices=sorted(PRESETS), default="lagged")
     parser.add_argument("--frame", choices=("near", "far", "mean_axes"), default="near")
     parser.add_argument("--stiffening", action="store_true")
+    parser.add_argument("--derivatives", type=int, help="nonlinear bars with so many of them")
     args = parser.parse_args()
     sizes = args.bodies, args.modes, args.steps, args.dt
     if args.program == "exudyn":
         result = run_exudyn(*sizes, PRESETS[args.preset])
     else:
-        result = run_flexfem(*sizes, args.frame, args.stiffening)
+        result = run_flexfem(*sizes, args.frame, args.stiffening, args.derivatives)
     print(json.dumps(result))
 
 

@@ -87,7 +87,7 @@ FIXED = {
 }  # fmt: skip
 
 
-def _carried(functions: int) -> np.ndarray:
+def _carried(functions: int, size: float = 1.0) -> np.ndarray:
     """Two elements of a line that a body carries, of which the second continues the first.
 
     It bends; so many coordinates displace and rotate it.
@@ -96,7 +96,7 @@ def _carried(functions: int) -> np.ndarray:
     cubic = np.zeros((1 + functions, 7, 4))
     cubic[0, :4] = [[0.2, 1.0, 0.0, 0.0], [0.1, 0.0, 0.1, 0.0], [0.0, 0.0, 0.0, 0.02], [1, 0, 0, 0]]
     cubic[0, 4:] = [[0.1, 0.05, 0.0, 0.0], [0.0, 0.0, -0.03, 0.0], [0.0, 0.1, 0.0, 0.0]]
-    cubic[1:] = rng.normal(size=(functions, 7, 4)) * [0.3, 0.3, 0.1, 0.05]
+    cubic[1:] = size * rng.normal(size=(functions, 7, 4)) * [0.3, 0.3, 0.1, 0.05]
     shift = np.array([[comb(m, r) for r in range(4)] for m in range(4)])  # xi becomes xi + 1
     return np.stack([cubic, cubic @ shift]).reshape(2, 1 + functions, 28)
 
@@ -108,7 +108,9 @@ LINES = {
     "rational": (NURBS, [[0, 1, 2], [1, 2, 3]], RATIONAL),
     "rigid": (BODY, [[0], [0]], _carried(0)),
     "floating": (BODY, [[0, 1, 2, 3], [0, 1, 2, 3]], _carried(15)),
+    "nonlinear": (BODY, [[0, 1, 2, 3], [0, 1, 2, 3]], _carried(28, 0.3)),
 }
+CARRIED = ("floating", "nonlinear")
 
 
 class PlacedOnLine(Placed):
@@ -118,13 +120,13 @@ class PlacedOnLine(Placed):
         self.element, cells, self.shape = LINES[line]
         self.cells = np.array(cells)
         nodes = _line_nodes(self.cells.max() + 1, rng)
-        if line == "floating":  # two interfaces near the frame's own, and three amplitudes
+        if line in CARRIED:  # two interfaces near the frame's own, and three amplitudes
             nodes[1:3] = se3.retract(nodes[:1], 0.3 * rng.normal(size=(2, 6)))
             nodes[3] = se3.frame(0.2 * rng.normal(size=3), np.eye(3))
         free = se3.exp(np.array([0.2, 0.1, -0.3, 0.4, 0.1, 0.7]))
         self.start = np.concatenate([nodes, free[np.newaxis]])
         self.count = len(self.start)
-        self.spatial = np.arange(self.count) != (3 if line == "floating" else -1)
+        self.spatial = np.arange(self.count) != (3 if line in CARRIED else -1)
         self.turns = so3.exp(0.4 * rng.normal(size=(2, 2, 3))).reshape(2, 2, 9)
         if self.shape is not None:
             self.turns[:] = np.eye(3).ravel()

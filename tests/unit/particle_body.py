@@ -40,21 +40,18 @@ def symmetric(rng, size, order):
     return sum(tensor.transpose(p) for p in permutations(range(order))) / math.factorial(order)
 
 
-def polynomial(rng, interfaces, stiffness):
-    """Random elastic forces to third order, with the products of the interfaces' rotations."""
-    n = len(stiffness)
-    size, (i, j) = n + 6 * interfaces, np.triu_indices(n + 6 * interfaces)
-    linear = 0.3 * symmetric(rng, size, 2)
-    linear[:n, :n] = stiffness
+def polynomial(rng, size):
+    """Random elastic forces of second and third order."""
+    i, j = np.triu_indices(size)
     cubic = np.ascontiguousarray(0.3 * symmetric(rng, size, 4)[i, j][:, i, j])
-    return {"linear": linear, "quadratic": symmetric(rng, size, 3)[i, j], "cubic": cubic}
+    return {"quadratic": symmetric(rng, size, 3)[i, j], "cubic": cubic}
 
 
 def particle_body(
     rng, interfaces=2, modes=4, *, stiffening=False, mean_axes=False, nonlinear=False, particles=20
 ):
     """A body of random particles."""
-    n = 6 * interfaces + modes
+    n = (12 if nonlinear else 6) * interfaces + modes
     rest, places = rng.normal(size=(interfaces, 3)), rng.normal(size=(particles, 3))
     masses = rng.uniform(0.5, 1.5, particles)
     functions = rng.normal(size=(particles, 3, n))
@@ -73,9 +70,9 @@ def particle_body(
         conditions = 0.2 * rng.normal(size=(6, n))
         for c in range(interfaces):
             conditions[:, 6 * c : 6 * c + 6] += np.eye(6)
-    elastic = dict.fromkeys(("linear", "quadratic", "cubic"), np.zeros((0, 0)))
+    elastic = dict.fromkeys(("quadratic", "cubic"), np.zeros((0, 0)))
     if nonlinear:
-        elastic = polynomial(rng, interfaces, K)
+        elastic = polynomial(rng, n)
     data = BodyData(
         rest=rest,
         mass=float(masses.sum()),
@@ -108,13 +105,22 @@ def state(rng, body, size=0.3):
 
 
 def coordinates(body, frames):
-    """Elastic coordinates of a body whose frame is the first of the frames."""
-    found = []
+    """Elastic coordinates of a body whose frame is the first of the frames.
+
+    In a nonlinear body a region that turns by the vector t moves by ``a t x r + b/2 t x (t x r)``.
+    """
+    found, products = [], []
     for c, place in enumerate(body.rest):
         relative = se3.compose(se3.inverse(frames[0]), frames[1 + c])
-        found += [se3.position(relative) - place, so3.log(se3.rotation(relative))]
+        t = so3.log(se3.rotation(relative))
+        if len(body.data.quadratic):
+            angle = np.linalg.norm(t)
+            both = 2.0 * (1.0 - np.cos(angle)) / angle**2 * np.outer(t, t)
+            products.append(both[np.triu_indices(3)])
+            t = np.sin(angle) / angle * t
+        found += [se3.position(relative) - place, t]
     found.append(frames[1 + len(body.rest) :, :3].ravel()[: body.modes])
-    return np.concatenate(found)
+    return np.concatenate(found + products)
 
 
 def positions(body, frames):

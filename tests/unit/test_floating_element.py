@@ -63,10 +63,10 @@ def _at(frames, velocity, acceleration, t):
     return se3.retract(frames, t * velocity + 0.5 * t * t * acceleration)
 
 
-@pytest.mark.parametrize("stiffening", [False, True])
-def test_forces_are_those_of_the_particles(rng, stiffening):
+@pytest.mark.parametrize("kind", [{}, {"stiffening": True}, {"nonlinear": True}], ids=str)
+def test_forces_are_those_of_the_particles(rng, kind):
     """Virtual work of inertia, weight, elasticity and damping by central differences."""
-    body = particle_body(rng, stiffening=stiffening)
+    body = particle_body(rng, **kind)
     frames, velocity, acceleration = state(rng, body)
     h, eps = 1e-3, 1e-6
     path = [positions(body, _at(frames, velocity, acceleration, k * h)) for k in (-2, -1, 0, 1, 2)]

@@ -27,12 +27,13 @@ from tests.unit.test_reduced_body import two_masses
 COMM = MPI.COMM_WORLD
 
 
-def strip(rank: int) -> Recovery:
-    """Two triangles a rank, all figures different."""
+def strip(rank: int, functions: int = 12) -> Recovery:
+    """Two triangles a rank, all figures different; of a nonlinear body with its gradients."""
     points = np.array([[0.0, 0, 0], [1, 0, 0], [0, 1, 0], [1, 1, 0]]) + np.array([2.0 * rank, 0, 0])
-    moves = np.arange(144.0).reshape(4, 3, 12) + 1000.0 * rank
-    stress = np.arange(144.0).reshape(2, 6, 12) - 1000.0 * rank
-    return Recovery(points, np.array([[0, 1, 2], [1, 3, 2]]), moves, stress)
+    moves = np.arange(12.0 * functions).reshape(4, 3, functions) + 1000.0 * rank
+    stress = np.arange(12.0 * functions).reshape(2, 6, functions) - 1000.0 * rank
+    law = [np.tile(stress, (1, 2, 1))[:, :9], np.arange(7371.0)] if functions > 12 else []
+    return Recovery(points, np.array([[0, 1, 2], [1, 3, 2]]), moves, stress, *law)
 
 
 def polynomial(rng: np.random.Generator) -> ElasticPolynomial:
@@ -40,7 +41,9 @@ def polynomial(rng: np.random.Generator) -> ElasticPolynomial:
     own, pairs = symmetric(rng, 12, 4), np.triu_indices(12)
     residual = rng.normal(size=(2, 78)), rng.normal(size=(2, 12, 78))
     cubic = own[pairs][:, *pairs]
-    return ElasticPolynomial(1, own[0, 0], own[0][pairs], cubic, *residual)
+    inertia = rng.normal(size=(3, 6)), np.zeros((3, 3, 13, 6))
+    loads = rng.normal(size=(2, 24)), np.eye(24), np.ones(1)
+    return ElasticPolynomial(1, own[0, 0], own[0][pairs], cubic, *residual, *inertia, *loads)
 
 
 @pytest.mark.three_ranks
@@ -49,11 +52,11 @@ def test_bodies_come_back_on_any_ranks(shared_tmp_path: Path) -> None:
     geometric = np.arange(12.0 * 144).reshape(12, 12, 12)
     rng = np.random.default_rng(3)
     lines = {
-        name: ff.BodyLine(rng.normal(size=(4, 3)), *rng.normal(size=(2, 4, 3, 12)))
+        name: ff.BodyLine(rng.normal(size=(4, 3)), *rng.normal(size=(2, 4, 3, 18)))
         for name in ("axis", "top")
     }
     body = two_masses(
-        recovery=strip(COMM.rank), acceleration_stiffness=geometric + geometric.swapaxes(1, 2),
+        recovery=strip(COMM.rank, 18), acceleration_stiffness=geometric + geometric.swapaxes(1, 2),
         lines=lines, polynomial=polynomial(rng),
     )  # fmt: skip
     ff.save_reduced_body(path, body)
@@ -79,11 +82,15 @@ def test_bodies_come_back_on_any_ranks(shared_tmp_path: Path) -> None:
     assert alone.stress is not None
     assert len(alone.cells) == 2 * COMM.size
     for rank in range(COMM.size):
-        part, rows = strip(rank), alone.cells[2 * rank : 2 * rank + 2]
+        part, rows = strip(rank, 18), alone.cells[2 * rank : 2 * rank + 2]
         np.testing.assert_array_equal(alone.points[rows], part.points[part.cells])
         np.testing.assert_array_equal(alone.displacement[rows], part.displacement[part.cells])
         np.testing.assert_array_equal(alone.stress[2 * rank : 2 * rank + 2], part.stress)
     # the ranks' shares make the whole
+    assert alone.gradient is not None
+    assert alone.law is not None
+    np.testing.assert_array_equal(alone.gradient[:, :6], alone.stress)
+    assert alone.law[-1] == 7370.0
     shares = COMM.allgather(back.recovery.points[back.recovery.cells])
     np.testing.assert_array_equal(np.concatenate(shares), alone.points[alone.cells])
 

@@ -9,6 +9,10 @@ the frame and its rotation vector (see ``floating_frames``), then the amplitudes
 ``xi`` are cubic: row j of ``shape`` (1 + n, 28) has the four coefficients, in powers of ``xi``, of
 three components of the position, then of four of the quaternion; row 0 are p and q.
 
+A nonlinear body has six more coordinates of every interface, and its rotation is in other ones (see
+``floating_frames``, the twelve of a nonlinear body): those of the rotations' products follow the
+amplitudes, and one that is zero marks the body.
+
 With ``X = (p, R)`` in the frame, the local twist of the point is ``Ad(X^-1) w_F + (R^T dp, 2
 vec(q^-1 dq))``, ``w_F`` that of the frame's node.
 """
@@ -17,9 +21,12 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.places.floating_frames import (
+    linear_into,
     relative_frame,
     rotation_into,
     write_columns,
+    write_linear_columns,
+    write_linear_second,
     write_second,
 )
 from flexfem.kernels.compiled import inlined, on_demand, subroutine
@@ -34,21 +41,41 @@ POWERS = 4
 
 
 @inlined
+def _nonlinear(n: int) -> bool:
+    """True if these are the coordinates of a nonlinear body."""
+    return n % 3 == 1
+
+
+@inlined
 def _interfaces(k: int, n: int) -> int:
     """Interfaces of an element of k nodes with n coordinates."""
-    return (n - 3 * (k - 1)) // 3
+    return (n - 3 * (k - 1)) // (9 if _nonlinear(n) else 3)
+
+
+@inlined
+def _row(c: int, i: int, count: int, n: int) -> int:
+    """Row of coordinate i of interface c of so many."""
+    row: int = 6 * c + i if i < 6 else n - 1 - 6 * (count - c) + i - 6
+    return row
 
 
 @subroutine
 def _coordinates(frames: FloatArray, n: int, X: FloatArray, g: FloatArray, y: FloatArray) -> None:
     """Coordinates ``y`` (n,), relative frames ``X`` (c, 12) and factors ``g`` (c, 4)."""
-    count = _interfaces(frames.shape[0], n)
+    count, values = _interfaces(frames.shape[0], n), np.empty(12)
+    if _nonlinear(n):
+        y[n - 1] = 0.0
     for c in range(count):
         relative_frame(frames[0], frames[1 + c], X[c])
+        if _nonlinear(n):
+            linear_into(X[c], 1.0, values)
+            for i in range(12):
+                y[_row(c, i, count, n)] = values[i]
+            continue
         rotation_into(X[c], g[c], y[6 * c + 3 : 6 * c + 6])
         for i in range(3):
             y[6 * c + i] = X[c, i]
-    for j in range(n - 6 * count):
+    for j in range(3 * (frames.shape[0] - 1 - count)):
         y[6 * count + j] = frames[1 + count + j // 3, j % 3]
 
 
@@ -116,16 +143,21 @@ def _derivatives(
     ``units`` (c, 12, 12) become those of the relative frames.
     """
     k, n = frames.shape[0], shape.shape[0] - 1
-    count, columns = _interfaces(k, n), np.empty((6, 12))
+    count, width = _interfaces(k, n), 12 if _nonlinear(n) else 6
+    columns = np.empty((width, 12))
     Y[:] = 0.0
     Y[n, 6 * k] = 1.0
     for c in range(count):
-        write_columns(X[c], g[c], units[c], columns)
-        for i in range(6):
+        if width == 12:
+            write_linear_columns(X[c], units[c], columns)
+        else:
+            write_columns(X[c], g[c], units[c], columns)
+        for i in range(width):
+            row = _row(c, i, count, n)
             for j in range(6):
-                Y[6 * c + i, j] = columns[i, j]
-                Y[6 * c + i, 6 * (1 + c) + j] = columns[i, 6 + j]
-    for j in range(n - 6 * count):
+                Y[row, j] = columns[i, j]
+                Y[row, 6 * (1 + c) + j] = columns[i, 6 + j]
+    for j in range(3 * (k - 1 - count)):
         Y[6 * count + j, 6 * (1 + count + j // 3) + j % 3] = 1.0
 
 
@@ -244,12 +276,16 @@ def add_body_second(
     for i in range(6 * k + 1):
         for j in range(6 * k + 1):
             out[i, j] += second[i, j] + (first[i, j] if i < 6 else 0.0)
-    for c in range(_interfaces(k, n)):
-        force = np.zeros(6)
-        for i in range(6):
+    count, width = _interfaces(k, n), 12 if _nonlinear(n) else 6
+    for c in range(count):
+        force = np.zeros(width)
+        for i in range(width):
             for m in range(6):
-                force[i] += M[m, 6 * c + i] * w[m]
-        write_second(X[c], g[c], units[c], force, change)
+                force[i] += M[m, _row(c, i, count, n)] * w[m]
+        if width == 12:
+            write_linear_second(units[c], force, change)
+        else:
+            write_second(X[c], g[c], units[c], force, change)
         for i in range(12):
             row = i if i < 6 else 6 * c + i
             for j in range(12):

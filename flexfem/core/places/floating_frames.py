@@ -7,6 +7,10 @@ relative frame ``X = H_F^-1 H_I = (p, R)`` is kept as 12 numbers; it and its der
 the rotation vector of R, ``theta = g(c) s`` with ``s = vee(R - R^T)/2 = sin(theta) e``,
 ``c = (tr R - 1)/2 = cos(theta)`` and ``g = theta/sin(theta)``. As c and s are linear in R, all
 derivatives of theta are products of those of g with c and s of the derivatives of R.
+
+A nonlinear body has twelve coordinates of an interface instead, all linear in X: the displacement,
+s, and the six products ``b t_p t_q = R_pq + R_qp - 2 c delta_pq`` of its rotation vector t,
+``b = 2 (1 - cos|t|)/|t|^2``, as xx, xy, xz, yy, yz, zz.
 """
 
 import numpy as np
@@ -18,11 +22,15 @@ __all__ = [
     "act",
     "first",
     "interface_motion",
+    "linear_into",
     "relative_frame",
+    "relative_motion_into",
     "rotation_into",
     "second",
     "third",
     "write_columns",
+    "write_linear_columns",
+    "write_linear_second",
     "write_second",
 ]
 
@@ -142,6 +150,35 @@ def third(X: FloatArray, g: FloatArray, A: FloatArray, B: FloatArray, i: int) ->
 
 
 @subroutine
+def linear_into(A: FloatArray, affine: float, out: FloatArray) -> None:
+    """Write the twelve coordinates (12,) of a nonlinear body's interface, rest position included.
+
+    ``affine`` is 1 for a relative frame A, and 0 for a derivative of one.
+    """
+    trace, at = A[3] + A[7] + A[11], 6
+    for i in range(3):
+        out[i], out[3 + i] = A[i], _sine(A, i)
+        for j in range(i, 3):
+            out[at] = A[3 + 3 * i + j] + A[3 + 3 * j + i]
+            if i == j:
+                out[at] += affine - trace
+            at += 1
+
+
+@subroutine
+def relative_motion_into(
+    base: FloatArray, H: FloatArray, v: FloatArray, w: FloatArray, X: FloatArray
+) -> None:
+    """Write a relative frame with its first two derivatives in time, see `interface_motion`."""
+    frame, twist, rate = base[:12], base[12:18], base[18:]
+    X[1:] = 0.0
+    relative_frame(frame, H, X[0])
+    act(X[0], v, twist, 1.0, 1.0, X[1])
+    act(X[1], v, twist, 0.0, 1.0, X[2])
+    act(X[0], w, rate, 1.0, 1.0, X[2])
+
+
+@subroutine
 def interface_motion(
     rest: FloatArray, base: FloatArray, H: FloatArray, v: FloatArray, w: FloatArray,
     X: FloatArray, g: FloatArray, eta: FloatArray,
@@ -158,18 +195,38 @@ def interface_motion(
         g: (4,) see above.
         eta: (6, 3) gets coordinates, rates and their rates.
     """
-    frame, twist, rate = base[:12], base[12:18], base[18:]
-    X[1:] = 0.0
-    relative_frame(frame, H, X[0])
-    act(X[0], v, twist, 1.0, 1.0, X[1])
-    act(X[1], v, twist, 0.0, 1.0, X[2])
-    act(X[0], w, rate, 1.0, 1.0, X[2])
+    relative_motion_into(base, H, v, w, X)
     rotation_into(X[0], g, eta[3:, 0])
     for i in range(3):
         eta[i, 0] = X[0, i] - rest[i]
         eta[i, 1], eta[i, 2] = X[1, i], X[2, i]
         eta[3 + i, 1] = first(X[0], g, X[1], i)
         eta[3 + i, 2] = first(X[0], g, X[2], i) + second(X[0], g, X[1], X[1], i)
+
+
+@subroutine
+def _write_units(X: FloatArray, units: FloatArray) -> None:
+    """Write the derivatives (12, 12) of a relative frame by the local twists, see below."""
+    nothing, twist = np.zeros(6), np.zeros(6)
+    units[:] = 0.0
+    for j in range(12):
+        twist[j % 6] = 1.0
+        if j < 6:
+            act(X, nothing, twist, 1.0, 1.0, units[j])
+        else:
+            act(X, twist, nothing, 1.0, 1.0, units[j])
+        twist[j % 6] = 0.0
+
+
+@subroutine
+def write_linear_columns(X: FloatArray, units: FloatArray, columns: FloatArray) -> None:
+    """As :func:`write_columns`, (12, 12) of a nonlinear body."""
+    own = np.empty(12)
+    _write_units(X, units)
+    for j in range(12):
+        linear_into(units[j], 0.0, own)
+        for i in range(12):
+            columns[i, j] = own[i]
 
 
 @subroutine
@@ -182,15 +239,8 @@ def write_columns(X: FloatArray, g: FloatArray, units: FloatArray, columns: Floa
         units: (12, 12) gets the derivatives of X, the frame's six first.
         columns: (6, 12) gets those of the coordinates.
     """
-    nothing, twist = np.zeros(6), np.zeros(6)
-    units[:] = 0.0
+    _write_units(X, units)
     for j in range(12):
-        twist[j % 6] = 1.0
-        if j < 6:
-            act(X, nothing, twist, 1.0, 1.0, units[j])
-        else:
-            act(X, twist, nothing, 1.0, 1.0, units[j])
-        twist[j % 6] = 0.0
         for i in range(3):
             columns[i, j] = units[j, i]
             columns[3 + i, j] = first(X, g, units[j], i)
@@ -224,4 +274,21 @@ def write_second(
                 turned = first(X, g, x, m) + second(X, g, units[i], units[j], m)
                 total += force[3 + m] * turned
             out[i, j] = total
+        twist[i % 6] = 0.0
+
+
+@subroutine
+def write_linear_second(units: FloatArray, force: FloatArray, out: FloatArray) -> None:
+    """As :func:`write_second`, by forces (12,) on the coordinates of a nonlinear body."""
+    none, twist, x, own = np.zeros(6), np.zeros(6), np.empty(12), np.empty(12)
+    for i in range(12):
+        twist[i % 6] = 1.0
+        for j in range(12):
+            x[:] = 0.0
+            if i < 6:
+                act(units[j], none, twist, 0.0, 1.0, x)
+            else:
+                act(units[j], twist, none, 0.0, 1.0, x)
+            linear_into(x, 0.0, own)
+            out[i, j] = np.dot(force, own)
         twist[i % 6] = 0.0

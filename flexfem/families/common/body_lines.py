@@ -43,10 +43,14 @@ def floating_line(kind: int, first: int, body: FloatingBody, carrier: Carrier) -
     """
     line = body.reduced.lines[str(carrier.line)]
     own, inner = body.coordinates, 3 * body.amplitude_nodes
-    count = 6 * len(body.relative)
-    moves, turns = np.zeros((2, len(line.points), 3, count + inner))
-    moves[..., : len(own)] = line.displacement[..., own]
-    turns[..., : len(own)] = line.rotation[..., own]
+    count, size = 6 * len(body.relative), body.reduced.size
+    beside = body.reduced.functions - size
+    nonlinear = body.reduced.polynomial is not None
+    width = count + inner + beside + (1 if nonlinear else 0)  # see core.places.body_points
+    moves, turns = np.zeros((2, len(line.points), 3, width))
+    for values, functions in ((moves, line.displacement), (turns, line.rotation)):
+        values[..., : len(own)] = functions[..., own]
+        values[..., count + inner : count + inner + beside] = functions[..., size:]
     points = line.points - body.origin
     # coordinates of interfaces are their positions, not their displacements
     for i, place in enumerate(body.places[1:] - body.origin):

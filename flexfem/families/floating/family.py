@@ -164,12 +164,12 @@ class FloatingBodyFamily(Family):
         return part.elements.body, part.elements.deflections(part.block.frames)
 
     @override
-    def missing(self, part: BlockPart) -> tuple[IntArray, FloatArray, FloatArray]:
+    def missing(self, part: BlockPart) -> tuple[IntArray, FloatArray, FloatArray, FloatArray]:
         assert isinstance(part.elements, FloatingBodies)
         bodies = part.elements
         if all(group.polynomial is None for group in bodies.groups):
             return super().missing(part)
-        return bodies.body, *bodies.missing(part.block.frames)
+        return bodies.body, *bodies.missing(part.block)
 
     @override
     def sensor(self, probe: AnyProbe, part: BlockPart) -> Sensor | None:

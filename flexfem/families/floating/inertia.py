@@ -24,14 +24,16 @@ from flexfem.kernels.records import Float1D, Float2D, Float3D, Record
 
 __all__ = [
     "BodyData", "Room", "body_acceleration", "extend", "fields_into", "fold", "forces_into",
-    "moment", "put_skew", "room_for",
+    "moment", "put_skew", "room_for", "row_of",
 ]  # fmt: skip
 
 
 class BodyData(Record):
     """Integrals over a body about its frame, in the frame's axes.
 
-    There are n elastic coordinates, and N = n, or n + 12 with the coordinates zeta.
+    There are n elastic coordinates, and N = n, or n + 12 with the coordinates zeta. Those of a
+    nonlinear body end with six products of rotations for each interface, see
+    ``core.places.floating_frames``: n = 12 k + m with its m amplitudes, otherwise 6 k + m.
 
     Attributes:
         rest: (k, 3) interfaces at rest.
@@ -43,8 +45,8 @@ class BodyData(Record):
         pulling: (6 k n, n) derivatives of the stiffness by the coordinates of the interfaces; none
             without geometric stiffening.
         compliance: (6 k, 6 k) inverse of the stiffness of these coordinates.
-        linear: (E, E), quadratic: (P, E), cubic: (P, P) of nonlinear elastic forces, see
-            ``elastic``; none of linear bodies.
+        quadratic: (P, n), cubic: (P, P) of nonlinear elastic forces, see ``elastic``; none of
+            linear bodies.
         conditions: (6, n) mean displacement and rotation of the body, which are zero; none where
             the frame is that of a node.
     """
@@ -58,7 +60,6 @@ class BodyData(Record):
     bending: Float2D
     pulling: Float2D
     compliance: Float2D
-    linear: Float2D
     quadratic: Float2D
     cubic: Float2D
     conditions: Float2D
@@ -79,7 +80,7 @@ class Room(Record):
         D, L, N: (9,) of ``rho y_a y_b``, ``rho y_a dy_b`` and ``rho y_a ddy_b``.
         Y, U, Q: (9, N) of ``rho Phi_i,a`` times ``y_b``, ``dy_b`` and ``ddy_b``.
         A, W, C, weight: (3,), (9,), (9,) and (3,), see :func:`body_acceleration`.
-        units, columns: (k, 12, 12) and (k, 6, 12), see
+        units, columns: (k, 12, 12) and (k, 6, 12), of nonlinear bodies (k, 12, 12), see
             ``core.places.floating_frames.write_columns``.
         to_nodes: (6 + n, s) derivatives of frame and coordinates by all steps.
         places: (n, s) changes of the coordinates along these steps.
@@ -119,16 +120,24 @@ def room_for(data: BodyData, nodes: int) -> Room:
     """Work space for a body with this number of nodes."""
     k, n, every = len(data.rest), len(data.stiffness), data.moments.shape[1] - 1
     size = 6 * nodes + (6 if len(data.conditions) else 0)
+    width = 12 if len(data.quadratic) else 6
     return Room(
         base=np.zeros(24), X=np.zeros((k, 3, 12)), g=np.zeros((k, 4)), eta=np.zeros((n, 3)),
         G=np.zeros((len(data.bending), 3)), P=np.zeros((3, every)), S=np.zeros((3, 3)),
         D=np.zeros(9), L=np.zeros(9), N=np.zeros(9), Y=np.zeros((9, every)),
         U=np.zeros((9, every)), Q=np.zeros((9, every)), A=np.zeros(3), W=np.zeros(9),
         C=np.zeros(9), weight=np.zeros(3), units=np.zeros((k, 12, 12)),
-        columns=np.zeros((k, 6, 12)), to_nodes=np.zeros((6 + n, size)),
+        columns=np.zeros((k, width, 12)), to_nodes=np.zeros((6 + n, size)),
         places=np.zeros((n, size)), rates=np.zeros((6 + n, size)), jerks=np.zeros((6 + n, size)),
         turned=np.zeros((n, 6)), moved=np.zeros((6, size)),
     )  # fmt: skip
+
+
+@inlined
+def row_of(c: int, i: int, k: int, n: int) -> int:
+    """Number of coordinate i of interface c of k among n: products of rotations stand last."""
+    row: int = 6 * c + i if i < 6 else n - 6 * (k - c) + i - 6
+    return row
 
 
 @subroutine

@@ -18,9 +18,12 @@ from flexfem.core.nodes.motion import ANGULAR, FIRST, KINETIC, LINEAR, MASS
 from flexfem.core.places.floating_frames import (
     act,
     first,
+    linear_into,
     second,
     third,
     write_columns,
+    write_linear_columns,
+    write_linear_second,
     write_second,
 )
 from flexfem.families.floating.elastic import add_elastic, add_elastic_tangent, strain_energy
@@ -34,6 +37,7 @@ from flexfem.families.floating.inertia import (
     forces_into,
     moment,
     put_skew,
+    row_of,
 )
 from flexfem.families.floating.mean_axes import carry, condense, locate, relative_motion, respond
 from flexfem.families.floating.tangent import damping_into, fold_matrices, mass_into, stiffness_into
@@ -86,18 +90,19 @@ def _add_to_nodes(
     nodes: IndexArray, columns: FloatArray, force: FloatArray, scale: float, residual: FloatArray
 ) -> None:
     """Add forces on frame and elastic coordinates to the nodes of one body."""
-    k = len(columns)
-    own = len(nodes) - (k + (len(force) - 4 - 6 * k) // 3)  # 1 if the frame has a node
+    k, width = columns.shape[0], columns.shape[1]
+    last = len(force) - (width - 6) * k  # products of rotations follow
+    own = len(nodes) - (k + (last - 4 - 6 * k) // 3)  # 1 if the frame has a node
     if own:
         for i in range(6):
             residual[nodes[0], i] += scale * force[i]
     for c in range(k):
         for j in range(0 if own else 6, 12):
             total = 0.0
-            for i in range(6):
-                total += columns[c, i, j] * force[6 + 6 * c + i]
+            for i in range(width):
+                total += columns[c, i, j] * force[6 + row_of(c, i, k, len(force) - 6)]
             residual[nodes[0 if j < 6 else own + c], j % 6] += scale * total
-    for j in range(len(force) - 6 - 6 * k):
+    for j in range(last - 6 - 6 * k):
         residual[nodes[own + k + j // 3], j % 3] += scale * force[6 + 6 * k + j]
 
 
@@ -130,10 +135,19 @@ def add_residual(
         fold(of, own.G, every, force)
         add_elastic(of, own.eta, force[6:])
         for c in range(k):
-            write_columns(own.X[c, 0], own.g[c], own.units[c], own.columns[c])
+            _put_columns(own, c)
         if len(of.conditions):
             carry(of, own.columns, force)
         _add_to_nodes(nodes[b], own.columns, force, scale, all_of.residual)
+
+
+@subroutine
+def _put_columns(room: Room, c: int) -> None:
+    """Write the derivatives of an interface's coordinates by the twists of frame and interface."""
+    if room.columns.shape[1] == 12:
+        write_linear_columns(room.X[c, 0], room.units[c], room.columns[c])
+    else:
+        write_columns(room.X[c, 0], room.g[c], room.units[c], room.columns[c])
 
 
 @subroutine
@@ -141,7 +155,7 @@ def _put_changes(
     room: Room, c: int, v: FloatArray, w: FloatArray, by: FloatArray, stiffness: float,
     changes: FloatArray,
 ) -> None:  # fmt: skip
-    """Changes (3, 6, 12) of an interface's coordinates, rates and their rates along both twists.
+    """Changes (3, w, 12) of an interface's w coordinates, rates and their rates along both twists.
 
     Args:
         room: with the state of the body.
@@ -155,7 +169,8 @@ def _put_changes(
     """
     X, g, units = room.X[c], room.g[c], room.units[c]
     v_frame, w_frame = room.base[12:18], room.base[18:]
-    x, dx, ddx = np.empty(12), np.empty(12), np.empty(12)
+    x, dx, ddx, linear = np.empty(12), np.empty(12), np.empty(12), changes.shape[1] == 12
+    values = np.empty(12)
     dv, dw, none = np.empty(6), np.empty(6), np.zeros(6)
     for j in range(12):
         own, at = j // 6, j % 6
@@ -172,6 +187,12 @@ def _put_changes(
         act(X[1], right, left, 0.0, 1.0, ddx)
         act(x, w, w_frame, 0.0, 1.0, ddx)
         act(X[0], right_rate, left_rate, 1.0, 1.0, ddx)
+        if linear:
+            for t, change in enumerate((x, dx, ddx)):
+                linear_into(change, 0.0, values)
+                for i in range(12):
+                    changes[t, i, j] = values[i]
+            continue
         for i in range(3):
             changes[0, i, j], changes[1, i, j], changes[2, i, j] = x[i], dx[i], ddx[i]
             changes[0, 3 + i, j] = first(X[0], g, x, i)
@@ -188,11 +209,11 @@ def _put_changes(
 def _put_interface(room: Room, c: int, changes: FloatArray, own_frame: bool) -> None:
     """Put derivatives and changes of an interface's coordinates among those of the body."""
     columns, to_nodes, places = room.columns[c], room.to_nodes, room.places
-    rates, jerks = room.rates, room.jerks
+    rates, jerks, k, n = room.rates, room.jerks, len(room.columns), len(places)
     for j in range(0 if own_frame else 6, 12):
         at = j if j < 6 else 6 * c + j
-        for i in range(6):
-            row = 6 * c + i
+        for i in range(len(columns)):
+            row = row_of(c, i, k, n)
             to_nodes[6 + row, at] = columns[i, j]
             places[row, at] = changes[0, i, j]
             rates[6 + row, at], jerks[6 + row, at] = changes[1, i, j], changes[2, i, j]
@@ -228,10 +249,11 @@ def tangents_into(
     eta, base, weight, force = own.eta, own.base, own.weight, np.empty(6 + n)
     to_nodes, places, moved = own.to_nodes, own.places, own.moved
     rates, jerks, size = own.rates, own.jerks, own.moved.shape[1]
-    count = of.moments.shape[1] - 1
+    count, width = of.moments.shape[1] - 1, own.columns.shape[1]
+    last, pull = n - (width - 6) * k, np.empty(width)
     M_all, D_all = np.empty((6 + count, 6 + count)), np.empty((6 + count, 6 + count))
     K_all, every = np.empty((6 + count, count)), np.empty(6 + count)
-    changes, bent, directions = np.empty((3, 6, 12)), np.empty((12, 12)), np.empty((size, size))
+    changes, bent, directions = np.empty((3, width, 12)), np.empty((12, 12)), np.empty((size, size))
     by, still, unit = np.zeros((2, 2, 36)), np.zeros((2, 2, 36)), np.eye(6).ravel()
     moved[:], own.turned[:] = 0.0, 0.0
     for b in range(len(nodes)):
@@ -259,7 +281,7 @@ def tangents_into(
                 for j in range(6):
                     rates[i, j], jerks[i, j] = by[0, 0, 6 * i + j], by[1, 0, 6 * i + j]
         for c in range(k):
-            write_columns(own.X[c, 0], own.g[c], own.units[c], own.columns[c])
+            _put_columns(own, c)
         if free:
             carry(of, own.columns, force)
         for c in range(k):
@@ -276,13 +298,17 @@ def tangents_into(
             step_rates_into(inertial, n_node, v, w, shifts, by[0, 1], by[1, 1])
             _put_changes(own, c, v, w, by, shifts[2], changes)
             _put_interface(own, c, changes, not free)
-            pull = force[6 + 6 * c : 12 + 6 * c]
-            write_second(own.X[c, 0], own.g[c], own.units[c], pull, bent)
+            for i in range(width):
+                pull[i] = force[6 + row_of(c, i, k, n)]
+            if width == 12:
+                write_linear_second(own.units[c], pull, bent)
+            else:
+                write_second(own.X[c, 0], own.g[c], own.units[c], pull, bent)
             for j in range(12):
                 for i in range(12):
                     row, at = i if i < 6 else column + i - 6, j if j < 6 else column + j - 6
                     directions[row, at] += bent[i, j]
-        for j in range(6 * k, n):
+        for j in range(6 * k, last):
             column = 6 * (1 + k + (j - 6 * k) // 3) + (j - 6 * k) % 3
             to_nodes[6 + j, column] = 1.0
             places[j, column] = shifts[2]

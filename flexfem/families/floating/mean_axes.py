@@ -11,8 +11,13 @@ eliminated body by body.
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray
-from flexfem.core.places.floating_frames import interface_motion, write_columns
-from flexfem.families.floating.inertia import BodyData, Room
+from flexfem.core.places.floating_frames import (
+    interface_motion,
+    linear_into,
+    relative_motion_into,
+    write_columns,
+)
+from flexfem.families.floating.inertia import BodyData, Room, row_of
 from flexfem.kernels.compiled import subroutine
 from flexfem.lie.se3 import retract_into
 
@@ -69,6 +74,18 @@ def _slope(data: BodyData, room: Room) -> FloatArray:
 
 
 @subroutine
+def _linear_motion(rest: FloatArray, room: Room, c: int) -> None:
+    """Write the coordinates of an interface of a nonlinear body with their derivatives in time."""
+    eta, values, k = room.eta, np.empty(12), len(room.X)
+    for t in range(3):
+        linear_into(room.X[c, t], 1.0 if t == 0 else 0.0, values)
+        for i in range(12):
+            eta[row_of(c, i, k, len(eta)), t] = values[i]
+    for i in range(3):
+        eta[6 * c + i, 0] -= rest[i]
+
+
+@subroutine
 def relative_motion(
     data: BodyData, room: Room, nodes: IndexArray, frames: FloatArray, velocity: FloatArray,
     acceleration: FloatArray,
@@ -83,12 +100,19 @@ def relative_motion(
         velocity: (n, 6) their local twists.
         acceleration: (n, 6) the rates of these.
     """
-    k, eta = len(data.rest), room.eta
+    k, eta, last = len(data.rest), room.eta, len(room.eta)
+    nonlinear = len(data.quadratic) > 0
+    if nonlinear:
+        last -= 6 * k
     for c in range(k):
         H, v, w = frames[nodes[c]], velocity[nodes[c]], acceleration[nodes[c]]
-        own = eta[6 * c : 6 * c + 6]
-        interface_motion(data.rest[c], room.base, H, v, w, room.X[c], room.g[c], own)
-    for j in range(6 * k, len(eta)):
+        if nonlinear:
+            relative_motion_into(room.base, H, v, w, room.X[c])
+            _linear_motion(data.rest[c], room, c)
+        else:
+            own = eta[6 * c : 6 * c + 6]
+            interface_motion(data.rest[c], room.base, H, v, w, room.X[c], room.g[c], own)
+    for j in range(6 * k, last):
         node, i = nodes[k + (j - 6 * k) // 3], (j - 6 * k) % 3
         eta[j, 0] = frames[node, i]
         eta[j, 1], eta[j, 2] = velocity[node, i], acceleration[node, i]

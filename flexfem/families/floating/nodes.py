@@ -92,32 +92,36 @@ def body_data(body: FloatingBody) -> BodyData:
     reduced, origin, own = body.reduced, body.origin, body.coordinates
     columns = np.concatenate([[0], 1 + own])
     moments, products = reduced.moments[:, columns], reduced.products[:, :, columns][..., columns]
+    stiffness = _locked(body, reduced.stiffness[np.ix_(own, own)])
+    damping = np.ascontiguousarray(reduced.damping[np.ix_(own, own)])
+    elastic = {name: np.empty((0, 0)) for name in ("quadratic", "cubic")}
+    if (polynomial := reduced.polynomial) is not None:
+        elastic = {name: getattr(polynomial, name) for name in elastic}
+        moments, products = polynomial.with_products(moments, products)
+        stiffness = polynomial.stiffness
+        damping = np.pad(damping, (0, len(stiffness) - len(damping)))
     products = products.copy()
     # positions count from the origin of the frame
     products[:, :, 0, :] -= origin[:, np.newaxis, np.newaxis] * moments
     moments[:, 0] -= reduced.mass * origin
     products[:, :, :, 0] -= moments[:, np.newaxis] * origin[:, np.newaxis]
     count = 6 * len(body.relative)
-    stiffness = _locked(body, reduced.stiffness[np.ix_(own, own)])
-    bending, pulling = np.empty((0, len(own))), np.empty((0, len(own)))
+    n = len(stiffness)
+    bending, pulling = np.empty((0, n)), np.empty((0, n))
     conditions = _conditions(body, moments, products)
     if body.stiffening:
         assert reduced.interface_stiffness is not None
         pulling = reduced.interface_stiffness[own[:count]][:, own][..., own]
         moments, products, bending = _second_order(body, moments, products)
-    elastic = {name: np.empty((0, 0)) for name in ("linear", "quadratic", "cubic")}
-    if (polynomial := reduced.polynomial) is not None:
-        given = polynomial.stiffness, polynomial.quadratic, polynomial.cubic
-        elastic = dict(zip(elastic, given, strict=True))
     return BodyData(
         rest=body.places[-len(body.relative) :] - origin if count else np.empty((0, 3)),
         mass=reduced.mass,
         moments=np.ascontiguousarray(moments),
         products=np.ascontiguousarray(products.reshape(-1, moments.shape[1])),
         stiffness=stiffness,
-        damping=np.ascontiguousarray(reduced.damping[np.ix_(own, own)]),
-        bending=np.ascontiguousarray(bending.reshape(-1, len(own))),
-        pulling=np.ascontiguousarray(pulling.reshape(-1, len(own))),
+        damping=damping,
+        bending=np.ascontiguousarray(bending.reshape(-1, n)),
+        pulling=np.ascontiguousarray(pulling.reshape(-1, n)),
         compliance=np.ascontiguousarray(np.linalg.pinv(stiffness[:count, :count], hermitian=True)),
         conditions=conditions,
         **elastic,

@@ -54,21 +54,22 @@ class BodyElongation(_OfBody):
         return np.array([strains[: len(self._weights)] @ self._weights])
 
 
-class BodyMissing(_OfBody):
-    """Relative displacement that a body misses, on its rank."""
+class BodyMissing:
+    """Part of its displacement that a body misses, on its rank."""
 
     def __init__(
         self, part: BlockPart, bodies: Sequence[FloatingBody], probe: ReductionErrorProbe
     ) -> None:
         """Find the body."""
-        super().__init__(part, bodies, probe.body)
+        self._body, self._block = [body.name for body in bodies].index(probe.body), part.block
+        assert isinstance(part.elements, FloatingBodies)
+        self._elements = part.elements
 
     def update(self) -> FloatArray:
         """See :class:`flexfem.layout.family.Sensor`."""
-        if self._found is None:
-            return np.zeros(1)
-        missing, moved = self._found.missing(self._coordinates(self._found))
-        return missing / moved if moved[0] > 0.0 else np.zeros(1)
+        missing, moved = self._elements.missing_of(self._body, self._block)
+        whole = float(np.hypot(missing, moved))
+        return np.array([missing / whole if whole > 0.0 else 0.0])
 
 
 def _along(body: FloatingBody, probe: ElongationProbe) -> FloatArray:

@@ -29,6 +29,7 @@ from flexfem.io.atomic import raise_together, replace_file
 from flexfem.io.hdf5.arrays import PlainFile, load_h5py
 from flexfem.io.hdf5.structure import check_structure
 from flexfem.reduction.body_line import BodyLine
+from flexfem.reduction.elastic_polynomial import ARRAYS as POLYNOMIAL
 from flexfem.reduction.elastic_polynomial import ElasticPolynomial
 from flexfem.reduction.reduced_body import Interface, Recovery, ReducedBody
 
@@ -45,10 +46,8 @@ _FORMAT = 1
 _ARRAYS = ("moments", "products", "stiffness", "damping", "held", "frequencies")
 _OPTIONAL = ("acceleration_stiffness", "interface_stiffness")
 _SURFACE = ("points", "cells", "displacement")
+_STRESS = ("stress", "gradient", "law")
 _LINE = ("points", "displacement", "rotation")
-_POLYNOMIAL = (
-    "stiffness", "quadratic", "cubic", "residual_quadratic", "residual_cubic",
-)  # fmt: skip
 _GROUPS = ("recovery", "lines", "polynomial")
 #: Bytes of a file beyond which it must be something else: it is read as a whole.
 _LARGEST = 4_000_000_000
@@ -194,10 +193,10 @@ def _contents(
                     file[f"lines/{name}_{number}"] = values
         if body.polynomial is not None:
             file["polynomial/turning"] = np.array([body.polynomial.turning])
-            for name in _POLYNOMIAL:
+            for name in POLYNOMIAL:
                 file[f"polynomial/{name}"] = getattr(body.polynomial, name)
         if recovery is not None:
-            for name in (*_SURFACE, "stress"):
+            for name in (*_SURFACE, *_STRESS):
                 if getattr(recovery, name) is not None:
                     file[f"recovery/{name}"] = getattr(recovery, name)
         file.attrs["digest"] = _digest(PlainFile(file, sys.maxsize))
@@ -265,7 +264,7 @@ def _polynomial(file: PlainFile) -> ElasticPolynomial:
     turning = file.values("polynomial/turning")
     if turning.shape != (1,):
         raise ValueError("its polynomial has no number of interfaces that turn")
-    arrays = {name: file.values(f"polynomial/{name}") for name in _POLYNOMIAL}
+    arrays = {name: file.values(f"polynomial/{name}") for name in POLYNOMIAL}
     return ElasticPolynomial(turning[0], **arrays)
 
 
@@ -294,8 +293,8 @@ def _surface(arrays: dict[str, Any]) -> dict[str, Any]:
         if name not in arrays:
             raise ValueError(f'it has no "recovery/{name}"')
     points, cells, displacement = (arrays[name] for name in _SURFACE)
-    whole = Recovery(points, cells, displacement, arrays.get("stress"))
-    return {name: getattr(whole, name) for name in (*_SURFACE, "stress")}
+    whole = Recovery(points, cells, displacement, *(arrays.get(name) for name in _STRESS))
+    return {name: getattr(whole, name) for name in (*_SURFACE, *_STRESS)}
 
 
 def _gathered(recovery: Recovery | None, comm: MPI.Intracomm) -> Recovery | None:
@@ -305,14 +304,17 @@ def _gathered(recovery: Recovery | None, comm: MPI.Intracomm) -> Recovery | None
         return None
     parts = [piece for piece in pieces if len(piece.cells)] or pieces[:1]
     starts = np.cumsum([0] + [len(piece.points) for piece in parts])
-    stress = None
-    if all(piece.stress is not None for piece in parts):
-        stress = np.concatenate([piece.stress for piece in parts])
+    stress: dict[str, FloatArray | None] = {}
+    for name in ("stress", "gradient"):
+        values = [getattr(piece, name) for piece in parts]
+        stress[name] = None if any(v is None for v in values) else np.concatenate(values)
     return Recovery(
         np.concatenate([piece.points for piece in parts]),
         np.concatenate([p.cells + s for p, s in zip(parts, starts[:-1], strict=True)]),
         np.concatenate([piece.displacement for piece in parts]),
-        stress,
+        stress=stress["stress"],
+        gradient=stress["gradient"],
+        law=parts[0].law,
     )
 
 
@@ -321,10 +323,12 @@ def _share(whole: dict[str, Any], comm: MPI.Intracomm) -> Recovery:
     mine: IntArray = np.array_split(np.arange(len(whole["cells"])), comm.size)[comm.rank]
     cells = whole["cells"][mine]
     used, numbers = np.unique(cells, return_inverse=True)
-    stress: FloatArray | None = whole.get("stress")
+    stress, gradient = (whole.get(name) for name in ("stress", "gradient"))
     return Recovery(
         whole["points"][used],
         numbers.reshape(cells.shape),
         whole["displacement"][used],
         None if stress is None else stress[mine],
+        None if gradient is None else gradient[mine],
+        whole.get("law"),
     )

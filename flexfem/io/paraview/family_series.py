@@ -261,7 +261,7 @@ def _floating_states(part: BlockPart, bodies: Sequence[FloatingBody]) -> list[Fl
     """Frames and coordinates of all bodies on every rank (collective)."""
     elements, block = part.elements, part.block
     assert isinstance(elements, FloatingBodies)
-    starts = np.cumsum([0, *(18 + 3 * body.reduced.size for body in bodies)])
+    starts = np.cumsum([0, *(18 + 3 * body.reduced.functions for body in bodies)])
     table = np.zeros(starts[-1])
     for group in elements.groups:
         base, eta = group.coordinates(block.frames, block.velocity, block.acceleration)
@@ -270,7 +270,7 @@ def _floating_states(part: BlockPart, bodies: Sequence[FloatingBody]) -> list[Fl
             own = table[starts[number] : starts[number + 1]]
             own[:18] = base[k, :18]
             values = np.vstack([eta[k, :, :2].T, strains[k]])
-            own[18:].reshape(3, -1)[:, bodies[number].coordinates] = values
+            own[18:].reshape(3, -1)[:, bodies[number].functions] = values
     block.comm.Allreduce(MPI.IN_PLACE, table)
     every = (table[a:b] for a, b in pairwise(starts))
     return [FloatingState(one[:12], one[12:18], *one[18:].reshape(3, -1)) for one in every]

@@ -35,7 +35,8 @@ class FloatingState:
     Attributes:
         frame: (12,) floating frame.
         twist: (6,) its velocity and angular velocity in its own axes.
-        coordinates, rates: (n,) all of the reduced body, those of the frame's interface are zero.
+        coordinates, rates: (n,) of all functions of the reduced body, those of the frame's
+            interface are zero.
         strains: (n,) the coordinates without motions that cause no stress.
     """
 
@@ -141,8 +142,7 @@ def _piece(body: FloatingBody, data: Recovery, state: FloatingState) -> _Piece:
     rate = data.displacement @ state.rates + state.twist[:3] + np.cross(state.twist[3:], local)
     start = body.position + data.points @ body.rotation.T
     position = x + local @ R.T
-    stress = data.stress
-    values = np.zeros((len(data.cells), 6)) if stress is None else stress @ state.strains
+    values = data.stresses(state.strains)
     return _Piece(position, position - start, moved @ R.T, rate @ R.T, data.cells, values)
 
 

@@ -151,6 +151,12 @@ class FloatingBody:
         return np.concatenate([own, np.arange(count, self.reduced.size)])
 
     @property
+    def functions(self) -> IntArray:
+        """Functions of the reduced body in pictures that belong to the elastic coordinates."""
+        beside = np.arange(self.reduced.size, self.reduced.functions)
+        return np.concatenate([self.coordinates, beside])
+
+    @property
     def amplitude_nodes(self) -> int:
         """Number of nodes that carry three amplitudes each."""
         return -(-self.reduced.modes // 3)

@@ -322,12 +322,13 @@ class ElongationProbe(AnyProbe):
 
 @declared
 class ReductionErrorProbe(AnyProbe):
-    """Displacement that a nonlinear reduced body misses, relative to its own, in one column.
+    """Part of its displacement that a nonlinear reduced body misses, from 0 to 1, in one column.
 
-    The forces that the deformed body leaves out of balance in its modes and derivatives, on ten
-    functions beside these that answer best to them: the displacement with which these would answer,
-    in the energy norm, over that of the body. Results are off by some per cent at 0.1, where runs
-    warn. What linear modes miss of a load is not in it.
+    The body leaves forces out of balance beside its modes and derivatives: its nonlinear elastic
+    forces, on ten functions that answer best to them, and inertia forces and weight, on all. The
+    displacement with which it would answer at rest, in the energy norm, is over that with it and
+    the body's own (squares of norms add up). Small deflections under gravity are off by the square
+    of it; results are off by some per cent at 0.1, where runs warn.
 
     Attributes:
         name: Unique name in the model, and of the column.

@@ -100,19 +100,21 @@ def reduce_body(
         inner = internal_functions(owner, pieces, basis, choice)
     except ArithmeticError as error:
         raise _checks.NumericalError(f"{owner}: {error}") from None
-    polynomial = None
+    polynomial, beside, loads = None, [], integrals.loads()
     if derivatives is not None:
         nonlinear = NonlinearBasis(owner, body, pieces, inner)
         nonlinear.add_derivatives(derivatives)
-        inner, polynomial = nonlinear.inner, nonlinear.polynomial()
+        inner, polynomial = nonlinear.inner, nonlinear.polynomial(integrals, loads)
+        beside = [nonlinear.turned]
     functions = np.hstack([pieces.static, inner])
+    every = np.hstack([functions, *beside])
     held = np.concatenate([ties_found.held, np.zeros(inner.shape[1], dtype=np.bool_)])
 
     stiffness = projected(comm, functions, multiply(pieces.stiffness, functions))
     stiffness = without_rigid_forces(
         0.5 * (stiffness + stiffness.T), ties_found.interfaces, ties_found.held
     )
-    moments, products = integrals.products(functions, loads := integrals.loads())
+    moments, products = integrals.products(functions, loads)
     mass_matrix = np.einsum("aaij->ij", products[:, :, 1:, 1:])
     by_acceleration = by_interface = None
     if geometric_stiffness:
@@ -134,8 +136,8 @@ def reduce_body(
         np.sqrt(np.maximum(squares, 0.0)),
         by_acceleration,
         by_interface,
-        recover(body, functions) if recovery else None,
-        {name: trace(owner, body, functions, name, points) for name, points in along.items()},
+        recover(body, every, polynomial is not None) if recovery else None,
+        {name: trace(owner, body, every, name, points) for name, points in along.items()},
         polynomial,
     )
 

@@ -86,7 +86,7 @@ def _law_body(
     _check_mesh(owner, domain, degree, 3)
     rho = _checks.number(owner, "density", density, positive=True)
     simple = domain.topology.cell_type == mesh.CellType.tetrahedron
-    quadrature = 2 * degree - (2 if simple and domain.geometry.cmap.degree == 1 else 0)
+    quadrature = 2 * degree - (2 if simple and domain.geometry.cmaps[0].degree == 1 else 0)
     energy = law_energy(owner, law, quadrature)
     moduli = fem.Constant(domain, energy.derivatives[0].reshape(3, 3, 3, 3))
     measure = ufl.dx(domain, metadata={"quadrature_degree": quadrature})

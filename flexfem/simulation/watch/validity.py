@@ -24,9 +24,9 @@ __all__ = ["ValidityWatch", "doubtful_state"]
 #: Rotation in its frame, rad, above which results of a linear body are doubtful. So much has a
 #: cantilever whose end is displaced by 13 % of its length, which makes it too long by 1 %.
 _BENT = 0.2
-#: Displacement that a nonlinear reduced body misses, over its own, in the energy norm: deflections
-#: are then wrong by some per cent.
-_MISSING = 0.1
+#: Part of its displacement, in the energy norm, that a nonlinear reduced body may miss: deflections
+#: are then wrong by some per cent. Strains that are missing below this size do not count.
+_MISSING, _STRAIN = 0.1, 1e-6
 #: Distance of a node from the middle of the model at the start, over the model's size there.
 _FAR = 1e3
 _DIGITS = 6
@@ -55,12 +55,14 @@ class _Missing(NamedTuple):
         most: displacements that are missing, energy norm.
         when: their times, s.
         largest: of their own displacements.
+        unit: norms of strains of one.
     """
 
     bodies: IntArray
     most: FloatArray
     when: FloatArray
     largest: FloatArray
+    unit: FloatArray
 
 
 class ValidityWatch:
@@ -107,10 +109,11 @@ class ValidityWatch:
 
         A body that swings through its shape at rest still moves in functions that it misses.
         """
-        bodies, missing, moved = part.family.missing(part)
+        bodies, missing, moved, unit = part.family.missing(part)
         if not len(bodies):
             return
-        start = _Missing(bodies, *np.zeros((3, len(bodies))))
+        none = np.zeros(len(bodies))
+        start = _Missing(bodies, none, none.copy(), none.copy(), unit)
         seen = self._missing.setdefault(part.kind, start)
         seen.when[missing > seen.most] = self._system.time
         np.maximum(seen.most, missing, out=seen.most)
@@ -119,8 +122,10 @@ class ValidityWatch:
     def _most_missing(self) -> _Worst:
         """The reduced body of this rank that misses most, relative to how far it deforms."""
         worst = _Worst()
-        for kind, (bodies, most, when, largest) in self._missing.items():
-            ratios = np.divide(most, largest, out=np.zeros_like(most), where=largest > 0.0)
+        for kind, (bodies, most, when, largest, unit) in self._missing.items():
+            counted = most > _STRAIN * unit
+            whole = np.hypot(most, largest)
+            ratios = np.divide(most, whole, out=np.zeros_like(most), where=counted)
             at = int(np.argmax(ratios))
             value = float(f"{ratios[at]:.{_DIGITS}g}")
             worst = max(worst, _Worst(value, -kind, -int(bodies[at]), float(when[at])))

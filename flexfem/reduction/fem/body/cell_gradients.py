@@ -121,6 +121,12 @@ class CellGradients:
             found += left.reshape(-1, len(found)).T @ stress.reshape(-1, found.shape[1])
         return total(self._comm, found)
 
+    def unit_strain(self) -> float:
+        """Energy norm of a displacement with strains of one, the largest of all (collective)."""
+        volume = float(total(self._comm, np.array([self._weights.sum()]))[0])
+        stiffest = np.linalg.eigvalsh(self._second)[-1]
+        return float(np.sqrt(volume * stiffest))
+
     def _chunks(self) -> list[slice]:
         """Runs of points."""
         count = len(self._weights)

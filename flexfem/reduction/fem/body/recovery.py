@@ -5,12 +5,14 @@ from typing import Any
 
 import basix
 import numpy as np
+import ufl
 from dolfinx import fem, mesh
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.kernels.ffcx_options import compile_options
 from flexfem.reduction.fem.body.blocks import set_rows
 from flexfem.reduction.fem.body.linear_body import LinearBody
+from flexfem.reduction.law_expansion import moduli
 from flexfem.reduction.reduced_body import Recovery
 
 __all__ = ["recover"]
@@ -18,12 +20,13 @@ __all__ = ["recover"]
 _VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
-def recover(body: LinearBody, functions: FloatArray) -> Recovery:
+def recover(body: LinearBody, functions: FloatArray, nonlinear: bool = False) -> Recovery:
     """This rank's part of the surface, or of the lines of a body of lines (collective).
 
     Args:
         body: the body.
         functions: this rank's rows of the displacement functions (rows, n).
+        nonlinear: gradients of a body with an energy, in the place of stresses.
     """
     cells, corners = _faces(body.space.mesh)
     numbers, own = np.unique(cells, return_inverse=True)
@@ -35,15 +38,15 @@ def recover(body: LinearBody, functions: FloatArray) -> Recovery:
     assert body.displacement is not None
     how = compile_options(body.space.mesh.comm)
     displacement = fem.Expression(body.displacement(state), reference, **how)
-    stress = None
-    if body.stress is not None:
+    stress, size = None, 9 if nonlinear else 6
+    if nonlinear:
+        stress = fem.Expression(ufl.grad(state), reference, **how)
+    elif body.stress is not None:
         tensor = body.stress(state)
-        import ufl
-
         vector = ufl.as_vector([tensor[i, j] for i, j in _VOIGT])
         stress = fem.Expression(vector, reference, **how)
     moves = np.zeros((len(points), 3, n))
-    stresses = np.zeros((len(cells), 6, n))
+    stresses = np.zeros((len(cells), size, n))
     for j in range(n):
         set_rows(state, functions[:, j])
         if not len(used):
@@ -51,18 +54,22 @@ def recover(body: LinearBody, functions: FloatArray) -> Recovery:
         values = displacement.eval(body.space.mesh, used).reshape(len(used), len(reference), 3)
         moves[vertex_of, :, j] = values
         if stress is not None:
-            values = stress.eval(body.space.mesh, used).reshape(len(used), len(reference), 6)
+            values = stress.eval(body.space.mesh, used).reshape(len(used), len(reference), size)
             stresses[:, :, j] = values[own[:, np.newaxis], corners].mean(axis=1)
     faces = vertex_of[own[:, np.newaxis], corners]
-    return _recovery(points, faces, moves, stresses if stress is not None else None)
+    found = stresses if stress is not None else None
+    if not nonlinear:
+        return _recovery(points, faces, moves, found)
+    assert body.energy is not None
+    return _recovery(points, faces, moves, None, found, moduli(body.energy.derivatives))
 
 
 def _recovery(
-    points: FloatArray, faces: IntArray, moves: FloatArray, stress: FloatArray | None
+    points: FloatArray, faces: IntArray, moves: FloatArray, *stress: FloatArray | None
 ) -> Recovery:
     """Only the points that faces have."""
     used, cells = np.unique(faces, return_inverse=True)
-    return Recovery(points[used], cells.reshape(faces.shape), moves[used], stress)
+    return Recovery(points[used], cells.reshape(faces.shape), moves[used], *stress)
 
 
 def _cell_type(domain: mesh.Mesh) -> Any:

@@ -13,6 +13,7 @@ Gram matrix of all derivatives in the metric of the stiffness. They do not depen
 functions are combined.
 """
 
+from functools import cached_property
 from itertools import combinations_with_replacement, permutations
 
 import numpy as np
@@ -23,6 +24,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.reduction.elastic_polynomial import ElasticPolynomial, pair_numbers
 from flexfem.reduction.fem.body.blocks import multiply, projected, same_everywhere
 from flexfem.reduction.fem.body.cell_gradients import CellGradients
+from flexfem.reduction.fem.body.integrals import MassIntegrals
 from flexfem.reduction.fem.body.linear_body import LinearBody
 from flexfem.reduction.fem.body.ties import rigid_motions
 from flexfem.reduction.fem.modes.internal import Pieces, orthonormal, ritz
@@ -135,23 +137,43 @@ class NonlinearBasis:
 
     def _measured(self) -> FloatArray:
         """Functions of the residual: what is left of the answers beside the internal functions."""
-        inner, k = self.inner, self._pieces.stiffness
-        if not inner.shape[1]:
-            return self._leading(self._forces, self._answers, _MEASURED)
-        forces = multiply(k, inner)
-        gram = projected(self._comm, inner, forces)
-        parts = np.linalg.solve(0.5 * (gram + gram.T), projected(self._comm, forces, self._answers))
-        # the force of the answers that are left, K times these
-        answers, left = self._answers - inner @ parts, self._forces + forces @ parts
-        return self._leading(left, answers, _MEASURED)
+        return self._leading(*self._beside(self._forces, self._answers), _MEASURED)
 
-    def polynomial(self) -> ElasticPolynomial:
+    def _beside(self, forces: FloatArray, answers: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """What is left of forces and of the answers ``-K^-1`` times these (collective)."""
+        inner = self.inner
+        if not inner.shape[1]:
+            return forces, answers
+        own = multiply(self._pieces.stiffness, inner)
+        gram = projected(self._comm, inner, own)
+        parts = np.linalg.solve(0.5 * (gram + gram.T), projected(self._comm, own, answers))
+        return forces + own @ parts, answers - inner @ parts
+
+    def _loaded(
+        self, loads: FloatArray, functions: FloatArray, measured: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Inertia forces on the functions of the residual, and what they do beside (collective).
+
+        Returns:
+            ``load_residual`` and ``load_gram`` of the polynomial.
+        """
+        forces = np.hstack([loads, multiply(self._pieces.mass, functions)])
+        left, answers = self._beside(forces, -self._pieces.response.respond(forces))
+        work = projected(self._comm, measured, left)
+        gram = -projected(self._comm, answers, left)
+        return work, 0.5 * (gram + gram.T) - work.T @ work
+
+    def polynomial(self, integrals: MassIntegrals, loads: FloatArray) -> ElasticPolynomial:
         """Elastic forces in the coordinates (collective).
+
+        Args:
+            integrals: over the masses.
+            loads: of ``integrals.loads``.
 
         Raises:
             ValueError: the tensors need more memory than there is.
         """
-        functions = np.hstack([self._static, self.inner, self._turned()])
+        functions = np.hstack([self._static, self.inner, self.turned])
         self._check_room(functions.shape[1])
         measured = self._measured()
         own, beside = self._cells.of(functions), self._cells.of(measured)
@@ -162,13 +184,20 @@ class NonlinearBasis:
         # what should be zero is round-off without any symmetry
         quadratic = _symmetric(third[:, :, :n]) / 2.0
         cubic = _symmetric(self._cells.fourth(own, own, True)[number][:, :, number]) / 6.0
+        residual_cubic = self._cells.fourth(own, beside, False).T.reshape(s, n, -1) / 6.0
+        moments, products = integrals.products(functions, loads)
+        first = 1 + n - self.turned.shape[1]
         return ElasticPolynomial(
             self._static.shape[1] // 6,
             0.5 * (stiffness + stiffness.T),
             quadratic[i, j],
             cubic[i, j][:, i, j],
             third[i, j, n:].T / 2.0,
-            self._cells.fourth(own, beside, False).T.reshape(s, n, -1) / 6.0,
+            residual_cubic,
+            moments[:, first:],
+            products[..., first:],
+            *self._loaded(loads, functions, measured),
+            np.array([self._cells.unit_strain()]),
         )
 
     def _check_room(self, size: int) -> None:
@@ -181,7 +210,8 @@ class NonlinearBasis:
                 "derivatives"
             )
 
-    def _turned(self) -> FloatArray:
+    @cached_property
+    def turned(self) -> FloatArray:
         """Static functions (rows, 6 k) of the products of rotations (collective).
 
         They answer to the displacement ``1/2 (e_p x (e_q x r) + e_q x (e_p x r))`` of the region
