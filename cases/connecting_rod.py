@@ -101,13 +101,13 @@ def build(
     elif rod == "full":
         pin, slider, middle = _add_solid(model, at, steel, size)
     else:
-        if rod == "nonlinear" and frame != "big_end":
+        nonlinear = rod == "nonlinear"
+        if nonlinear and frame != "big_end":
             raise ValueError(
                 f"connecting_rod: the nonlinear rod has the frame big_end, got {frame}"
             )
-        stiffening = stiffening and rod == "solid"
-        law = rod == "nonlinear"
-        body = _reduced(reduced, at, steel, size, internal_modes, stiffening, law)
+        stiffening = stiffening and not nonlinear
+        body = _reduced(reduced, at, steel, size, internal_modes, stiffening, nonlinear)
         model.add(
             ff.FloatingBody(
                 "rod",

@@ -5,12 +5,13 @@ import numpy as np
 
 from flexfem._types import FloatArray
 
-__all__ = ["COUNT", "cauchy_stress", "moduli"]
+__all__ = ["COUNT", "VOIGT", "cauchy_stress", "moduli"]
 
 _ORDERS = (2, 3, 4)
 #: Number of derivatives of second to fourth order.
 COUNT = sum(9**order for order in _ORDERS)
-_VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
+#: Components of a stress in pictures: xx, yy, zz, yz, xz, xy.
+VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
 def moduli(derivatives: tuple[FloatArray, FloatArray, FloatArray]) -> FloatArray:
@@ -39,5 +40,5 @@ def cauchy_stress(law: FloatArray, gradients: FloatArray) -> FloatArray:
     F = np.eye(3) + H.reshape(-1, 3, 3)
     sizes = np.linalg.det(F)[:, np.newaxis, np.newaxis]
     stress = np.einsum("tab,tcb->tac", piola.reshape(-1, 3, 3), F) / sizes
-    voigt: FloatArray = np.stack([stress[:, i, j] for i, j in _VOIGT], axis=1)
+    voigt: FloatArray = np.stack([stress[:, i, j] for i, j in VOIGT], axis=1)
     return voigt

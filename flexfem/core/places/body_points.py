@@ -24,6 +24,7 @@ from flexfem.core.places.floating_frames import (
     linear_into,
     relative_frame,
     rotation_into,
+    row_of,
     write_columns,
     write_linear_columns,
     write_linear_second,
@@ -52,13 +53,6 @@ def _interfaces(k: int, n: int) -> int:
     return (n - 3 * (k - 1)) // (9 if _nonlinear(n) else 3)
 
 
-@inlined
-def _row(c: int, i: int, count: int, n: int) -> int:
-    """Row of coordinate i of interface c of so many."""
-    row: int = 6 * c + i if i < 6 else n - 1 - 6 * (count - c) + i - 6
-    return row
-
-
 @subroutine
 def _coordinates(frames: FloatArray, n: int, X: FloatArray, g: FloatArray, y: FloatArray) -> None:
     """Coordinates ``y`` (n,), relative frames ``X`` (c, 12) and factors ``g`` (c, 4)."""
@@ -70,7 +64,7 @@ def _coordinates(frames: FloatArray, n: int, X: FloatArray, g: FloatArray, y: Fl
         if _nonlinear(n):
             linear_into(X[c], 1.0, values)
             for i in range(12):
-                y[_row(c, i, count, n)] = values[i]
+                y[row_of(c, i, count, n - 1)] = values[i]
             continue
         rotation_into(X[c], g[c], y[6 * c + 3 : 6 * c + 6])
         for i in range(3):
@@ -153,7 +147,7 @@ def _derivatives(
         else:
             write_columns(X[c], g[c], units[c], columns)
         for i in range(width):
-            row = _row(c, i, count, n)
+            row = row_of(c, i, count, n - 1)
             for j in range(6):
                 Y[row, j] = columns[i, j]
                 Y[row, 6 * (1 + c) + j] = columns[i, 6 + j]
@@ -281,7 +275,7 @@ def add_body_second(
         force = np.zeros(width)
         for i in range(width):
             for m in range(6):
-                force[i] += M[m, _row(c, i, count, n)] * w[m]
+                force[i] += M[m, row_of(c, i, count, n - 1)] * w[m]
         if width == 12:
             write_linear_second(units[c], force, change)
         else:

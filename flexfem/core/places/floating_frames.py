@@ -26,6 +26,7 @@ __all__ = [
     "relative_frame",
     "relative_motion_into",
     "rotation_into",
+    "row_of",
     "second",
     "third",
     "write_columns",
@@ -59,6 +60,20 @@ def act(
             turned = X[k + a] * right[3 + b] - X[k + b] * right[3 + a]
             carried = left[3 + p] * X[3 + 3 * q + j] - left[3 + q] * X[3 + 3 * p + j]
             out[k + j] += factor * (turned - carried)
+
+
+@subroutine
+def _act_along(
+    X: FloatArray, i: int, none: FloatArray, unit: FloatArray, affine: float, out: FloatArray
+) -> None:
+    """Add the derivative of X by local twist i: six of the frame, then six of the interface.
+
+    ``none`` (6,) is zero, ``unit`` (6,) one at ``i % 6``; ``affine`` as in :func:`act`.
+    """
+    if i < 6:
+        act(X, none, unit, affine, 1.0, out)
+    else:
+        act(X, unit, none, affine, 1.0, out)
 
 
 @subroutine
@@ -149,6 +164,13 @@ def third(X: FloatArray, g: FloatArray, A: FloatArray, B: FloatArray, i: int) ->
     return change
 
 
+@inlined
+def row_of(c: int, i: int, k: int, n: int) -> int:
+    """Number of coordinate i of interface c of k among n: products of rotations stand last."""
+    row: int = 6 * c + i if i < 6 else n - 6 * (k - c) + i - 6
+    return row
+
+
 @subroutine
 def linear_into(A: FloatArray, affine: float, out: FloatArray) -> None:
     """Write the twelve coordinates (12,) of a nonlinear body's interface, rest position included.
@@ -211,10 +233,7 @@ def _write_units(X: FloatArray, units: FloatArray) -> None:
     units[:] = 0.0
     for j in range(12):
         twist[j % 6] = 1.0
-        if j < 6:
-            act(X, nothing, twist, 1.0, 1.0, units[j])
-        else:
-            act(X, twist, nothing, 1.0, 1.0, units[j])
+        _act_along(X, j, nothing, twist, 1.0, units[j])
         twist[j % 6] = 0.0
 
 
@@ -264,10 +283,7 @@ def write_second(
         twist[i % 6] = 1.0
         for j in range(12):
             x[:] = 0.0
-            if i < 6:
-                act(units[j], none, twist, 0.0, 1.0, x)
-            else:
-                act(units[j], twist, none, 0.0, 1.0, x)
+            _act_along(units[j], i, none, twist, 0.0, x)
             total = 0.0
             for m in range(3):
                 total += force[m] * x[m]
@@ -285,10 +301,7 @@ def write_linear_second(units: FloatArray, force: FloatArray, out: FloatArray) -
         twist[i % 6] = 1.0
         for j in range(12):
             x[:] = 0.0
-            if i < 6:
-                act(units[j], none, twist, 0.0, 1.0, x)
-            else:
-                act(units[j], twist, none, 0.0, 1.0, x)
+            _act_along(units[j], i, none, twist, 0.0, x)
             linear_into(x, 0.0, own)
             out[i, j] = np.dot(force, own)
         twist[i % 6] = 0.0

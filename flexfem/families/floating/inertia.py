@@ -24,7 +24,7 @@ from flexfem.kernels.records import Float1D, Float2D, Float3D, Record
 
 __all__ = [
     "BodyData", "Room", "body_acceleration", "extend", "fields_into", "fold", "forces_into",
-    "moment", "put_skew", "room_for", "row_of",
+    "moment", "put_skew", "room_for",
 ]  # fmt: skip
 
 
@@ -131,13 +131,6 @@ def room_for(data: BodyData, nodes: int) -> Room:
         places=np.zeros((n, size)), rates=np.zeros((6 + n, size)), jerks=np.zeros((6 + n, size)),
         turned=np.zeros((n, 6)), moved=np.zeros((6, size)),
     )  # fmt: skip
-
-
-@inlined
-def row_of(c: int, i: int, k: int, n: int) -> int:
-    """Number of coordinate i of interface c of k among n: products of rotations stand last."""
-    row: int = 6 * c + i if i < 6 else n - 6 * (k - c) + i - 6
-    return row
 
 
 @subroutine

@@ -19,6 +19,7 @@ from flexfem.core.places.floating_frames import (
     act,
     first,
     linear_into,
+    row_of,
     second,
     third,
     write_columns,
@@ -37,7 +38,6 @@ from flexfem.families.floating.inertia import (
     forces_into,
     moment,
     put_skew,
-    row_of,
 )
 from flexfem.families.floating.mean_axes import carry, condense, locate, relative_motion, respond
 from flexfem.families.floating.tangent import damping_into, fold_matrices, mass_into, stiffness_into

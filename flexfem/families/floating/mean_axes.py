@@ -15,9 +15,10 @@ from flexfem.core.places.floating_frames import (
     interface_motion,
     linear_into,
     relative_motion_into,
+    row_of,
     write_columns,
 )
-from flexfem.families.floating.inertia import BodyData, Room, row_of
+from flexfem.families.floating.inertia import BodyData, Room
 from flexfem.kernels.compiled import subroutine
 from flexfem.lie.se3 import retract_into
 

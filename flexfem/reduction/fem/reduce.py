@@ -100,21 +100,25 @@ def reduce_body(
         inner = internal_functions(owner, pieces, basis, choice)
     except ArithmeticError as error:
         raise _checks.NumericalError(f"{owner}: {error}") from None
-    polynomial, beside, loads = None, [], integrals.loads()
+    nonlinear, beside, loads = None, [], integrals.loads()
     if derivatives is not None:
         nonlinear = NonlinearBasis(owner, body, pieces, inner)
         nonlinear.add_derivatives(derivatives)
-        inner, polynomial = nonlinear.inner, nonlinear.polynomial(integrals, loads)
-        beside = [nonlinear.turned]
+        inner, beside = nonlinear.inner, [nonlinear.turned]
     functions = np.hstack([pieces.static, inner])
     every = np.hstack([functions, *beside])
+    moments, products = integrals.products(every, loads)
+    polynomial = None
+    if nonlinear is not None:
+        polynomial = nonlinear.polynomial(every, loads, moments, products)
+    own = 1 + functions.shape[1]
+    moments, products = moments[:, :own], products[:, :, :own, :own]
     held = np.concatenate([ties_found.held, np.zeros(inner.shape[1], dtype=np.bool_)])
 
     stiffness = projected(comm, functions, multiply(pieces.stiffness, functions))
     stiffness = without_rigid_forces(
         0.5 * (stiffness + stiffness.T), ties_found.interfaces, ties_found.held
     )
-    moments, products = integrals.products(functions, loads)
     mass_matrix = np.einsum("aaij->ij", products[:, :, 1:, 1:])
     by_acceleration = by_interface = None
     if geometric_stiffness:

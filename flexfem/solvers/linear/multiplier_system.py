@@ -107,33 +107,34 @@ class _Band:
             x[: len(self._order)] -= self._columns.T @ x[len(self._order) :]
 
 
+def _factors(matrix: FloatArray) -> tuple[FloatArray, IntArray, bool]:
+    """LAPACK's factors of the transposed matrix, with their pivots; False if it is singular.
+
+    Its order of entries is the transposed one: a contiguous matrix is overwritten by its factors.
+    """
+    largest = np.abs(matrix).max(initial=0.0)
+    factors, pivots, _ = dgetrf(matrix.T, overwrite_a=True)
+    return factors, pivots, bool((np.abs(np.diagonal(factors)) > SMALLEST_PIVOT * largest).all())
+
+
 class _Dense:
     """Elimination by LAPACK: bodies that are bonded by many nodes couple all of their rows."""
 
     def __init__(self, i: IntArray, j: IntArray, count: int, size: int) -> None:
         """Entries (i, j), number of the first rows, number of rows."""
-        self._index, self._count = i * size + j, count
-        self._every = np.arange(len(i))
-        self._matrix = np.zeros((size, size))
-        self._pivots = np.zeros(count, dtype=np.int32)
+        self._index, self._count, self._size = i * size + j, count, size
         self.complement = np.zeros((size - count, size - count))
 
     def factor(self, values: FloatArray) -> bool:
         """See :class:`_Elimination`."""
-        n, matrix = self._count, self._matrix
-        matrix[:] = 0.0
-        _scatter_add(self._index, self._every, values, matrix.reshape(-1))
-        # LAPACK's order is the transposed one
-        factors, self._pivots, _ = dgetrf(matrix[:n, :n].T)
-        largest, pivots = np.abs(matrix[:n, :n]).max(initial=0.0), np.abs(np.diagonal(factors))
-        if not (pivots > SMALLEST_PIVOT * largest).all():
-            return False
-        self._factors, self._from_first = factors, matrix[n:, :n]
-        if len(matrix) > n:
-            # rows of (first, others): each is solved for as a right-hand side
-            self._columns = dgetrs(factors, self._pivots, matrix[:n, n:], trans=1)[0]
+        n, size = self._count, self._size
+        matrix = np.bincount(self._index, values, size * size).reshape(size, size)
+        self._factors, self._pivots, regular = _factors(matrix[:n, :n])
+        if regular and size > n:
+            self._columns = dgetrs(self._factors, self._pivots, matrix[:n, n:], trans=1)[0]
+            self._from_first = matrix[n:, :n]
             self.complement = matrix[n:, n:] - self._from_first @ self._columns
-        return True
+        return regular
 
     def reduce(self, x: FloatArray) -> None:
         """See :class:`_Elimination`."""
@@ -210,7 +211,6 @@ class InterfaceSystem:
         self._buffer = np.zeros(shared_size**2 + 1)
         self._matrix = self._buffer[:-1].reshape(shared_size, shared_size)
         self._vector = np.zeros(shared_size)
-        self._pivots = np.zeros(shared_size, dtype=np.int32)
 
     def factor(self, values: FloatArray, regular: bool = True) -> bool:
         """Factorise (collective); False on all ranks when the system is singular on one.
@@ -228,10 +228,8 @@ class InterfaceSystem:
         self._comm.Allreduce(MPI.IN_PLACE, self._buffer, op=MPI.SUM)
         if not self._sharing or self._buffer[-1] > 0.0:
             return bool(self._buffer[-1] == 0.0)
-        largest = np.abs(self._matrix).max(initial=0.0)
-        # LAPACK's order is the transposed one, so that it works in place
-        _, self._pivots, _ = dgetrf(self._matrix.T, overwrite_a=True)
-        return bool((np.abs(np.diagonal(self._matrix)) > SMALLEST_PIVOT * largest).all())
+        self._factors, self._pivots, regular = _factors(self._matrix)
+        return regular
 
     def solve(self, right: FloatArray) -> None:
         """Solve in place for this rank's part of the right-hand side (collective if shared)."""
@@ -240,6 +238,6 @@ class InterfaceSystem:
             self._vector[:] = 0.0
             self._vector[self._shared] = right[self._count :]
             self._comm.Allreduce(MPI.IN_PLACE, self._vector, op=MPI.SUM)
-            dgetrs(self._matrix.T, self._pivots, self._vector, trans=1, overwrite_b=True)
+            dgetrs(self._factors, self._pivots, self._vector, trans=1, overwrite_b=True)
             right[self._count :] = self._vector[self._shared]
         self._own.complete(right)

@@ -12,12 +12,10 @@ from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.kernels.ffcx_options import compile_options
 from flexfem.reduction.fem.body.blocks import set_rows
 from flexfem.reduction.fem.body.linear_body import LinearBody
-from flexfem.reduction.law_expansion import moduli
+from flexfem.reduction.law_expansion import VOIGT, moduli
 from flexfem.reduction.reduced_body import Recovery
 
 __all__ = ["recover"]
-
-_VOIGT = ((0, 0), (1, 1), (2, 2), (1, 2), (0, 2), (0, 1))
 
 
 def recover(body: LinearBody, functions: FloatArray, nonlinear: bool = False) -> Recovery:
@@ -43,7 +41,7 @@ def recover(body: LinearBody, functions: FloatArray, nonlinear: bool = False) ->
         stress = fem.Expression(ufl.grad(state), reference, **how)
     elif body.stress is not None:
         tensor = body.stress(state)
-        vector = ufl.as_vector([tensor[i, j] for i, j in _VOIGT])
+        vector = ufl.as_vector([tensor[i, j] for i, j in VOIGT])
         stress = fem.Expression(vector, reference, **how)
     moves = np.zeros((len(points), 3, n))
     stresses = np.zeros((len(cells), size, n))

@@ -24,7 +24,6 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.reduction.elastic_polynomial import ElasticPolynomial, pair_numbers
 from flexfem.reduction.fem.body.blocks import multiply, projected, same_everywhere
 from flexfem.reduction.fem.body.cell_gradients import CellGradients
-from flexfem.reduction.fem.body.integrals import MassIntegrals
 from flexfem.reduction.fem.body.linear_body import LinearBody
 from flexfem.reduction.fem.body.ties import rigid_motions
 from flexfem.reduction.fem.modes.internal import Pieces, orthonormal, ritz
@@ -163,17 +162,22 @@ class NonlinearBasis:
         gram = -projected(self._comm, answers, left)
         return work, 0.5 * (gram + gram.T) - work.T @ work
 
-    def polynomial(self, integrals: MassIntegrals, loads: FloatArray) -> ElasticPolynomial:
+    def polynomial(
+        self, functions: FloatArray, loads: FloatArray, moments: FloatArray, products: FloatArray
+    ) -> ElasticPolynomial:
         """Elastic forces in the coordinates (collective).
 
         Args:
-            integrals: over the masses.
-            loads: of ``integrals.loads``.
+            functions: static, internal and turned ones (rows, n); those of the first interface,
+                which are not deformations, come first.
+            loads: of ``MassIntegrals.loads``.
+            moments: (3, n + 1) of ``MassIntegrals.products``.
+            products: (3, 3, n + 1, n + 1) likewise.
 
         Raises:
             ValueError: the tensors need more memory than there is.
         """
-        functions = np.hstack([self._static, self.inner, self.turned])
+        functions, first = functions[:, 6:], 1 + functions.shape[1] - self.turned.shape[1]
         self._check_room(functions.shape[1])
         measured = self._measured()
         own, beside = self._cells.of(functions), self._cells.of(measured)
@@ -185,8 +189,6 @@ class NonlinearBasis:
         quadratic = _symmetric(third[:, :, :n]) / 2.0
         cubic = _symmetric(self._cells.fourth(own, own, True)[number][:, :, number]) / 6.0
         residual_cubic = self._cells.fourth(own, beside, False).T.reshape(s, n, -1) / 6.0
-        moments, products = integrals.products(functions, loads)
-        first = 1 + n - self.turned.shape[1]
         return ElasticPolynomial(
             self._static.shape[1] // 6,
             0.5 * (stiffness + stiffness.T),
@@ -195,7 +197,7 @@ class NonlinearBasis:
             third[i, j, n:].T / 2.0,
             residual_cubic,
             moments[:, first:],
-            products[..., first:],
+            np.delete(products[..., first:], slice(1, 7), axis=2),
             *self._loaded(loads, functions, measured),
             np.array([self._cells.unit_strain()]),
         )
