@@ -155,6 +155,11 @@ class Simulation:
         return self.system.time
 
     @property
+    def policy(self) -> Policy:
+        """Policy of the Newton method of whole steps, with its factors."""
+        return self._policy
+
+    @property
     def turn_limit(self) -> float:
         """See :attr:`flexfem.integrators.integrator.Integrator.turn_limit`."""
         return self._integrator.turn_limit

@@ -86,7 +86,8 @@ class KeptFactor:
     ``solvers`` solve with them for the steps; ``nodes`` are the arrays of ``Mechanics.origin`` from
     which they were computed; ``products`` multiply with the matrices, where these are kept, from
     steps to right-hand sides; ``direct`` is True if there are no responses, see :class:`Bodies`;
-    ``near`` has the compliances of nodes once they are found.
+    ``near`` has the compliances of nodes once they are found, and ``transposed`` the solvers with
+    the transposed matrices once they are used.
     """
 
     factors: list[Factor | KrylovFactor]
@@ -97,6 +98,7 @@ class KeptFactor:
     compliances: FloatArray
     nodes: dict[str, FloatArray]
     near: list[FloatArray]
+    transposed: list[Callable[[], None]]
 
 
 class RigidBodies:
@@ -141,9 +143,12 @@ class RigidBodies:
         """See :meth:`Bodies.respond`."""
         self.group.respond(y)
 
-    def solve(self) -> None:
+    def solve(self, *, transposed: bool = False) -> None:
         """Steps of the owned nodes for their right-hand sides."""
-        multiply_blocks(self._inverses, self.group.own.right, self.group.part.block.step)
+        inverses = self._inverses
+        if transposed:
+            inverses = np.ascontiguousarray(inverses.transpose(0, 2, 1))
+        multiply_blocks(inverses, self.group.own.right, self.group.part.block.step)
 
 
 class FlexibleBodies:
@@ -240,6 +245,7 @@ class FlexibleBodies:
         self, factors: Mapping[int, Factor | KrylovFactor], origin: Mapping[str, FloatArray]
     ) -> None:
         """Store new factors of some pieces, and the nodal arrays from which they were computed."""
+        self._kept.transposed.clear()
         for k, factor in factors.items():
             self._kept.factors[k], self._kept.solvers[k] = factor, self._solver(k, factor)
             self._kept.products[k] = self._product(k, factor)
@@ -259,13 +265,25 @@ class FlexibleBodies:
         solvers = [self._solver(k, factor) for k, factor in enumerate(factors)]
         compliances = np.zeros(len(group.own.compliances))
         products = [self._product(k, factor) for k, factor in enumerate(factors)]
-        return KeptFactor(factors, solvers, products, direct, responses, compliances, nodes, [])
+        return KeptFactor(factors, solvers, products, direct, responses, compliances, nodes, [], [])
 
-    def _solver(self, k: int, factor: Factor | KrylovFactor) -> Callable[[], None]:
+    def _solver(
+        self, k: int, factor: Factor | KrylovFactor, *, transposed: bool = False
+    ) -> Callable[[], None]:
         """Solve with the factors of piece ``k``, see :meth:`solve`."""
+        arrays = self.pieces[k].right, self.pieces[k].solution
         if self._whole:
-            return factor.solver(self._right, self.group.part.block.owned_step)
-        return factor.solver(self.pieces[k].right, self.pieces[k].solution)
+            arrays = self._right, self.group.part.block.owned_step
+        return factor.solver(*arrays, transposed=transposed)
+
+    def _transposed_solvers(self) -> list[Callable[[], None]]:
+        """Solvers of all pieces with the transposed matrices."""
+        kept = self._kept
+        if not kept.transposed:
+            kept.transposed[:] = [
+                self._solver(k, factor, transposed=True) for k, factor in enumerate(kept.factors)
+            ]
+        return kept.transposed
 
     def _product(self, k: int, factor: Factor | KrylovFactor) -> Callable[[], None] | None:
         """Multiply with the matrix of piece ``k``, see :meth:`add_product`."""
@@ -366,15 +384,19 @@ class FlexibleBodies:
             self._kept.near.append(found)
         return self._kept.near[0] if self._chained else None
 
-    def solve(self) -> None:
-        """Steps of the owned nodes for their right-hand sides (collective)."""
+    def solve(self, *, transposed: bool = False) -> None:
+        """Steps of the owned nodes for their right-hand sides (collective).
+
+        With ``transposed`` by the transposed matrices.
+        """
         block = self.group.part.block
         right = block.hold(self._right)
+        solvers = self._transposed_solvers() if transposed else self._kept.solvers
         if self._whole:
-            self._kept.solvers[0]()
+            solvers[0]()
             return
         step = block.owned_step
-        for piece, solve in zip(self.pieces, self._kept.solvers, strict=True):
+        for piece, solve in zip(self.pieces, solvers, strict=True):
             piece.right[:] = right[piece.nodes]
             solve()
             step[piece.nodes] = piece.solution

@@ -153,6 +153,11 @@ class FrozenPolicy:
         """See :class:`Policy`."""
         return self._options.tolerance
 
+    @property
+    def frozen(self) -> FrozenSolver:
+        """Solver with the kept factors."""
+        return self._frozen
+
     def solve(
         self, shifts: Shifts, restart: Callable[[], None], equations: Equations | None = None
     ) -> Status:

@@ -85,6 +85,7 @@ class FrozenSolver:
     Attributes:
         shifts: factors of the scheme of the factors in use, None before the first factorisation.
         keepable: True if factors of the multipliers' system may serve several iterations.
+        rigid, bodies: rigid bodies, and all of them.
         correction: (r,) of the multipliers, of the last solve.
         secants: acceleration of the iteration of a step.
     """
@@ -102,14 +103,14 @@ class FrozenSolver:
         self._multipliers = MultiplierSystem(system, constant=constant)
         self.keepable = self._multipliers.keepable
         groups = self._multipliers.groups
-        self._rigid = [RigidBodies(system, g, mechanics) for g in groups if g.part.elements is None]
+        self.rigid = [RigidBodies(system, g, mechanics) for g in groups if g.part.elements is None]
         self._flexible = [
             FlexibleBodies(system, g, mechanics) for g in groups if g.part.elements is not None
         ]
         # right-hand side, residual, and local node of each interface node, of every part
         self._loads = [(g.own.right, g.part.block.residual, g.part.interface_nodes) for g in groups]
         self._nothing = self.correction = np.zeros(0)
-        self._bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
+        self.bodies: list[RigidBodies | FlexibleBodies] = [*self.rigid, *self._flexible]
         self._vectors = StepVectors(system)
         self._refinement = Refinement(system, mechanics, self._vectors)
         self._stiff = StiffRows(system, self._vectors)
@@ -292,7 +293,7 @@ class FrozenSolver:
         """
         rows = self.system.constraints
         self._multipliers.follow_sliders()
-        if not (keep_interface or self._factor_interface(shifts)):
+        if not (keep_interface or self.prepare(shifts)):
             return False, np.zeros(rows.size), None
         for contacts in self.system.contacts:
             alike = contraction < _ALIKE
@@ -311,7 +312,7 @@ class FrozenSolver:
 
     def _compliances(self, block: FrameBlock) -> FloatArray | None:
         """Motions (n_owned, k, w, w) of nodes of a block and the next ones; None if unknown."""
-        bodies = next(one for one in self._bodies if one.group.part.block is block)
+        bodies = next(one for one in self.bodies if one.group.part.block is block)
         return bodies.of_nodes()
 
     def constrain(
@@ -329,12 +330,12 @@ class FrozenSolver:
         """
         rows = self.system.constraints
         self._multipliers.follow_sliders()
-        if not (keep or self._factor_interface(shifts)):
+        if not (keep or self.prepare(shifts)):
             return False, np.zeros(rows.size)
         self._multipliers.forget_responses()
-        bodies = self._bodies if flexible else self._rigid
+        bodies = self.bodies if flexible else self.rigid
         correction = self._load(values, bodies, beyond=False)
-        for rigid in self._rigid:
+        for rigid in self.rigid:
             rigid.solve()
         for bodies_at_rest in self._flexible:
             bodies_at_rest.group.part.block.step[:] = 0.0
@@ -349,10 +350,13 @@ class FrozenSolver:
         self.correction = self._with_springs(self._solve(values))
         return True
 
-    def _factor_interface(self, shifts: Shifts) -> bool:
-        """Invert the rigid bodies, assemble and factorise the multipliers' system."""
+    def prepare(self, shifts: Shifts) -> bool:
+        """Invert the rigid bodies, assemble and factorise the multipliers' system (collective).
+
+        False if it is singular. The residuals are evaluated; :meth:`again` solves after it.
+        """
         regular = True
-        for rigid in self._rigid:
+        for rigid in self.rigid:
             regular = rigid.invert(shifts) and regular
         return self._multipliers.factor(regular)
 
@@ -368,10 +372,10 @@ class FrozenSolver:
         Returns:
             Correction of the multipliers (r,), always the same array.
         """
-        correction = self._load(values, self._bodies, beyond=beyond)
+        correction = self._load(values, self.bodies, beyond=beyond)
         for flexible in self._flexible:
             flexible.solve()
-        for rigid in self._rigid:
+        for rigid in self.rigid:
             rigid.solve()
         return correction
 

@@ -64,6 +64,8 @@ class ProbeRecorder:
 
     Attributes:
         columns: names of all columns; unwrap: names of those that are angles.
+        sources: block, owned nodes, offsets (k, 12) and places of the markers at nodes of each
+            part.
     """
 
     def __init__(self, system: System, serial: NumberedModel, depth: int = 64) -> None:
@@ -85,14 +87,14 @@ class ProbeRecorder:
         self._ground = np.zeros((len(markers), _WIDTH))
         self._ground_places = [k for k, m in enumerate(markers) if isinstance(m, Ground)]
         self._ground[self._ground_places, :12] = offsets[self._ground_places]
-        self._sources = [self._source(part, serial, markers, offsets) for part in system.parts]
+        self.sources = [self._source(part, serial, markers, offsets) for part in system.parts]
         self._inside = [
             (part.block, points, offsets[places], places)
             for part in system.parts
             for points, places in places_on_rank(serial, part.kind, part.block, markers)
         ]
         self._sliders = Sliders(system, markers)
-        mine = [places for *_, places in (*self._sources, *self._inside)]
+        mine = [places for *_, places in (*self.sources, *self._inside)]
         mine.append(self._sliders.places)
         self._places = np.concatenate([np.empty(0, dtype=np.int64), *mine])
         self._buffer = np.zeros((depth, len(markers), _WIDTH))
@@ -161,7 +163,7 @@ class ProbeRecorder:
 
     def _record_markers(self, row: FloatArray) -> None:
         """Motion of this rank's markers."""
-        for block, nodes, offsets, places in self._sources:
+        for block, nodes, offsets, places in self.sources:
             if len(nodes):
                 _record(
                     block.frames, block.velocity, block.acceleration, nodes, offsets, places, row
@@ -188,6 +190,11 @@ class ProbeRecorder:
         for row in self._gathered(1)[0]:
             self._evaluate(t, row, np.zeros(self._shares.shape[1]))
 
+    def states(self) -> list[MarkerState]:
+        """States of all probes' markers now, on the first rank only (collective)."""
+        self._record_markers(self._buffer[0])
+        return [state for row in self._gathered(1)[0] for state in self._states(row)]
+
     def flush(self) -> Iterator[tuple[float, FloatArray]]:
         """Empty the buffer (collective): times and column values on the first rank."""
         times, self._times = self._times, []
@@ -210,13 +217,17 @@ class ProbeRecorder:
             rates[:, self._bare] = np.nan
         return every, measured
 
-    def _evaluate(self, t: float, row: FloatArray, measured: FloatArray) -> FloatArray:
-        states = [
+    def _states(self, row: FloatArray) -> list[MarkerState]:
+        """States of all markers of a record."""
+        return [
             MarkerState(
                 r[:3], r[3:12].reshape(3, 3), r[12:15], r[15:18], *arc, start, r[20:23], r[23:]
             )
             for r, arc, start in zip(row, map(_arc, row), self._start, strict=True)
         ]
+
+    def _evaluate(self, t: float, row: FloatArray, measured: FloatArray) -> FloatArray:
+        states = self._states(row)
         values, at, read = [np.empty(0)], 0, 0
         for probe in self._probes:
             if isinstance(probe, Probe):

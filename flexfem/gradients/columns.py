@@ -1,0 +1,164 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Derivatives of columns of the history by the motion of nodes.
+
+Columns are functions of markers' states (``Probe``). These are differentiated by central
+differences of fourth order, exact for functions of position and velocity as they occur; from the
+markers to their nodes all is exact.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import replace
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.core.marker import Ground
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.gradients.adjoint import NodeSeeds
+from flexfem.gradients.node_maps import rotations, transposed
+from flexfem.gradients.trajectory import Motion
+from flexfem.lie import so3
+from flexfem.model.probes.base import MarkerState, Probe
+
+__all__ = ["ColumnDerivatives"]
+
+#: Differences, in m, rad, m/s and so on, with their weights.
+_STEP = 1e-3
+_STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
+#: Position, rotation, velocity, angular velocity and both accelerations of a marker.
+_COMPONENTS = 18
+
+
+class ColumnDerivatives:
+    """Derivatives of some columns of a motion, at accepted states."""
+
+    def __init__(self, motion: Motion, columns: Sequence[str]) -> None:
+        """Find the probes of the columns.
+
+        Raises:
+            InputError: there is no such column, or it is not a function of markers at nodes.
+        """
+        self._motion, self._columns = motion, list(columns)
+        model = motion.simulation.serial.model
+        self._probes: list[tuple[Probe, int, list[tuple[int, int]]]] = []
+        at, inside = 0, self._inside()
+        for probe in model.probes:
+            own = [(k, columns.index(c)) for k, c in enumerate(probe.columns) if c in columns]
+            if own and not isinstance(probe, Probe):
+                raise InputError(
+                    f'gradient: column "{probe.columns[own[0][0]]}" of {type(probe).__name__} '
+                    f'"{probe.name}" has no derivatives yet; take one of a Probe'
+                )
+            if isinstance(probe, Probe):
+                places = range(at, at + len(probe.markers))
+                if own and inside.intersection(places):
+                    raise InputError(
+                        f'gradient: Probe "{probe.name}" has a marker between nodes; take one at '
+                        "a node"
+                    )
+                if own:
+                    self._probes.append((probe, at, own))
+                at += len(probe.markers)
+        known = {name for probe in model.probes for name in probe.columns}
+        for name in columns:
+            if name not in known:
+                raise InputError(
+                    f'gradient: there is no column "{name}"; the history has '
+                    f"{', '.join(motion.columns) or 'none'}"
+                )
+        self._count = at
+
+    def _inside(self) -> set[int]:
+        """Places of markers that are neither at nodes nor on the ground, on any rank."""
+        comm = self._motion.system.comm
+        own = [places.tolist() for *_, places in self._motion.recorder.sources]
+        at_nodes = {k for part in comm.allgather(sum(own, [])) for k in part}
+        model = self._motion.simulation.serial.model
+        markers = [m for p in model.probes if isinstance(p, Probe) for m in p.markers]
+        every = [m for p in model.probes for m in p.markers]
+        if len(every) != len(markers):
+            raise InputError("gradient: a probe other than Probe has markers; leave it out")
+        return {
+            k for k, m in enumerate(markers) if k not in at_nodes and not isinstance(m, Ground)
+        }
+
+    def seeds(self, step: int, weights: FloatArray) -> list[NodeSeeds]:
+        """Derivatives of ``weights @ columns`` by nodes, at the accepted state (collective).
+
+        Args:
+            step: number of the step, at whose accepted state the system is.
+            weights: (columns,) on the first rank.
+        """
+        motion, comm = self._motion, self._motion.system.comm
+        states = motion.recorder.states()
+        found = np.zeros((self._count, _COMPONENTS))
+        if comm.rank == 0:
+            for probe, at, own in self._probes:
+                factors = np.zeros(len(probe.columns))
+                for k, column in own:
+                    factors[k] = weights[column]
+                if factors.any():
+                    markers = states[at : at + len(probe.markers)]
+                    found[at : at + len(markers)] = _differences(
+                        probe, motion.times[step], markers, factors
+                    )
+        comm.Bcast(found)
+        return [
+            _of_nodes(block, nodes, offsets, found[places])
+            for block, nodes, offsets, places in motion.recorder.sources
+        ]
+
+
+def _differences(
+    probe: Probe, t: float, states: Sequence[MarkerState], factors: FloatArray
+) -> FloatArray:
+    """Derivatives (markers, 18) of ``factors @ columns``."""
+    found = np.zeros((len(states), _COMPONENTS))
+    for m, state in enumerate(states):
+        for k in range(_COMPONENTS):
+            for part, weight in _STENCIL:
+                moved = [*states]
+                moved[m] = _moved(state, k, part * _STEP)
+                found[m, k] += weight / _STEP * float(factors @ probe.evaluate(t, moved))
+    return found
+
+
+def _moved(state: MarkerState, k: int, by: float) -> MarkerState:
+    """A marker with one component of its motion changed."""
+    change = np.zeros(3)
+    change[k % 3] = by
+    if k // 3 == 1:
+        return replace(state, rotation=so3.exp(change) @ state.rotation)
+    name = (
+        "position", "", "velocity", "angular_velocity", "acceleration", "angular_acceleration",
+    )[k // 3]  # fmt: skip
+    return replace(state, **{name: getattr(state, name) + change})
+
+
+def _of_nodes(
+    block: FrameBlock, nodes: FloatArray, offsets: FloatArray, found: FloatArray
+) -> NodeSeeds:
+    """From derivatives by markers (k, 18), inertial axes, to those by their nodes, local axes."""
+    R, o = rotations(block.frames[nodes]), offsets[:, :3]
+    v, w = block.velocity[nodes], block.acceleration[nodes]
+    # inertial derivatives in the node's axes
+    p, turn, velocity, spin, acceleration, twirl = (
+        transposed(R, found[:, 3 * k : 3 * k + 3]) for k in range(6)
+    )
+    V, omega, dV, domega = v[:, :3], v[:, 3:], w[:, :3], w[:, 3:]
+    cross = np.cross
+    arm = V + cross(omega, o)
+    speed = dV + cross(domega, o) + cross(omega, arm)
+    twists, velocities, accelerations = np.zeros((3, len(nodes), 6))
+    twists[:, :3] = p
+    # R y turns by R (theta x y), whose product with b is theta . (y x R^T b)
+    twists[:, 3:] = cross(o, p) + turn + cross(arm, velocity) + cross(omega, spin)
+    twists[:, 3:] += cross(speed, acceleration) + cross(domega, twirl)
+    velocities[:, :3] = velocity + cross(acceleration, omega)
+    velocities[:, 3:] = cross(o, velocities[:, :3]) + spin + cross(arm, acceleration)
+    accelerations[:, :3] = acceleration
+    accelerations[:, 3:] = cross(o, acceleration) + twirl
+    return NodeSeeds(nodes, twists, velocities, accelerations)

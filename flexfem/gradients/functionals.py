@@ -1,0 +1,115 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Functionals of a motion: numbers of columns of its history, with their derivatives."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from math import inf
+
+import numpy as np
+
+from flexfem._types import FloatArray
+
+__all__ = ["Functional", "parse"]
+
+#: The kinds of functionals.
+KINDS = ("final", "mean", "integral", "rms", "max", "min", "ks")
+
+
+@dataclass(frozen=True)
+class Functional:
+    """A number that depends on some columns of a history.
+
+    Attributes:
+        name: text in tables.
+        columns: names of the columns.
+        value: of the history, whose columns are (n,) arrays by name, "t" among them.
+        derivative: of the history; (n,) by each of the columns, in their order.
+    """
+
+    name: str
+    columns: tuple[str, ...]
+    value: Callable[[Mapping[str, FloatArray]], float]
+    derivative: Callable[[Mapping[str, FloatArray]], FloatArray]
+
+
+def parse(text: str, ks_rho: float | None = None) -> Functional:
+    """Functional of ``kind:column``, such as ``final:tip_x``.
+
+    Kinds are those of :class:`flexfem.studies.reductions.Reduction`, means and integrals over time
+    by the trapezoidal rule, and ``ks``, the function of Kreisselmeier and Steinhauser (1979),
+    ``log(mean(exp(rho x)))/rho`` over all rows, a smooth maximum from below.
+
+    Args:
+        text: see above.
+        ks_rho: rho of ``ks``, one over the unit of the column.
+
+    Raises:
+        ValueError: it is not of this form, or rho is missing or not positive.
+    """
+    kind, _, column = text.strip().partition(":")
+    if kind not in KINDS or not column:
+        raise ValueError(
+            f"gradient: '{text}' is not of the form {{{','.join(KINDS)}}}:column, as in final:tip_x"
+        )
+    if kind == "ks" and not (ks_rho is not None and 0.0 < ks_rho < inf):
+        raise ValueError(f"gradient: {text.strip()} needs a positive ks_rho, got {ks_rho}")
+
+    def both(history: Mapping[str, FloatArray]) -> tuple[float, FloatArray]:
+        return _RULES[kind](history["t"], history[column], ks_rho or 0.0)
+
+    return Functional(
+        text.strip(), (column,), lambda history: both(history)[0],
+        lambda history: both(history)[1][np.newaxis],
+    )  # fmt: skip
+
+
+def _weights(t: FloatArray) -> FloatArray:
+    """Weights of the trapezoidal rule."""
+    h, weights = np.diff(t), np.zeros(len(t))
+    weights[1:] += 0.5 * h
+    weights[:-1] += 0.5 * h
+    return weights
+
+
+def _final(t: FloatArray, x: FloatArray, rho: float) -> tuple[float, FloatArray]:
+    return float(x[-1]), np.eye(1, len(x), len(x) - 1)[0]
+
+
+def _integral(t: FloatArray, x: FloatArray, rho: float) -> tuple[float, FloatArray]:
+    weights = _weights(t)
+    return float(weights @ x), weights
+
+
+def _mean(t: FloatArray, x: FloatArray, rho: float) -> tuple[float, FloatArray]:
+    weights = _weights(t) / (t[-1] - t[0])
+    return float(weights @ x), weights
+
+
+def _rms(t: FloatArray, x: FloatArray, rho: float) -> tuple[float, FloatArray]:
+    square, weights = _mean(t, x**2, rho)
+    size = square**0.5
+    return size, weights * x / size if size else np.zeros_like(x)
+
+
+def _max(t: FloatArray, x: FloatArray, rho: float) -> tuple[float, FloatArray]:
+    k = int(np.argmax(x))
+    return float(x[k]), np.eye(1, len(x), k)[0]
+
+
+def _min(t: FloatArray, x: FloatArray, rho: float) -> tuple[float, FloatArray]:
+    value, by = _max(t, -x, rho)
+    return -value, by
+
+
+def _ks(t: FloatArray, x: FloatArray, rho: float) -> tuple[float, FloatArray]:
+    top = x.max()
+    parts = np.exp(rho * (x - top))
+    return float(top + np.log(parts.mean()) / rho), parts / parts.sum()
+
+
+_RULES: dict[str, Callable[[FloatArray, FloatArray, float], tuple[float, FloatArray]]] = {
+    "final": _final, "mean": _mean, "integral": _integral, "rms": _rms, "max": _max, "min": _min,
+    "ks": _ks,
+}  # fmt: skip

@@ -1,0 +1,162 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Linearised equations of a step, solved with kept factors.
+
+The exact operator is iterated with the frozen one by GMRES, forwards or transposed: both have the
+same contraction, so that backwards no factorisation is needed where none was forwards.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.gradients.step_tangent import BlockVectors, StepTangent
+from flexfem.solvers.frozen.policy import FrozenPolicy
+from flexfem.solvers.frozen.solver import FrozenSolver
+from flexfem.solvers.frozen.transposed import TransposedSolver
+from flexfem.solvers.frozen.vectors import StepVectors
+from flexfem.solvers.linear.gmres import minimal_residual
+from flexfem.solvers.newton.policy import Policy
+from flexfem.system.system import Shifts, System
+
+__all__ = ["LinearizedStep", "UnsolvedError"]
+
+#: Applications of the operator before GMRES begins again, and how often it does.
+_MOST, _ROUNDS = 40, 5
+
+
+class UnsolvedError(RuntimeError):
+    """Linearised equations could not be solved."""
+
+
+class LinearizedStep:
+    """Linearised equations at the end of a step.
+
+    Attributes:
+        tangent: the exact derivatives.
+        applications: number of products with them so far.
+        factorizations: number of factorisations so far.
+    """
+
+    def __init__(self, system: System, policy: Policy, tolerance: float) -> None:
+        """Take the factors of a policy, if it keeps any (collective).
+
+        Args:
+            system: the system.
+            policy: that of the motion.
+            tolerance: relative accuracy of solutions.
+        """
+        self._system, self._tolerance = system, tolerance
+        self.tangent = StepTangent(system)
+        own = policy.frozen if isinstance(policy, FrozenPolicy) else FrozenSolver(system)
+        self._frozen = own
+        self._transposed = TransposedSolver(system, own)
+        self._vectors = StepVectors(system)
+        self.applications = self.factorizations = 0
+
+    def take(self, shifts: Shifts) -> None:
+        """Linearise at the trial state (collective).
+
+        Raises:
+            UnsolvedError: the equations are singular.
+        """
+        self.tangent.take(shifts)
+        if self._frozen.shifts != shifts:
+            self.factor(shifts)
+        self._prepare(shifts)
+
+    def factor(self, shifts: Shifts) -> None:
+        """Factorise the bodies at the trial state (collective)."""
+        if not self._frozen.exact:
+            self.factorizations += 1
+        self._frozen.factor(shifts)
+
+    def _prepare(self, shifts: Shifts) -> None:
+        if not (self._frozen.prepare(shifts) and self._transposed.prepare()):
+            raise UnsolvedError("gradient: the linearised equations of a step are singular")
+
+    def solve(
+        self, blocks: BlockVectors, rows: FloatArray, *, transposed: bool = False,
+        guess: FloatArray | None = None,
+    ) -> tuple[FloatArray, BlockVectors]:  # fmt: skip
+        """Solve the linearised equations, or the transposed ones (collective).
+
+        Args:
+            blocks: right-hand sides of the blocks.
+            rows: (r,) of the rows, the same on all ranks that have a row.
+            transposed: True for the transposed equations.
+            guess: a vector to begin with.
+
+        Returns:
+            The solution as a vector, see :meth:`parts`, and the residuals of the blocks.
+
+        Raises:
+            UnsolvedError: the iteration does not converge, with new factors neither.
+        """
+        found = self._iterate(blocks, rows, guess, transposed=transposed)
+        if found is None:
+            shifts = self._frozen.shifts
+            assert shifts is not None
+            self.factor(shifts)
+            self._prepare(shifts)
+            found = self._iterate(blocks, rows, None, transposed=transposed)
+        if found is None:
+            raise UnsolvedError("gradient: the linearised equations of a step could not be solved")
+        return found
+
+    def _iterate(
+        self, blocks: BlockVectors, rows: FloatArray, guess: FloatArray | None, *, transposed: bool
+    ) -> tuple[FloatArray, BlockVectors] | None:
+        """The same with the present factors; None without success."""
+        vectors, act = self._vectors, self._action(transposed=transposed)
+
+        def apply(vector: FloatArray) -> FloatArray:
+            return self._preconditioned(*act(*self.parts(vector)), transposed=transposed)
+
+        first = self._preconditioned(blocks, rows, transposed=transposed)
+        (square,) = vectors.squares(first)
+        solution = first if guess is None else guess
+        goal = self._tolerance * np.sqrt(square)
+        for _ in range(_ROUNDS):
+            moved, changes = act(*self.parts(solution))
+            left = [a - b for a, b in zip(blocks, moved, strict=True)]
+            missed = self._preconditioned(left, rows - changes, transposed=transposed)
+            (square,) = vectors.squares(missed)
+            size = float(np.sqrt(square))
+            if not np.isfinite(size):
+                return None
+            if size <= goal:
+                return solution, left
+            more, _ = minimal_residual(apply, missed, size, vectors.products, goal, _MOST)
+            solution = solution + more
+        return None
+
+    def _action(
+        self, *, transposed: bool
+    ) -> Callable[[BlockVectors, FloatArray], tuple[BlockVectors, FloatArray]]:
+        act = self.tangent.apply_transposed if transposed else self.tangent.apply
+
+        def counted(blocks: BlockVectors, rows: FloatArray) -> tuple[BlockVectors, FloatArray]:
+            self.applications += 1
+            return act(blocks, rows)
+
+        return counted
+
+    def _preconditioned(
+        self, blocks: BlockVectors, rows: FloatArray, *, transposed: bool
+    ) -> FloatArray:
+        """Solve with the frozen operator, forwards or transposed."""
+        for part, values in zip(self._system.parts, blocks, strict=True):
+            part.block.residual[:] = 0.0
+            part.block.owned_residual[:] = values
+        if transposed:
+            return self._vectors.collect(-self._transposed.solve(rows))
+        self._frozen.again(rows)
+        return self._vectors.collect(self._frozen.correction)
+
+    def parts(self, vector: FloatArray) -> tuple[BlockVectors, FloatArray]:
+        """Blocks' parts of a vector, copied, and that of the rows (r,)."""
+        rows = self._vectors.put(vector)
+        return [part.block.owned_step.copy() for part in self._system.parts], rows.copy()

@@ -1,0 +1,128 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Linear maps between variations of the state of nodes over a step.
+
+Variations of configurations are local twists. With the increment n of a step from 0 to 1
+``dq1 = E dq0 + F dn``: on SE(3) ``E = Ad(exp(-n))`` and ``F = T(n)``, on R^3 x SO(3)
+``E = diag(R1^T R0, exp(-n_rot))`` and ``F = diag(R1^T, T(n_rot))`` (Brüls, Cardona, Arnold, Mech.
+Mach. Theory 48 (2012) 121-137; Sonneville, Brüls, Multibody Syst. Dyn. 31 (2014) 47-67). Rates are
+those of the increments; local twists and their rates vary with them and with the configuration by
+``dV = Lv dv + Qv dq`` and ``dW = Lv dw + Nv dv + Qw dq``.
+"""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._types import BoolArray, FloatArray
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.nodes.frame_kernels import step_rates
+from flexfem.lie import se3, so3
+
+__all__ = ["RateMaps", "StepMaps", "applied", "rotations", "transposed"]
+
+
+def rotations(frames: FloatArray) -> FloatArray:
+    """Rotation matrices (n, 3, 3) of frames (n, 12)."""
+    return frames[:, 3:].reshape(-1, 3, 3)
+
+
+def applied(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    """``matrices[i] vectors[i]``, (n, k)."""
+    found: FloatArray = np.einsum("nij,nj->ni", matrices, vectors)
+    return found
+
+
+def transposed(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
+    """``matrices[i]^T vectors[i]``, (n, k)."""
+    found: FloatArray = np.einsum("nji,nj->ni", matrices, vectors)
+    return found
+
+
+@dataclass(frozen=True)
+class StepMaps:
+    """Maps of the owned nodes of a block over a step, (n, w, w) with w unknowns of a node.
+
+    Attributes:
+        before: E, from twists at the step's start to those at its end.
+        by_increment: F, from increments to twists at the end; inverse: its inverse.
+        axes: from twists at the end to those in the axes of the accepted state, which some
+            families rotate with their elements.
+        held: (n, w) unknowns that are fixed, None if there are none.
+    """
+
+    before: FloatArray
+    by_increment: FloatArray
+    inverse: FloatArray
+    axes: FloatArray
+    held: BoolArray | None
+
+    @classmethod
+    def of(cls, block: FrameBlock, accepted: FloatArray) -> "StepMaps":
+        """Maps of the step of a block's trial state.
+
+        Args:
+            block: at the trial state of the step.
+            accepted: (n, 12) frames of the accepted state after it.
+        """
+        own = np.s_[: block.owned]
+        n, start, end = block.increment[own], block.frames0[own], block.frames[own]
+        turn = np.einsum("nji,njk->nik", rotations(accepted[own]), rotations(end))
+        axes = _blocks(turn, turn)
+        if block.inertial:
+            back = np.einsum("nji,njk->nik", rotations(end), rotations(start))
+            before = _blocks(back, so3.exp(-n[:, 3:]))
+            turned = np.ascontiguousarray(rotations(end).transpose(0, 2, 1))
+            by_increment = _blocks(turned, so3.tangent(n[:, 3:]))
+        else:
+            before, by_increment = se3.adjoint(se3.exp(-n)), se3.tangent(n)
+        chosen = np.s_[:, : block.width, : block.width]
+        F = by_increment[chosen]
+        held = None if block.dirichlet is None else block.dirichlet[own]
+        return cls(before[chosen], F, np.linalg.inv(F), axes[chosen], held)
+
+    def hold(self, twists: FloatArray) -> FloatArray:
+        """Local twists without fixed unknowns, in place."""
+        if self.held is not None:
+            twists[self.held] = 0.0
+        return twists
+
+    def hold_rates(self, rates: FloatArray) -> FloatArray:
+        """Rates of increments, or what multiplies them, without those along fixed unknowns."""
+        if self.held is None:
+            return rates
+        return applied(self.inverse, self.hold(applied(self.by_increment, rates)))
+
+
+@dataclass(frozen=True)
+class RateMaps:
+    """Maps of the owned nodes of a block at an accepted state, (n, 6, 6): Lv, Qv, Nv, Qw."""
+
+    by_rate: FloatArray
+    turning: FloatArray
+    by_rate_again: FloatArray
+    turning_again: FloatArray
+
+    @classmethod
+    def of(cls, block: FrameBlock) -> "RateMaps":
+        """Maps at the accepted state, with increments of zero."""
+        own = np.s_[: block.owned]
+        forms = []
+        for rates in ((0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0)):
+            out = np.empty((len(block.frames), 2, 36))
+            step_rates(block.nodes.memory, np.array(rates), block.inertial, out)
+            forms.append(out.reshape(-1, 2, 6, 6)[own])
+        still, moved, sped = forms
+        F = np.tile(np.eye(6), (block.owned, 1, 1))
+        if block.inertial:
+            F[:, :3, :3] = rotations(block.frames[own]).transpose(0, 2, 1)
+        return cls(
+            (moved[:, 0] - still[:, 0]) @ F, still[:, 0], (moved[:, 1] - still[:, 1]) @ F,
+            still[:, 1],
+        )  # fmt: skip
+
+
+def _blocks(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Block-diagonal matrices (n, 6, 6) of two (n, 3, 3) each."""
+    found = np.zeros((len(first), 6, 6))
+    found[:, :3, :3], found[:, 3:, 3:] = first, second
+    return found

@@ -1,0 +1,187 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The motion to be differentiated: accepted states of all steps, and the return to a step's end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.analyses.dynamics import RunOptions
+from flexfem.core.nodes.prediction import Prediction
+from flexfem.core.state import State
+from flexfem.core.status import Status
+from flexfem.gradients.support import check_supported
+from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
+from flexfem.lie import se3, so3
+from flexfem.model.model import Model
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.simulation.run.time_grid import TimeGrid
+from flexfem.solvers.newton.policy import Policy
+from flexfem.system.measure.probes import ProbeRecorder
+from flexfem.system.mechanics import END_POINT
+
+__all__ = ["TOLERANCE", "Motion", "StoppedError"]
+
+#: Largest Newton step at the end of each step of a motion that is differentiated: errors of a
+#: gradient are one to a hundred times as large after a second.
+TOLERANCE = 1e-9
+
+
+class StoppedError(RuntimeError):
+    """The motion could not be computed to its end."""
+
+
+@dataclass(frozen=True)
+class _Record:
+    """Accepted state, copied."""
+
+    state: State
+    time: float
+
+
+class Motion:
+    """A motion with the accepted states of all steps.
+
+    Attributes:
+        simulation: after the last step.
+        recorder: of the columns of the history.
+        columns: names of the columns.
+        times: (steps + 1,) s.
+        values: (steps + 1, columns) of the history, on the first rank; zero on the others.
+        steps: number of steps.
+        laws: coefficients of a step.
+    """
+
+    def __init__(self, model: Model, options: RunOptions, comm: MPI.Intracomm | None) -> None:
+        """Compute the motion (collective).
+
+        Raises:
+            InputError: a mistake in the model, or something in it that has no derivatives.
+            StoppedError: a step failed.
+        """
+        self.options = replace(
+            options, tolerance=min(options.tolerance, TOLERANCE), output=None, quiet=True
+        )
+        check_supported(model, self.options)
+        self.simulation = Simulation(model, self.options, comm)
+        self.system = self.simulation.system
+        self.integrator = GeneralizedAlpha(options.rho_inf)
+        self.integrator.prepare(self.system)
+        check_supported_system(self)
+        grid = TimeGrid.of(options.dt, options.t_end)
+        self.steps, self.h = grid.steps(options.t_end), grid.h
+        self.laws: StepLaws = step_laws(options.rho_inf, self.h)
+        self.recorder = ProbeRecorder(self.system, self.simulation.serial)
+        self.columns = self.recorder.columns
+        self._records: list[_Record] = []
+        self._run(grid)
+
+    @property
+    def policy(self) -> Policy:
+        """Policy of the Newton method, with its factors."""
+        return self.simulation.policy
+
+    def _run(self, grid: TimeGrid) -> None:
+        """Take all steps."""
+        simulation, values = self.simulation, []
+        if simulation.status is not Status.OK:
+            raise StoppedError(f"gradient: the motion did not start: {simulation.status.value}")
+        for step in range(self.steps + 1):
+            if step:
+                status = simulation.advance(grid.rest(simulation.time, step), grid.time(step))
+                if status is not Status.OK or simulation.rejected:
+                    why = status.value if status is not Status.OK else "it was cut"
+                    raise StoppedError(
+                        f"gradient: the step to t = {grid.time(step):.6g} s failed ({why}); take "
+                        "smaller steps"
+                    )
+            self._records.append(_Record(_copied(self.system.state()), simulation.time))
+            self.recorder.record(simulation.time)
+            values += [row for _, row in self.recorder.flush()]
+        self.times = np.array([one.time for one in self._records])
+        self.values = np.zeros((self.steps + 1, len(self.columns)))
+        if self.system.comm.rank == 0:
+            self.values[:] = values
+
+    def go_to(self, step: int) -> None:
+        """Return to the accepted state after a step (collective)."""
+        self.system.restore(self._records[step].state)
+
+    def go_to_end(self, step: int) -> None:
+        """Return to the trial state at the end of a step (collective)."""
+        system, laws = self.system, self.laws
+        self.go_to(step - 1)
+        system.set_time(self._records[step].time)
+        system.predict(laws.predict[Prediction.REST], laws.rates)
+        for part in system.parts:
+            block = part.block
+            block.increment[:] = _increments(
+                block.frames0, self.frames(step, block.name), inertial=block.inertial
+            )
+            block.step[:] = 0.0
+            block.correct(1.0)
+        rows = system.constraints
+        rows.multipliers[:] = laws.shifts.scale * self.rows(step)["forces"]
+        system.interface.update()
+
+    def frames(self, step: int, block: str) -> FloatArray:
+        """Frames (n, 12) of a block at the accepted state after a step."""
+        return self._records[step].state.rows[block]["frames"]
+
+    def rows(self, step: int) -> Mapping[str, FloatArray]:
+        """Arrays of the rows at the accepted state after a step."""
+        return self._records[step].state.rows["rows"]
+
+    def state(self, step: int) -> State:
+        """The accepted state after a step."""
+        return self._records[step].state
+
+    def residual(self) -> float:
+        """Largest entry of the equations of blocks at the trial state, scaled (collective)."""
+        END_POINT.evaluate(self.system, self.laws.shifts)
+        own = [np.abs(p.block.owned_residual).max(initial=0.0) for p in self.system.parts]
+        return self.system.comm.allreduce(float(max(own)), op=MPI.MAX)
+
+
+def check_supported_system(motion: Motion) -> None:
+    """Raise for what the built system has and cannot be differentiated (collective)."""
+    system, rows = motion.system, motion.system.constraints
+    comm = system.comm
+    found = {
+        "sliders on lines": bool(rows.lines.joints),
+        "force elements": bool(rows.elements.groups),
+        "friction": bool(len(rows.coupled)),
+        "stops and other unilateral forces": bool(rows.unilateral.any()) or rows.split,
+        "redundant constraints": rows.relaxation != 0.0,
+        "internal variables of elements": system.remembering,
+        "initial strains that change with time": system.timed,
+        "dampers of modes": system.modal_dampers is not None,
+        "contacts": bool(system.contacts),
+    }
+    for name, present in found.items():
+        if comm.allreduce(present, op=MPI.LOR):
+            raise InputError(f"gradient: {name} have no derivatives yet; leave them out")
+
+
+def _copied(state: State) -> State:
+    rows = {
+        group: {name: values.copy() for name, values in arrays.items()}
+        for group, arrays in state.rows.items()
+    }
+    return State({name: values.copy() for name, values in state.values.items()}, rows)
+
+
+def _increments(start: FloatArray, end: FloatArray, *, inertial: bool) -> FloatArray:
+    """Increments (n, 6) between frames (n, 12)."""
+    if not inertial:
+        return se3.log(se3.compose(se3.inverse(start), end))
+    turns = np.einsum(
+        "nji,njk->nik", start[:, 3:].reshape(-1, 3, 3), end[:, 3:].reshape(-1, 3, 3)
+    )
+    return np.concatenate([end[:, :3] - start[:, :3], so3.log(turns)], axis=1)
