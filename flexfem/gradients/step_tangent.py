@@ -172,7 +172,9 @@ def _entries(part: BlockPart) -> _Entries:
 def _places(i: IntArray, j: IntArray, width: int) -> tuple[IntArray, IntArray]:
     """Rows and columns of dense blocks of nodes (m, k) with nodes (m, l), see ``block_indices``."""
     sides = [
-        (width * nodes[..., np.newaxis] + np.arange(width)).reshape(len(nodes), -1)
+        (width * nodes[..., np.newaxis] + np.arange(width)).reshape(
+            len(nodes), width * nodes.shape[1]
+        )
         for nodes in (i.astype(np.int64), j.astype(np.int64))
     ]
     rows = np.repeat(sides[0], sides[1].shape[1], axis=1).ravel()

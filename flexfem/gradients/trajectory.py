@@ -13,9 +13,11 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
+from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
+from flexfem.gradients.node_maps import rotations
 from flexfem.gradients.support import check_supported
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.lie import se3, so3
@@ -121,9 +123,7 @@ class Motion:
         system.predict(laws.predict[Prediction.REST], laws.rates)
         for part in system.parts:
             block = part.block
-            block.increment[:] = _increments(
-                block.frames0, self.frames(step, block.name), inertial=block.inertial
-            )
+            block.increment[:] = _increments(block, self.frames(step, block.name))
             block.step[:] = 0.0
             block.correct(1.0)
         rows = system.constraints
@@ -177,11 +177,13 @@ def _copied(state: State) -> State:
     return State({name: values.copy() for name, values in state.values.items()}, rows)
 
 
-def _increments(start: FloatArray, end: FloatArray, *, inertial: bool) -> FloatArray:
-    """Increments (n, 6) between frames (n, 12)."""
-    if not inertial:
+def _increments(block: FrameBlock, end: FloatArray) -> FloatArray:
+    """Increments (n, 6) of a block from its accepted frames to the next ones (n, 12)."""
+    start = block.frames0
+    if not block.inertial:
         return se3.log(se3.compose(se3.inverse(start), end))
-    turns = np.einsum(
-        "nji,njk->nik", start[:, 3:].reshape(-1, 3, 3), end[:, 3:].reshape(-1, 3, 3)
-    )
-    return np.concatenate([end[:, :3] - start[:, :3], so3.log(turns)], axis=1)
+    found = np.zeros((len(end), 6))
+    found[:, :3] = end[:, :3] - start[:, :3]
+    if block.width == 6:  # else the axes are rotated between steps only
+        found[:, 3:] = so3.log(np.einsum("nji,njk->nik", rotations(start), rotations(end)))
+    return found
