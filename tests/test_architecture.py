@@ -51,6 +51,7 @@ LAYERS = [
     {"solvers", "io", "robots", "inspection"},
     {"integrators"},
     {"simulation"},
+    {"gradients"},
     {"research"},
     {"case"},
     {"studies"},

@@ -28,7 +28,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.gradients.linearized import LinearizedStep
 from flexfem.gradients.node_maps import RateMaps, StepMaps, applied, transposed
 from flexfem.gradients.step_tangent import ACCELERATIONS, POSITIONS, VELOCITIES, BlockVectors
@@ -84,7 +84,7 @@ class NodeSeeds:
             velocities and by their rates.
     """
 
-    nodes: FloatArray
+    nodes: IntArray
     twists: FloatArray
     velocities: FloatArray
     accelerations: FloatArray

@@ -14,7 +14,7 @@ from dataclasses import replace
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Ground
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.adjoint import NodeSeeds
@@ -81,9 +81,7 @@ class ColumnDerivatives:
         every = [m for p in model.probes for m in p.markers]
         if len(every) != len(markers):
             raise InputError("gradient: a probe other than Probe has markers; leave it out")
-        return {
-            k for k, m in enumerate(markers) if k not in at_nodes and not isinstance(m, Ground)
-        }
+        return {k for k, m in enumerate(markers) if k not in at_nodes and not isinstance(m, Ground)}
 
     def seeds(self, step: int, weights: FloatArray) -> list[NodeSeeds]:
         """Derivatives of ``weights @ columns`` by nodes, at the accepted state (collective).
@@ -139,7 +137,7 @@ def _moved(state: MarkerState, k: int, by: float) -> MarkerState:
 
 
 def _of_nodes(
-    block: FrameBlock, nodes: FloatArray, offsets: FloatArray, found: FloatArray
+    block: FrameBlock, nodes: IntArray, offsets: FloatArray, found: FloatArray
 ) -> NodeSeeds:
     """From derivatives by markers (k, 18), inertial axes, to those by their nodes, local axes."""
     R, o = rotations(block.frames[nodes]), offsets[:, :3]

@@ -324,9 +324,7 @@ def _values_of(
     return found
 
 
-def _weights(
-    motion: Motion, functionals: Sequence[Functional], names: Sequence[str]
-) -> FloatArray:
+def _weights(motion: Motion, functionals: Sequence[Functional], names: Sequence[str]) -> FloatArray:
     """Derivatives (functionals, columns, rows) by the history, on all ranks (collective)."""
     found = np.zeros((len(functionals), len(names), motion.steps + 1))
     if motion.system.comm.rank == 0:

@@ -107,11 +107,11 @@ class RateMaps:
         """Maps at the accepted state, with increments of zero."""
         own = np.s_[: block.owned]
         forms = []
-        for rates in ((0.0, 0.0, 1.0), (1.0, 0.0, 1.0), (0.0, 1.0, 1.0)):
+        for rates in ((0.0, 0.0, 1.0), (1.0, 0.0, 1.0)):
             out = np.empty((len(block.frames), 2, 36))
             step_rates(block.nodes.memory, np.array(rates), block.inertial, out)
             forms.append(out.reshape(-1, 2, 6, 6)[own])
-        still, moved, sped = forms
+        still, moved = forms
         F = np.tile(np.eye(6), (block.owned, 1, 1))
         if block.inertial:
             F[:, :3, :3] = rotations(block.frames[own]).transpose(0, 2, 1)

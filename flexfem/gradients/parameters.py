@@ -236,15 +236,18 @@ def _changed(thing: Any, steps: list[str | int], value: float, path: str) -> Any
     step, *rest = steps
     if isinstance(step, int):
         if isinstance(thing, np.ndarray) and thing.dtype.kind == "f":
-            indices = (step, *rest)
-            copy = thing.copy()
-            copy[indices] = value
+            copy: FloatArray = thing.copy()
+            copy[tuple(int(index) for index in steps)] = value
             return copy
         parts = list(thing)
         parts[step] = _changed(parts[step], rest, value, path)
         return tuple(parts)
-    if not is_dataclass(thing) or step not in {one.name for one in fields(thing) if one.init}:
-        raise ValueError(f'gradient: "{path}": {type(thing).__name__} has no field {step} to change')
+    if (
+        isinstance(thing, type)
+        or not is_dataclass(thing)
+        or step not in {one.name for one in fields(thing) if one.init}
+    ):
+        raise ValueError(f'gradient: "{path}": {type(thing).__name__} has no field {step}')
     try:
         return replace(thing, **{step: _changed(getattr(thing, step), rest, value, path)})
     except (TypeError, ValueError) as error:

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.action_kernels import subtract_forces
 from flexfem.gradients.kernels import add_products, add_transposed_products
 from flexfem.solvers.linear.tangent import part_values
@@ -169,7 +169,9 @@ def _entries(part: BlockPart) -> _Entries:
     return _Entries(rows, columns, np.zeros((3, len(rows))))
 
 
-def _places(i: IntArray, j: IntArray, width: int) -> tuple[IntArray, IntArray]:
+def _places(
+    i: IndexArray | IntArray, j: IndexArray | IntArray, width: int
+) -> tuple[IntArray, IntArray]:
     """Rows and columns of dense blocks of nodes (m, k) with nodes (m, l), see ``block_indices``."""
     sides = [
         (width * nodes[..., np.newaxis] + np.arange(width)).reshape(

@@ -146,7 +146,8 @@ class Motion:
         """Largest entry of the equations of blocks at the trial state, scaled (collective)."""
         END_POINT.evaluate(self.system, self.laws.shifts)
         own = [np.abs(p.block.owned_residual).max(initial=0.0) for p in self.system.parts]
-        return self.system.comm.allreduce(float(max(own)), op=MPI.MAX)
+        largest: float = self.system.comm.allreduce(float(max(own)), op=MPI.MAX)
+        return largest
 
 
 def check_supported_system(motion: Motion) -> None:
