@@ -39,7 +39,7 @@ class ColumnDerivatives:
         """Find the probes of the columns.
 
         Raises:
-            InputError: there is no such column, or it is not a function of markers at nodes.
+            InputError: one is not a function of markers at nodes.
         """
         self._motion, self._columns = motion, list(columns)
         model = motion.simulation.serial.model
@@ -62,20 +62,13 @@ class ColumnDerivatives:
                 if own:
                     self._probes.append((probe, at, own))
                 at += len(probe.markers)
-        known = {name for probe in model.probes for name in probe.columns}
-        for name in columns:
-            if name not in known:
-                raise InputError(
-                    f'gradient: there is no column "{name}"; the history has '
-                    f"{', '.join(motion.columns) or 'none'}"
-                )
         self._count = at
 
     def _inside(self) -> set[int]:
         """Places of markers that are neither at nodes nor on the ground, on any rank."""
         comm = self._motion.system.comm
-        own = [places.tolist() for *_, places in self._motion.recorder.sources]
-        at_nodes = {k for part in comm.allgather(sum(own, [])) for k in part}
+        own = [k for *_, places in self._motion.recorder.sources for k in places.tolist()]
+        at_nodes = {k for part in comm.allgather(own) for k in part}
         model = self._motion.simulation.serial.model
         markers = [m for p in model.probes if isinstance(p, Probe) for m in p.markers]
         every = [m for p in model.probes for m in p.markers]

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
 from mpi4py import MPI
@@ -24,6 +24,7 @@ from flexfem.lie import se3, so3
 from flexfem.model.model import Model
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.simulation.run.time_grid import TimeGrid
+from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.newton.policy import Policy
 from flexfem.system.measure.probes import ProbeRecorder
 from flexfem.system.mechanics import END_POINT
@@ -89,6 +90,11 @@ class Motion:
         """Policy of the Newton method, with its factors."""
         return self.simulation.policy
 
+    @property
+    def tangent(self) -> TangentSolver:
+        """Solver of the exact matrix."""
+        return self.simulation.tangent
+
     def _run(self, grid: TimeGrid) -> None:
         """Take all steps."""
         simulation, values = self.simulation, []
@@ -129,6 +135,30 @@ class Motion:
         rows = system.constraints
         rows.multipliers[:] = laws.shifts.scale * self.rows(step)["forces"]
         system.interface.update()
+
+    def history(self) -> dict[str, FloatArray]:
+        """Columns by name, on the first rank; the others have none."""
+        if self.system.comm.rank:
+            return {}
+        return {"t": self.times, **dict(zip(self.columns, self.values.T, strict=True))}
+
+    def on_all_ranks[Value](self, value: Value) -> Value:
+        """The first rank's value (collective)."""
+        found: Value = self.system.comm.bcast(value)
+        return found
+
+    def check_columns(self, names: Iterable[str]) -> None:
+        """Check the names of columns.
+
+        Raises:
+            InputError: there is no such column.
+        """
+        for name in names:
+            if name not in self.columns:
+                raise InputError(
+                    f'gradient: there is no column "{name}"; the history has '
+                    f"{', '.join(self.columns) or 'none'}"
+                )
 
     def frames(self, step: int, block: str) -> FloatArray:
         """Frames (n, 12) of a block at the accepted state after a step."""

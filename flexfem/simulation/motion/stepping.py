@@ -160,6 +160,11 @@ class Simulation:
         return self._policy
 
     @property
+    def tangent(self) -> TangentSolver:
+        """Solver of the exact matrix."""
+        return self._tangent
+
+    @property
     def turn_limit(self) -> float:
         """See :attr:`flexfem.integrators.integrator.Integrator.turn_limit`."""
         return self._integrator.turn_limit

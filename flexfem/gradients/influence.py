@@ -1,0 +1,497 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What the start of a motion and its equations depend on parameters.
+
+Both are differentiated by central differences between two models that differ in one parameter: at a
+fixed state, one step after the other, not between two motions. What is linear in a parameter is
+exact.
+
+An array of parameters that act on elements each, as the sections of a beam do, takes a few models
+for all of them. Parameters with numbers that are equal modulo a small one are changed together, so
+that each equation changes by one of them alone: which one, is known from models in which those are
+changed whose number has a certain binary digit (the sparsity of Curtis, Powell, Reid, J. Inst.
+Math. Appl. 13 (1974) 117-119, found by group tests). Where that is not so, each number has models
+of its own.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Protocol
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.status import Status
+from flexfem.gradients.adjoint import CARRIED, Carried
+from flexfem.gradients.node_maps import RateMaps, applied, rotations
+from flexfem.gradients.parameters import Build, Values, plain
+from flexfem.gradients.step_tangent import BlockVectors
+from flexfem.gradients.trajectory import Motion, StoppedError
+from flexfem.lie import se3, so3
+from flexfem.model.model import Model
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.simulation.run.setup import set_up
+from flexfem.system.mechanics import END_POINT
+from flexfem.system.system import MASS, Shifts, System
+
+__all__ = ["Factors", "Influence", "NumberInfluence", "influence_of"]
+
+#: Difference of a parameter, relative to it, or itself for one that is zero.
+_STEP = 1e-5
+#: Largest number of groups of an array's parameters.
+_GROUPS = 4
+#: Part of the largest change of an equation below which it does not depend on a parameter, and
+#: deviation of changes from equal ones.
+_NOTHING, _ALIKE = 1e-12, 1e-3
+#: Largest change of positions and velocities of a start that is the same, m and so on.
+_SAME_START = 1e-13
+#: Second differences over first ones, and first ones over rounding, from which on the equations
+#: are no smooth functions of a parameter.
+_ROUGH, _SEEN = 0.1, 1e3
+
+#: Factors of the equations of blocks and of rows (r,).
+Factors = tuple[BlockVectors, FloatArray]
+
+
+class Influence(Protocol):
+    """What a parameter, or an array of them, changes.
+
+    Attributes:
+        count: number of parameters.
+    """
+
+    count: int
+
+    def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
+        """This rank's part of factors times derivatives of the equations at a step's end.
+
+        The system of the motion is at the step's trial state (collective).
+
+        Returns:
+            (factors, count).
+        """
+        ...
+
+    def start_products(self, carried: Sequence[Sequence[Carried]]) -> FloatArray:
+        """The same of sums for each block times derivatives of the start.
+
+        The system of the motion is at its start (collective).
+        """
+        ...
+
+
+class NumberInfluence:
+    """What one number changes: two models.
+
+    Attributes:
+        start: derivatives of the start, for each block.
+    """
+
+    count = 1
+
+    def __init__(
+        self, motion: Motion, build: Build, values: Values, name: str, entry: int | None = None
+    ) -> None:
+        """Build both models (collective).
+
+        Args:
+            motion: the motion.
+            build: a model of all values.
+            values: of all parameters.
+            name: of this one.
+            entry: number of the entry of an array.
+
+        Raises:
+            InputError: the model does not exist at one of the values, or has another layout there.
+            StoppedError: it does not start there.
+        """
+        self._motion, self._name = motion, name if entry is None else f"{name}[{entry}]"
+        value = float(values[name] if entry is None else values[name][entry])
+        self._step = _STEP * abs(value) if value else _STEP
+        self._pair = []
+        for sign in (1.0, -1.0):
+            moved: FloatArray = np.array(values[name])
+            moved[() if entry is None else entry] = value + sign * self._step
+            one = Simulation(
+                build(**plain({**values, name: moved})), motion.options, motion.system.comm
+            )
+            if one.status is not Status.OK:
+                raise StoppedError(f'gradient: the motion with another "{name}" does not start')
+            _check_layout(motion.system, one.system, name)
+            self._pair.append(one.system)
+        self.start = self._start()  # later the models are at other states
+        self._checked = False
+
+    def _start(self) -> list[Carried]:
+        found = []
+        for k, part in enumerate(self._motion.system.parts):
+            first = self._motion.state(0).rows[part.block.name]
+            pair = [one.parts[k].block.state() for one in self._pair]
+            own = np.s_[: part.block.owned, : part.block.width]
+            moved = [
+                _twists(first["frames"], state["frames"], inertial=part.block.inertial)
+                for state in pair
+            ]
+            rates = [
+                (pair[0][name] - pair[1][name])[own] / (2.0 * self._step)
+                for name in ("velocity", "auxiliary", "acceleration")
+            ]
+            found.append(Carried((moved[0] - moved[1])[own] / (2.0 * self._step), *rates))
+        return found
+
+    def equations(self, step: int) -> Factors:
+        """Derivatives of the equations of blocks and rows at the end of a step (collective).
+
+        Args:
+            step: number of the step, at whose trial state the system of the motion is.
+
+        Raises:
+            InputError: they are no smooth functions of the parameter.
+        """
+        first, second = (_evaluated(self._motion, one, step) for one in self._pair)
+        if not self._checked:
+            self._check_smooth(first[0], second[0])
+        blocks = [
+            part.block.hold(a - b) / (2.0 * self._step)
+            for part, a, b in zip(self._motion.system.parts, first[0], second[0], strict=True)
+        ]
+        return blocks, (first[1] - second[1]) / (2.0 * self._step)
+
+    def _check_smooth(self, first: BlockVectors, second: BlockVectors) -> None:
+        """Refuse equations that jump with the parameter, as those with other modes (collective)."""
+        self._checked = True
+        still = [part.block.owned_residual for part in self._motion.system.parts]
+        squares = np.zeros(3)
+        for a, b, c in zip(first, second, still, strict=True):
+            squares += ((a + b - 2.0 * c) ** 2).sum(), ((a - b) ** 2).sum(), (c**2).sum()
+        self._motion.system.comm.Allreduce(MPI.IN_PLACE, squares)
+        bent, moved, left = np.sqrt(squares)
+        if bent > _ROUGH * moved and bent > _SEEN * left:
+            raise InputError(
+                f'gradient: the equations jump where "{self._name}" changes by {self._step:.2g}, '
+                "and have no derivative"
+            )
+
+    def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
+        """See :class:`Influence`."""
+        blocks, rows = self.equations(step)
+        owned = self._motion.system.constraints.owned
+        return np.array(
+            [
+                [
+                    sum(float((a * b).sum()) for a, b in zip(z, blocks, strict=True))
+                    + float(mu @ (owned * rows))
+                ]
+                for z, mu in factors
+            ]
+        )
+
+    def start_products(self, carried: Sequence[Sequence[Carried]]) -> FloatArray:
+        """See :class:`Influence`."""
+        return np.array(
+            [
+                [
+                    sum(
+                        float((getattr(a, part) * getattr(b, part)).sum())
+                        for a, b in zip(own, self.start, strict=True)
+                        for part in CARRIED
+                    )
+                ]
+                for own in carried
+            ]
+        )
+
+
+class SeparateInfluence:
+    """An array of parameters each of which has models of its own."""
+
+    def __init__(self, motion: Motion, build: Build, values: Values, name: str) -> None:
+        """Build all models (collective)."""
+        self.count = len(values[name])
+        self._every = [NumberInfluence(motion, build, values, name, k) for k in range(self.count)]
+
+    def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
+        """See :class:`Influence`."""
+        return np.hstack([one.products(step, factors) for one in self._every])
+
+    def start_products(self, carried: Sequence[Sequence[Carried]]) -> FloatArray:
+        """See :class:`Influence`."""
+        return np.hstack([one.start_products(carried) for one in self._every])
+
+
+@dataclass
+class _Group:
+    """Parameters that are changed together.
+
+    Attributes:
+        pair: systems with more and with less of them.
+        owners: for each block, (n_owned,) number of the parameter that each node depends on, -1
+            for none.
+    """
+
+    pair: list[System]
+    owners: list[IntArray]
+
+
+class ElementInfluence:
+    """An array of parameters that act on some elements each: a few models for all of them."""
+
+    def __init__(
+        self, motion: Motion, build: Build, values: Values, name: str, groups: Sequence[_Group]
+    ) -> None:
+        """Store the groups, see :func:`_grouped`."""
+        self._motion, self._groups = motion, groups
+        self.count = len(values[name])
+        self._steps = _steps(values[name])
+
+    def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
+        """See :class:`Influence`."""
+        found = np.zeros((len(factors), self.count))
+        for group in self._groups:
+            first, second = (_evaluated(self._motion, one, step)[0] for one in group.pair)
+            self._add(group, first, second, ([z for z, _ in factors], found))
+        return found
+
+    def start_products(self, carried: Sequence[Sequence[Carried]]) -> FloatArray:
+        """See :class:`Influence`.
+
+        Parameters of elements change the accelerations of the start alone, which satisfy
+        ``M W + f = 0`` on the constraints: the factors of these equations take one solve with the
+        mass matrix.
+        """
+        motion, system = self._motion, self._motion.system
+        found, every = np.zeros((len(carried), self.count)), []
+        for own in carried:
+            motion.tangent.assemble(MASS)
+            motion.tangent.factor()
+            right = [
+                part.block.hold(
+                    applied(_lv(part.block.width, RateMaps.of(part.block)), one.a + one.w)
+                )
+                for part, one in zip(system.parts, own, strict=True)
+            ]
+            motion.tangent.solve(right, np.zeros(system.constraints.size))
+            every.append([-part.block.owned_step for part in system.parts])
+        for group in self._groups:
+            first, second = (_evaluated(motion, one, 0)[0] for one in group.pair)
+            self._add(group, first, second, (every, found))
+        return found
+
+    def _add(
+        self, group: _Group, first: BlockVectors, second: BlockVectors,
+        into: tuple[Sequence[BlockVectors], FloatArray],
+    ) -> None:  # fmt: skip
+        """Add factors times differences of equations, by parameter."""
+        for owners, a, b, k in zip(group.owners, first, second, range(len(first)), strict=True):
+            held = owners >= 0
+            index = owners[held]
+            change = (a - b)[held] / (2.0 * self._steps[index])[:, np.newaxis]
+            for z, out in zip(into[0], into[1], strict=True):
+                own = (z[k][held] * change).sum(axis=1)
+                out[:] += np.bincount(index, own, minlength=self.count)
+
+
+def influence_of(motion: Motion, build: Build, values: Values, name: str) -> Influence:
+    """What a parameter, or an array of them, changes (collective)."""
+    if values[name].ndim == 0:
+        return NumberInfluence(motion, build, values, name)
+    if len(values[name]) > _GROUPS and not motion.system.viscous():
+        for count in range(1, _GROUPS):
+            groups = _grouped(motion, build, values, (name, count))
+            if groups is not None:
+                return ElementInfluence(motion, build, values, name, groups)
+    return SeparateInfluence(motion, build, values, name)
+
+
+def _steps(values: FloatArray) -> FloatArray:
+    """Differences (n,) of an array of parameters."""
+    return np.where(values == 0.0, _STEP, _STEP * np.abs(values))
+
+
+def _check_layout(system: System, other: System, name: str) -> None:
+    """Raise unless blocks and rows of another model are those of the motion's (collective)."""
+    same = len(other.parts) == len(system.parts)
+    same = same and other.constraints.size == system.constraints.size
+    same = same and all(
+        np.array_equal(a.block.node_ids, b.block.node_ids) and a.block.width == b.block.width
+        for a, b in zip(other.parts, system.parts, strict=True)
+    )
+    if not system.comm.allreduce(same, op=MPI.LAND):
+        raise InputError(
+            f'gradient: "{name}" changes the number of nodes or joints, and has no derivative'
+        )
+
+
+def _evaluated(motion: Motion, system: System, step: int) -> Factors:
+    """Residuals of another model at the trial state of the motion, after a step, or at the start.
+
+    Those of the start are not scaled (collective).
+    """
+    system.restore(motion.state(max(step - 1, 0)))
+    system.set_time(motion.times[step])
+    _copy_state(motion.system, system)
+    END_POINT.evaluate(system, motion.laws.shifts if step else _UNSCALED)
+    return [part.block.owned_residual.copy() for part in system.parts], (
+        system.constraints.values.copy()
+    )
+
+
+#: Equations without scale.
+_UNSCALED = Shifts(velocity=0.0, acceleration=0.0, scale=1.0)
+
+
+def _copy_state(source: System, target: System) -> None:
+    """Copy a trial state to another model."""
+    for part, other in zip(source.parts, target.parts, strict=True):
+        trial = other.block.trial()
+        for name, values in part.block.trial().items():
+            trial[name][:] = values
+    target.constraints.multipliers[:] = source.constraints.multipliers
+
+
+def _twists(frames: FloatArray, moved: FloatArray, *, inertial: bool) -> FloatArray:
+    """Local twists (n, 6) from frames to others (n, 12)."""
+    if not inertial:
+        return se3.log(se3.compose(se3.inverse(frames), moved))
+    R = rotations(frames)
+    turns = np.einsum("nji,njk->nik", R, rotations(moved))
+    way = np.einsum("nji,nj->ni", R, moved[:, :3] - frames[:, :3])
+    return np.concatenate([way, so3.log(turns)], axis=1)
+
+
+class _Builder:
+    """Systems of models with changed entries of one array of parameters."""
+
+    def __init__(self, motion: Motion, build: Build, values: Values, name: str) -> None:
+        self._motion, self._build, self._values, self._name = motion, build, values, name
+
+    def _model(self, chosen: BoolArray, sign: float) -> Model:
+        """The model with some entries changed by their differences."""
+        given = self._values[self._name]
+        moved = given + sign * np.where(chosen, _steps(given), 0.0)
+        return self._build(**plain({**self._values, self._name: moved}))
+
+    def system(self, chosen: BoolArray) -> System:
+        """Its system (collective)."""
+        options, comm = self._motion.options, self._motion.system.comm
+        _, system = set_up(
+            self._model(chosen, 1.0), comm, options.split_above, kernels=options.kernels,
+            moving=True,
+        )  # fmt: skip
+        _check_layout(self._motion.system, system, self._name)
+        return system
+
+    def started(self, chosen: BoolArray, sign: float) -> System | None:
+        """Its system, None if positions or velocities at the start differ (collective)."""
+        motion = self._motion
+        one = Simulation(self._model(chosen, sign), motion.options, motion.system.comm).system
+        _check_layout(motion.system, one, self._name)
+        state, worst = motion.state(0), 0.0
+        for part in one.parts:
+            for name in ("frames", "velocity"):
+                change = part.block.state()[name] - state.rows[part.block.name][name]
+                worst = max(worst, float(np.abs(change).max(initial=0.0)))
+        return one if one.comm.allreduce(worst, op=MPI.MAX) < _SAME_START else None
+
+
+def _grouped(
+    motion: Motion, build: Build, values: Values, which: tuple[str, int]
+) -> list[_Group] | None:
+    """Groups of the entries of an array, whose numbers are equal modulo a count (collective).
+
+    None if an equation depends on two of a group, or rows depend on any, or the start does.
+    """
+    name, count = which
+    builder = _Builder(motion, build, values, name)
+    numbers = np.arange(len(values[name]))
+    motion.go_to(0)
+    _disturb(motion)
+    still, rows = _at_trial(motion.system)
+    found = []
+    for first in range(count):
+        own = numbers % count == first
+        pair = [one for sign in (1.0, -1.0) if (one := builder.started(own, sign)) is not None]
+        if len(pair) < 2:
+            return None
+        whole = _changes(motion.system, pair[0], (still, rows))
+        digits = []
+        for digit in range(max(int(numbers[-1]), 1).bit_length()):
+            part = own & ((numbers >> digit) & 1 == 1)
+            digits.append(_changes(motion.system, builder.system(part), (still, rows)))
+        owners = None if whole is None else _owners(motion.system, whole, digits)
+        if owners is None:
+            return None
+        found.append(_Group(pair, owners))
+    return found
+
+
+def _disturb(motion: Motion) -> None:
+    """Move the trial state at random, so that all forces change."""
+    system = motion.system
+    random = np.random.default_rng(1)
+    for part in system.parts:
+        block = part.block
+        # the same on all ranks
+        noise = random.standard_normal((block.size_global, 3, 6))[block.global_ids]
+        block.step[:] = 1e-3 * noise[:, 0]
+        if block.dirichlet is not None:
+            block.step[:, : block.width][block.dirichlet] = 0.0
+        block.correct(1.0)
+        block.velocity[:] = noise[:, 1]
+        block.acceleration[:] = noise[:, 2]
+    system.interface.update()
+
+
+def _at_trial(system: System) -> Factors:
+    END_POINT.evaluate(system, _UNSCALED)
+    return [part.block.owned_residual.copy() for part in system.parts], (
+        system.constraints.values.copy()
+    )
+
+
+def _changes(source: System, system: System, still: Factors) -> BlockVectors | None:
+    """Changes of the equations of blocks in another model; None if rows change (collective)."""
+    system.set_time(source.time)
+    _copy_state(source, system)
+    blocks, rows = _at_trial(system)
+    changed = float(np.abs(rows - still[1]).max(initial=0.0))
+    if source.comm.allreduce(changed, op=MPI.MAX) != 0.0:
+        return None
+    return [a - b for a, b in zip(blocks, still[0], strict=True)]
+
+
+def _owners(
+    system: System, whole: BlockVectors, digits: Sequence[BlockVectors | None]
+) -> list[IntArray] | None:
+    """For each block, (n_owned,) number of the parameter of each node, -1 for none.
+
+    None if a node depends on two of them (collective).
+    """
+    largest = max((float(np.abs(change).max(initial=0.0)) for change in whole), default=0.0)
+    largest = system.comm.allreduce(largest, op=MPI.MAX)
+    found, clear = [], True
+    for k, change in enumerate(whole):
+        square = (change**2).sum(axis=1)
+        seen = np.sqrt(square) > _NOTHING * largest
+        owner = np.where(seen, 0, -1)
+        for digit, part in enumerate(digits):
+            if part is None:
+                return None
+            share = np.divide((part[k] * change).sum(axis=1), square, where=seen, out=0.0 * square)
+            one = np.abs(share - 1.0) < _ALIKE
+            rest = np.sqrt(
+                ((part[k] - np.where(one, 1.0, 0.0)[:, np.newaxis] * change) ** 2).sum(1)
+            )
+            clear = clear and bool((rest <= _ALIKE * np.sqrt(square) + _NOTHING * largest).all())
+            owner[seen & one] += 1 << digit
+        found.append(owner.astype(np.int64))
+    return found if system.comm.allreduce(clear, op=MPI.LAND) else None
+
+
+def _lv(width: int, maps: RateMaps) -> FloatArray:
+    """Maps (n, w, w) from rates of increments to those of local twists."""
+    return maps.by_rate[:, :width, :width]

@@ -1,0 +1,127 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The adjoint of a motion from its end to its start, and the tangent from its start to its end."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.gradients.adjoint import CARRIED, Adjoint, Carried, Tangent, maps_of
+from flexfem.gradients.columns import ColumnDerivatives
+from flexfem.gradients.functionals import Functional
+from flexfem.gradients.influence import Influence, NumberInfluence
+from flexfem.gradients.linearized import LinearizedStep
+from flexfem.gradients.trajectory import Motion
+
+__all__ = ["backward", "forward"]
+
+
+def backward(
+    motion: Motion, linear: LinearizedStep, functionals: Sequence[Functional],
+    influences: Mapping[str, Influence],
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Derivatives of functionals by all parameters (collective).
+
+    Returns:
+        (functionals, parameters), and the growth (functionals,) of their adjoints: the largest of
+        any step over that of the last one.
+    """
+    names = sorted({name for one in functionals for name in one.columns})
+    columns = ColumnDerivatives(motion, names)
+    weights = _weights(motion, functionals, names)
+    adjoints = [Adjoint(motion) for _ in functionals]
+    total = sum(one.count for one in influences.values())
+    sums, sizes = (
+        np.zeros((len(functionals), total)),
+        np.zeros((len(functionals), motion.steps + 1)),
+    )
+
+    def seed(step: int) -> None:
+        motion.go_to(step)
+        for adjoint, own in zip(adjoints, weights, strict=True):
+            if own[:, step].any():
+                adjoint.add(columns.seeds(step, own[:, step]))
+
+    seed(motion.steps)
+    for step in range(motion.steps, 0, -1):
+        motion.go_to_end(step)
+        linear.take(motion.laws.shifts)
+        maps = maps_of(motion, step)
+        for k, adjoint in enumerate(adjoints):
+            adjoint.step(linear, maps)
+            sizes[k, step] = sum(float((z**2).sum()) for z in adjoint.z)
+        factors = [(one.z, one.mu) for one in adjoints]
+        sums -= np.hstack([one.products(step, factors) for one in influences.values()])
+        seed(step - 1)
+    carried = [one.carried for one in adjoints]
+    sums += np.hstack([one.start_products(carried) for one in influences.values()])
+    for values in (sums, sizes):
+        motion.system.comm.Allreduce(MPI.IN_PLACE, values)
+    return sums, np.array([_growth(row) for row in sizes])
+
+
+def forward(
+    motion: Motion, linear: LinearizedStep, columns: Sequence[str],
+    along: Mapping[str, tuple[NumberInfluence, float]],
+) -> FloatArray:  # fmt: skip
+    """Derivatives (steps + 1, columns) of columns along a direction of parameters (collective).
+
+    Args:
+        motion: the motion.
+        linear: its linearised equations.
+        columns: names.
+        along: what each parameter changes, and the change of it.
+    """
+    derivatives = ColumnDerivatives(motion, columns)
+    start = [Carried.nothing(part.block.owned_step.shape) for part in motion.system.parts]
+    for influence, factor in along.values():
+        for total, own in zip(start, influence.start, strict=True):
+            for name in CARRIED:
+                getattr(total, name)[:] += factor * getattr(own, name)
+    tangent = Tangent(motion, start)
+    found = np.zeros((motion.steps + 1, len(columns)))
+    for step in range(motion.steps + 1):
+        if step:
+            motion.go_to_end(step)
+            linear.take(motion.laws.shifts)
+            maps = maps_of(motion, step)
+            blocks = [np.zeros_like(own.q) for own in tangent.carried]
+            rows = np.zeros(motion.system.constraints.size)
+            for influence, factor in along.values():
+                more, more_rows = influence.equations(step)
+                blocks = [a + factor * b for a, b in zip(blocks, more, strict=True)]
+                rows = rows + factor * more_rows
+            tangent.step(linear, maps, blocks, rows)
+        motion.go_to(step)
+        for k in range(len(columns)):
+            one = Adjoint(motion)
+            one.add(derivatives.seeds(step, np.eye(1, len(columns), k)[0]))
+            found[step, k] = sum(
+                float((getattr(a, name) * getattr(b, name)).sum())
+                for a, b in zip(one.carried, tangent.carried, strict=True)
+                for name in CARRIED
+            )
+    motion.system.comm.Allreduce(MPI.IN_PLACE, found)
+    return found
+
+
+def _weights(motion: Motion, functionals: Sequence[Functional], names: Sequence[str]) -> FloatArray:
+    """Derivatives (functionals, columns, rows) by the history, on all ranks (collective)."""
+    found = np.zeros((len(functionals), len(names), motion.steps + 1))
+    if motion.system.comm.rank == 0:
+        history = motion.history()
+        for own, one in zip(found, functionals, strict=True):
+            for name, row in zip(one.columns, one.derivative(history), strict=True):
+                own[names.index(name)] += row
+    motion.system.comm.Bcast(found)
+    return found
+
+
+def _growth(squares: FloatArray) -> float:
+    """Largest of the sizes over that of the latest that is not zero."""
+    last = squares[squares > 0.0]
+    return float(np.sqrt(squares.max() / last[-1])) if len(last) else 0.0
