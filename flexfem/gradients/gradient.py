@@ -27,6 +27,8 @@ __all__ = ["Gradient", "TangentMotion", "gradient", "tangent_motion"]
 
 #: Relative accuracy of the linearised equations.
 SOLVED = 1e-8
+#: Memory for states on each rank, bytes.
+MEMORY = 2e9
 #: Growth of the adjoint over the motion from which on it is of little use.
 _GROWTH = 1e4
 
@@ -80,6 +82,7 @@ def gradient(
     *,
     ks_rho: float | None = None,
     accuracy: float = SOLVED,
+    memory: float = MEMORY,
     comm: MPI.Intracomm | None = None,
 ) -> Gradient:
     """Derivatives of numbers of a motion by any number of parameters (collective).
@@ -101,6 +104,8 @@ def gradient(
         options: those of the motion.
         ks_rho: of "ks", one over the unit of the column.
         accuracy: relative accuracy of the linearised equations of a step.
+        memory: largest number of bytes for states on each rank; with less, states are computed
+            once more.
         comm: communicator, all ranks by default.
 
     Raises:
@@ -114,7 +119,7 @@ def gradient(
     begin = time.perf_counter()
     functionals = _functionals(of, ks_rho)
     build, values = parameters(model, wrt)
-    motion = Motion(_made(build, values), options, comm)
+    motion = Motion(_made(build, values), options, comm, memory)
     history = motion.history()
     for one in functionals:
         motion.check_columns(one.columns)
@@ -152,6 +157,7 @@ def tangent_motion(
     *,
     columns: Sequence[str] | None = None,
     accuracy: float = SOLVED,
+    memory: float = MEMORY,
     comm: MPI.Intracomm | None = None,
 ) -> TangentMotion:
     """Derivatives of columns of a history along one direction of parameters (collective).
@@ -163,6 +169,8 @@ def tangent_motion(
         options: those of the motion.
         columns: names; all columns by default.
         accuracy: relative accuracy of the linearised equations of a step.
+        memory: largest number of bytes for states on each rank; with less, states are computed
+            once more.
         comm: communicator, all ranks by default.
 
     Raises:
@@ -173,7 +181,7 @@ def tangent_motion(
     for name in direction:
         if name not in values:
             raise ValueError(f'tangent_motion: direction names "{name}", which is no parameter')
-    motion = Motion(_made(build, values), options, comm)
+    motion = Motion(_made(build, values), options, comm, memory)
     chosen = motion.columns if columns is None else list(columns)
     motion.check_columns(chosen)
     along = {

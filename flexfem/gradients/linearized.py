@@ -27,6 +27,10 @@ __all__ = ["LinearizedStep", "UnsolvedError"]
 _MOST, _ROUNDS = 40, 5
 
 
+#: Newton step at a recovered solution, m or rad, up to which it is one.
+_MISSED = 1e-6
+
+
 class UnsolvedError(RuntimeError):
     """Linearised equations could not be solved."""
 
@@ -57,15 +61,23 @@ class LinearizedStep:
         self.applications = self.factorizations = 0
 
     def take(self, shifts: Shifts) -> None:
-        """Linearise at the trial state (collective).
+        """Linearise at the trial state, the solution of a step (collective).
 
         Raises:
-            UnsolvedError: the equations are singular.
+            UnsolvedError: the equations are singular, or the state is no solution.
         """
+        system = self._system
         self.tangent.take(shifts)
         if self._frozen.shifts != shifts:
             self.factor(shifts)
         self._prepare(shifts)
+        self._frozen.again(system.constraints.values)
+        missed = system.largest_step()
+        if not missed <= _MISSED:
+            raise UnsolvedError(
+                f"gradient: the step to t = {system.time:.6g} s cannot be recovered from the "
+                f"states at its ends, its equations are off by {missed:.2g} (m or rad)"
+            )
 
     def factor(self, shifts: Shifts) -> None:
         """Factorise the bodies at the trial state (collective)."""

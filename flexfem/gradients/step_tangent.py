@@ -53,7 +53,7 @@ class StepTangent:
     def take(self, shifts: Shifts) -> None:
         """Compute the derivatives at the trial state, whose multipliers are set (collective).
 
-        The rows are left evaluated with these shifts.
+        Residuals of blocks and rows are left evaluated with these shifts.
         """
         system, rows = self._system, self._system.constraints
         still = replace(shifts, velocity=0.0, acceleration=0.0)

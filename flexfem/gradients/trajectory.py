@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 from mpi4py import MPI
 
@@ -18,6 +18,7 @@ from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.gradients.node_maps import rotations
+from flexfem.gradients.records import Records
 from flexfem.gradients.support import check_supported
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.lie import se3, so3
@@ -40,14 +41,6 @@ class StoppedError(RuntimeError):
     """The motion could not be computed to its end."""
 
 
-@dataclass(frozen=True)
-class _Record:
-    """Accepted state, copied."""
-
-    state: State
-    time: float
-
-
 class Motion:
     """A motion with the accepted states of all steps.
 
@@ -61,8 +54,10 @@ class Motion:
         laws: coefficients of a step.
     """
 
-    def __init__(self, model: Model, options: RunOptions, comm: MPI.Intracomm | None) -> None:
-        """Compute the motion (collective).
+    def __init__(
+        self, model: Model, options: RunOptions, comm: MPI.Intracomm | None, memory: float
+    ) -> None:
+        """Compute the motion (collective), whose states take so many bytes on a rank at most.
 
         Raises:
             InputError: a mistake in the model, or something in it that has no derivatives.
@@ -82,8 +77,8 @@ class Motion:
         self.laws: StepLaws = step_laws(options.rho_inf, self.h)
         self.recorder = ProbeRecorder(self.system, self.simulation.serial)
         self.columns = self.recorder.columns
-        self._records: list[_Record] = []
-        self._run(grid)
+        self._grid = grid
+        self._run(memory)
 
     @property
     def policy(self) -> Policy:
@@ -95,37 +90,44 @@ class Motion:
         """Solver of the exact matrix."""
         return self.simulation.tangent
 
-    def _run(self, grid: TimeGrid) -> None:
+    def _run(self, memory: float) -> None:
         """Take all steps."""
         simulation, values = self.simulation, []
         if simulation.status is not Status.OK:
             raise StoppedError(f"gradient: the motion did not start: {simulation.status.value}")
+        self._records = Records(self.system, self.steps, memory, self._advance)
         for step in range(self.steps + 1):
             if step:
-                status = simulation.advance(grid.rest(simulation.time, step), grid.time(step))
-                if status is not Status.OK or simulation.rejected:
-                    why = status.value if status is not Status.OK else "it was cut"
-                    raise StoppedError(
-                        f"gradient: the step to t = {grid.time(step):.6g} s failed ({why}); take "
-                        "smaller steps"
-                    )
-            self._records.append(_Record(_copied(self.system.state()), simulation.time))
+                self._advance(step)
+            self._records.add(self.system.state(), simulation.time)
             self.recorder.record(simulation.time)
             values += [row for _, row in self.recorder.flush()]
-        self.times = np.array([one.time for one in self._records])
+        self.times = np.array(self._records.times)
         self.values = np.zeros((self.steps + 1, len(self.columns)))
         if self.system.comm.rank == 0:
             self.values[:] = values
 
+    def _advance(self, step: int) -> None:
+        """Take a step from the state before it."""
+        simulation, end = self.simulation, self._grid.time(step)
+        status = simulation.advance(self._grid.rest(simulation.time, step), end)
+        if status is not Status.OK or simulation.rejected:
+            why = status.value if status is not Status.OK else "it was cut"
+            raise StoppedError(
+                f"gradient: the step to t = {end:.6g} s failed ({why}); take smaller steps"
+            )
+
     def go_to(self, step: int) -> None:
         """Return to the accepted state after a step (collective)."""
-        self.system.restore(self._records[step].state)
+        self._records.load(step)
+        self.system.restore(self._records.state(step))
 
     def go_to_end(self, step: int) -> None:
         """Return to the trial state at the end of a step (collective)."""
         system, laws = self.system, self.laws
+        self._records.load(step - 1, step)
         self.go_to(step - 1)
-        system.set_time(self._records[step].time)
+        system.set_time(self.times[step])
         system.predict(laws.predict[Prediction.REST], laws.rates)
         for part in system.parts:
             block = part.block
@@ -162,15 +164,15 @@ class Motion:
 
     def frames(self, step: int, block: str) -> FloatArray:
         """Frames (n, 12) of a block at the accepted state after a step."""
-        return self._records[step].state.rows[block]["frames"]
+        return self._records.state(step).rows[block]["frames"]
 
     def rows(self, step: int) -> Mapping[str, FloatArray]:
         """Arrays of the rows at the accepted state after a step."""
-        return self._records[step].state.rows["rows"]
+        return self._records.state(step).rows["rows"]
 
     def state(self, step: int) -> State:
         """The accepted state after a step."""
-        return self._records[step].state
+        return self._records.state(step)
 
     def residual(self) -> float:
         """Largest entry of the equations of blocks at the trial state, scaled (collective)."""
@@ -198,14 +200,6 @@ def check_supported_system(motion: Motion) -> None:
     for name, present in found.items():
         if comm.allreduce(present, op=MPI.LOR):
             raise InputError(f"gradient: {name} have no derivatives yet; leave them out")
-
-
-def _copied(state: State) -> State:
-    rows = {
-        group: {name: values.copy() for name, values in arrays.items()}
-        for group, arrays in state.rows.items()
-    }
-    return State({name: values.copy() for name, values in state.values.items()}, rows)
 
 
 def _increments(block: FrameBlock, end: FloatArray) -> FloatArray:
