@@ -7,10 +7,9 @@ exact.
 
 An array of parameters that act on elements each, as the sections of a beam do, takes a few models
 for all of them. Parameters with numbers that are equal modulo a small one are changed together, so
-that each equation changes by one of them alone: which one, is known from models in which those are
-changed whose number has a certain binary digit (the sparsity of Curtis, Powell, Reid, J. Inst.
-Math. Appl. 13 (1974) 117-119, found by group tests). Where that is not so, each number has models
-of its own.
+that each equation changes by one of them alone (Curtis, Powell, Reid, J. Inst. Math. Appl. 13
+(1974) 117-119). By which one, is known from models in which each changes by a part that is a digit
+of its number. Where an equation depends on several, each parameter has models of its own.
 """
 
 from __future__ import annotations
@@ -24,7 +23,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.status import Status
 from flexfem.gradients.adjoint import CARRIED, Carried
 from flexfem.gradients.node_maps import RateMaps, applied, rotations
@@ -44,6 +43,8 @@ __all__ = ["Factors", "Influence", "NumberInfluence", "influence_of"]
 _STEP = 1e-5
 #: Largest number of groups of an array's parameters.
 _GROUPS = 4
+#: Base of the digits of their numbers.
+_BASE = 64
 #: Part of the largest change of an equation below which it does not depend on a parameter, and
 #: deviation of changes from equal ones.
 _NOTHING, _ALIKE = 1e-12, 1e-3
@@ -369,26 +370,26 @@ class _Builder:
     def __init__(self, motion: Motion, build: Build, values: Values, name: str) -> None:
         self._motion, self._build, self._values, self._name = motion, build, values, name
 
-    def _model(self, chosen: BoolArray, sign: float) -> Model:
-        """The model with some entries changed by their differences."""
+    def _model(self, parts: FloatArray) -> Model:
+        """The model with entries changed by parts (n,) of their differences."""
         given = self._values[self._name]
-        moved = given + sign * np.where(chosen, _steps(given), 0.0)
+        moved = given + parts * _steps(given)
         return self._build(**plain({**self._values, self._name: moved}))
 
-    def system(self, chosen: BoolArray) -> System:
+    def system(self, parts: FloatArray) -> System:
         """Its system (collective)."""
         options, comm = self._motion.options, self._motion.system.comm
         _, system = set_up(
-            self._model(chosen, 1.0), comm, options.split_above, kernels=options.kernels,
+            self._model(parts), comm, options.split_above, kernels=options.kernels,
             moving=True,
         )  # fmt: skip
         _check_layout(self._motion.system, system, self._name)
         return system
 
-    def started(self, chosen: BoolArray, sign: float) -> System | None:
+    def started(self, parts: FloatArray) -> System | None:
         """Its system, None if positions or velocities at the start differ (collective)."""
         motion = self._motion
-        one = Simulation(self._model(chosen, sign), motion.options, motion.system.comm).system
+        one = Simulation(self._model(parts), motion.options, motion.system.comm).system
         _check_layout(motion.system, one, self._name)
         state, worst = motion.state(0), 0.0
         for part in one.parts:
@@ -413,18 +414,25 @@ def _grouped(
     still, rows = _at_trial(motion.system)
     found = []
     for first in range(count):
-        own = numbers % count == first
-        pair = [one for sign in (1.0, -1.0) if (one := builder.started(own, sign)) is not None]
+        own = (numbers % count == first).astype(np.float64)
+        pair = [one for sign in (1.0, -1.0) if (one := builder.started(sign * own)) is not None]
         if len(pair) < 2:
             return None
         whole = _changes(motion.system, pair[0], (still, rows))
-        digits = []
-        for digit in range(max(int(numbers[-1]), 1).bit_length()):
-            part = own & ((numbers >> digit) & 1 == 1)
-            digits.append(_changes(motion.system, builder.system(part), (still, rows)))
-        owners = None if whole is None else _owners(motion.system, whole, digits)
-        if owners is None:
+        if whole is None:
             return None
+        owners = [np.zeros(len(change), dtype=np.int64) for change in whole]
+        place = 1
+        while place <= numbers[-1]:
+            part = own * (1.0 + numbers // place % _BASE) / _BASE
+            changes = _changes(motion.system, builder.system(part), (still, rows))
+            digits = None if changes is None else _digits(motion.system, whole, changes)
+            if digits is None:
+                return None
+            for total, digit in zip(owners, digits, strict=True):
+                total[:] += place * digit
+                total[digit < 0] = -1
+            place *= _BASE
         found.append(_Group(pair, owners))
     return found
 
@@ -464,31 +472,29 @@ def _changes(source: System, system: System, still: Factors) -> BlockVectors | N
     return [a - b for a, b in zip(blocks, still[0], strict=True)]
 
 
-def _owners(
-    system: System, whole: BlockVectors, digits: Sequence[BlockVectors | None]
-) -> list[IntArray] | None:
-    """For each block, (n_owned,) number of the parameter of each node, -1 for none.
+def _digits(system: System, whole: BlockVectors, changes: BlockVectors) -> list[IntArray] | None:
+    """For each block, (n_owned,) digit of the parameter of each node, -1 for none.
 
     None if a node depends on two of them (collective).
+
+    Args:
+        system: of the motion.
+        whole: changes of the equations if all parameters change by their differences.
+        changes: those if they change by parts ``(digit + 1)/base`` of them.
     """
     largest = max((float(np.abs(change).max(initial=0.0)) for change in whole), default=0.0)
     largest = system.comm.allreduce(largest, op=MPI.MAX)
     found, clear = [], True
-    for k, change in enumerate(whole):
+    for change, part in zip(whole, changes, strict=True):
         square = (change**2).sum(axis=1)
         seen = np.sqrt(square) > _NOTHING * largest
-        owner = np.where(seen, 0, -1)
-        for digit, part in enumerate(digits):
-            if part is None:
-                return None
-            share = np.divide((part[k] * change).sum(axis=1), square, where=seen, out=0.0 * square)
-            one = np.abs(share - 1.0) < _ALIKE
-            rest = np.sqrt(
-                ((part[k] - np.where(one, 1.0, 0.0)[:, np.newaxis] * change) ** 2).sum(1)
-            )
-            clear = clear and bool((rest <= _ALIKE * np.sqrt(square) + _NOTHING * largest).all())
-            owner[seen & one] += 1 << digit
-        found.append(owner.astype(np.int64))
+        share = np.divide((part * change).sum(axis=1), square, where=seen, out=0.0 * square)
+        digit = np.rint(share * _BASE) - 1.0
+        rest = np.abs(part - ((digit + 1.0) / _BASE)[:, np.newaxis] * change)
+        clear = clear and bool((rest[seen] <= _ALIKE * np.sqrt(square[seen, np.newaxis])).all())
+        clear = clear and bool((digit[seen] >= 0.0).all() and (digit[seen] < _BASE).all())
+        clear = clear and bool((np.abs(part[~seen]) <= _NOTHING * largest).all())
+        found.append(np.where(seen, digit, -1.0).astype(np.int64))
     return found if system.comm.allreduce(clear, op=MPI.LAND) else None
 
 
