@@ -165,8 +165,8 @@ class Adjoint:
         )  # fmt: skip
         self._last = solution
         self.z, self.mu = linear.parts(solution)
-        by_velocity, _ = linear.tangent.apply_transposed(self.z, self.mu, (VELOCITIES,))
-        by_acceleration, _ = linear.tangent.apply_transposed(self.z, self.mu, (ACCELERATIONS,))
+        by_velocity, _ = linear.tangent.apply_transposed(self.z, self.mu, VELOCITIES)
+        by_acceleration, _ = linear.tangent.apply_transposed(self.z, self.mu, ACCELERATIONS)
         for own, by, e, dv, dw in zip(
             self.carried, maps, missed, by_velocity, by_acceleration, strict=True
         ):
@@ -235,7 +235,7 @@ class Tangent:
                 for own, by in zip(predicted, maps, strict=True)
             ]),
         ):  # fmt: skip
-            blocks, own_rows = linear.tangent.apply(vectors, nothing, (matrix,))
+            blocks, own_rows = linear.tangent.apply(vectors, nothing, matrix)
             total = [a - b for a, b in zip(total, blocks, strict=True)]
             changes = changes - own_rows
         solution, _ = linear.solve(total, changes)

@@ -1,5 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Compiled loops: products with matrices that are not assembled, forwards and transposed."""
+"""Compiled loops: products with matrices of elements, forwards and transposed."""
+
+import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.kernels.compiled import kernel
@@ -12,13 +14,28 @@ def add_products(
     rows: IntArray, columns: IntArray, values: FloatArray, width: int, vector: FloatArray,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """Add the product of entries (k,) at given rows and columns with a vector to ``out``.
+    """Add products of dense blocks with a vector to ``out``.
 
-    Vectors (n, 6) have ``width`` entries of each node in use.
+    Args:
+        rows: (m, j) nodes of the rows of each block.
+        columns: (m, k) nodes of its columns.
+        values: (m j w k w) entries, row by row, with w unknowns of a node.
+        width: w.
+        vector: (n, 6), of which w are used.
+        out: (n, 6).
     """
-    for k in range(rows.size):
-        i, j = rows[k], columns[k]
-        out[i // width, i % width] += values[k] * vector[j // width, j % width]
+    at, own = 0, np.empty(width * columns.shape[1])
+    for e in range(rows.shape[0]):
+        for b in range(columns.shape[1]):
+            for j in range(width):
+                own[width * b + j] = vector[columns[e, b], j]
+        for a in range(rows.shape[1]):
+            for i in range(width):
+                total = 0.0
+                for j in range(own.size):
+                    total += values[at + j] * own[j]
+                at += own.size
+                out[rows[e, a], i] += total
 
 
 @kernel
@@ -26,7 +43,16 @@ def add_transposed_products(
     rows: IntArray, columns: IntArray, values: FloatArray, width: int, vector: FloatArray,
     out: FloatArray,
 ) -> None:  # fmt: skip
-    """The same with the transposed matrix."""
-    for k in range(rows.size):
-        i, j = rows[k], columns[k]
-        out[j // width, j % width] += values[k] * vector[i // width, i % width]
+    """The same with the transposed blocks."""
+    at, own = 0, np.empty(width * columns.shape[1])
+    for e in range(rows.shape[0]):
+        own[:] = 0.0
+        for a in range(rows.shape[1]):
+            for i in range(width):
+                factor = vector[rows[e, a], i]
+                for j in range(own.size):
+                    own[j] += values[at + j] * factor
+                at += own.size
+        for b in range(columns.shape[1]):
+            for j in range(width):
+                out[columns[e, b], j] += own[width * b + j]

@@ -12,7 +12,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.nodes.action_kernels import subtract_forces
 from flexfem.gradients.kernels import add_products, add_transposed_products
 from flexfem.solvers.linear.tangent import part_values
@@ -24,18 +24,24 @@ __all__ = ["STEP", "BlockVectors", "StepTangent"]
 #: (n_owned, width) for each part.
 BlockVectors = list[FloatArray]
 
-#: The matrices of a step: by positions, by velocities and by accelerations.
-POSITIONS, VELOCITIES, ACCELERATIONS = range(3)
-#: All of them: the matrix of the linearised step.
-STEP = (POSITIONS, VELOCITIES, ACCELERATIONS)
+#: The matrices of a step: by positions, by velocities and by accelerations, and all together.
+POSITIONS, VELOCITIES, ACCELERATIONS, STEP = range(4)
+_WITH_POSITIONS = (POSITIONS, STEP)
 
 
 @dataclass
-class _Entries:
-    """Entries of the matrices of a part: local rows and columns, and values (3, k)."""
+class _Blocks:
+    """Dense blocks of the matrices of a part.
 
-    rows: IntArray
-    columns: IntArray
+    Attributes:
+        nodes: local nodes (m, j) and (m, k) of the rows and columns of equal blocks, each with the
+            number of its first entry.
+        held: (h,) fixed unknowns of the owned nodes, flat, whose entries are the last ones.
+        values: (4, entries).
+    """
+
+    nodes: list[tuple[IntArray, IntArray, int]]
+    held: IntArray
     values: FloatArray
 
 
@@ -45,9 +51,9 @@ class StepTangent:
     def __init__(self, system: System) -> None:
         """Find the places of all entries."""
         self._system = system
-        self._entries = [_entries(part) for part in system.parts]
+        self._blocks = [_blocks(part) for part in system.parts]
         terms = system.constraints.row_of_term
-        self._rows = np.zeros((3, len(terms), 2, 6))
+        self._rows = np.zeros((4, len(terms), 2, 6))
         self._hessians = np.zeros((0, 12, 12))
 
     def take(self, shifts: Shifts) -> None:
@@ -61,10 +67,10 @@ class StepTangent:
         END_POINT.evaluate(system, shifts)
         compliance = rows.compliance.copy()
         for k, chosen in enumerate((still, *moved)):
-            for part, entries in zip(system.parts, self._entries, strict=True):
-                entries.values[k] = part_values(system, part, chosen)
+            for part, own in zip(system.parts, self._blocks, strict=True):
+                own.values[k] = part_values(system, part, chosen)
                 if k:
-                    entries.values[k] -= entries.values[0]
+                    own.values[k] -= own.values[0]
             END_POINT.evaluate_rows(system, chosen)
             # equations of force laws are scaled by the slopes, and so by the shifts
             law = rows.compliance > 0.0
@@ -72,53 +78,54 @@ class StepTangent:
             self._rows[k] = scale[rows.row_of_term][:, np.newaxis, np.newaxis] * rows.step_jacobian
             if k:
                 self._rows[k] -= self._rows[0]
+        for own in self._blocks:
+            np.sum(own.values[:STEP], axis=0, out=own.values[STEP])
+        np.sum(self._rows[:STEP], axis=0, out=self._rows[STEP])
         END_POINT.evaluate_rows(system, shifts)
         self._hessians = rows.hessians(rows.multipliers)
 
     def apply(
-        self, blocks: BlockVectors, multipliers: FloatArray, matrices: tuple[int, ...] = STEP
+        self, blocks: BlockVectors, multipliers: FloatArray, matrix: int = STEP
     ) -> tuple[BlockVectors, FloatArray]:
         """Change of the equations of blocks and of rows (r,) (collective).
 
         Args:
             blocks: local twists.
             multipliers: (r,) changes of L, the same on all ranks that have a row.
-            matrices: those that are added up.
+            matrix: one of those of the step, or their sum.
         """
         system, rows = self._system, self._system.constraints
         self._put(blocks)
         system.interface.update_steps()
-        self._multiply(matrices, transposed=False)
-        if POSITIONS in matrices:
+        self._multiply(matrix, transposed=False)
+        if matrix in _WITH_POSITIONS:
             self._turn(self._hessians)
             system.add_constraint_forces(multipliers)
         steps = np.append(system.interface.steps, np.zeros((1, 6)), axis=0)
-        jacobian = sum(self._rows[k] for k in matrices)
-        sides = np.einsum("tsi,tsi->ts", jacobian, steps[rows.term_nodes])
+        sides = np.einsum("tsi,tsi->ts", self._rows[matrix], steps[rows.term_nodes])
         return self._collected(), rows.of_rows(sides) - rows.yielding(multipliers)
 
     def apply_transposed(
-        self, blocks: BlockVectors, multipliers: FloatArray, matrices: tuple[int, ...] = STEP
+        self, blocks: BlockVectors, multipliers: FloatArray, matrix: int = STEP
     ) -> tuple[BlockVectors, FloatArray]:
         """The transposed of :meth:`apply` (collective).
 
         Args:
             blocks: factors of the equations of the blocks.
             multipliers: (r,) of those of the rows, the same on all ranks that have a row.
-            matrices: those that are added up.
+            matrix: one of those of the step, or their sum.
         """
         system, rows = self._system, self._system.constraints
         self._put(blocks)
         system.interface.update_steps()
-        self._multiply(matrices, transposed=True)
-        if POSITIONS in matrices:
+        self._multiply(matrix, transposed=True)
+        if matrix in _WITH_POSITIONS:
             self._turn(np.ascontiguousarray(self._hessians.transpose(0, 2, 1)))
-        jacobian = sum(self._rows[k] for k in matrices)
         forces = np.zeros((len(system.interface.keys) + 1, 6))
         factors = multipliers[rows.row_of_term][:, np.newaxis, np.newaxis]
-        np.add.at(forces, rows.term_nodes, factors * jacobian)
+        np.add.at(forces, rows.term_nodes, factors * self._rows[matrix])
         self._subtract(-forces[:-1])
-        if POSITIONS not in matrices:
+        if matrix not in _WITH_POSITIONS:
             return self._collected(), np.zeros(rows.size)
         own = rows.changes(system.interface.steps) - rows.yielding(multipliers)
         return self._collected(), own
@@ -130,15 +137,16 @@ class StepTangent:
             part.block.spread_step()
             part.block.residual[:] = 0.0
 
-    def _multiply(self, matrices: tuple[int, ...], *, transposed: bool) -> None:
+    def _multiply(self, matrix: int, *, transposed: bool) -> None:
         """Add the products of the blocks' own matrices and steps to the residuals."""
         product = add_transposed_products if transposed else add_products
-        for part, own in zip(self._system.parts, self._entries, strict=True):
-            block = part.block
-            for k in matrices:
-                product(
-                    own.rows, own.columns, own.values[k], block.width, block.step, block.residual
-                )
+        for part, own in zip(self._system.parts, self._blocks, strict=True):
+            block, values = part.block, own.values[matrix]
+            for rows, columns, first in own.nodes:
+                product(rows, columns, values[first:], block.width, block.step, block.residual)
+            if len(own.held):
+                places = np.divmod(own.held, block.width)
+                block.residual[places] += values[-len(own.held) :] * block.step[places]
             block.add_ghosts()
 
     def _turn(self, hessians: FloatArray) -> None:
@@ -157,27 +165,16 @@ class StepTangent:
         return [part.block.hold(part.block.owned_residual.copy()) for part in self._system.parts]
 
 
-def _entries(part: BlockPart) -> _Entries:
-    """Places of the entries of ``part_values``: of cells, masses, forces and fixed unknowns."""
+def _blocks(part: BlockPart) -> _Blocks:
+    """Blocks of ``part_values``: of cells, masses, forces, and entries of fixed unknowns."""
     width, block = part.block.width, part.block
     own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)[:, np.newaxis]
-    found = [_places(i, j, width) for i, j in (*part.couplings(), (own, own))]
+    nodes, first = [], 0
+    for i, j in (*part.couplings(), (own, own)):
+        rows, columns = (np.ascontiguousarray(side, dtype=np.int64) for side in (i, j))
+        nodes.append((rows, columns, first))
+        first += width**2 * rows.shape[0] * rows.shape[1] * columns.shape[1]
+    held = np.zeros(0, dtype=np.int64)
     if block.dirichlet is not None:
         held = np.flatnonzero(block.dirichlet[: block.owned]).astype(np.int64)
-        found.append((held, held))
-    rows, columns = (np.concatenate(side) for side in zip(*found, strict=True))
-    return _Entries(rows, columns, np.zeros((3, len(rows))))
-
-
-def _places(
-    i: IndexArray | IntArray, j: IndexArray | IntArray, width: int
-) -> tuple[IntArray, IntArray]:
-    """Rows and columns of dense blocks of nodes (m, k) with nodes (m, l), see ``block_indices``."""
-    sides = [
-        (width * nodes[..., np.newaxis] + np.arange(width)).reshape(
-            len(nodes), width * nodes.shape[1]
-        )
-        for nodes in (i.astype(np.int64), j.astype(np.int64))
-    ]
-    rows = np.repeat(sides[0], sides[1].shape[1], axis=1).ravel()
-    return rows, np.tile(sides[1], (1, sides[0].shape[1])).ravel()
+    return _Blocks(nodes, held, np.zeros((4, first + len(held))))
