@@ -44,6 +44,8 @@ class Gradient:
         wall_seconds_forward, wall_seconds_backward: s.
         factorizations_forward, factorizations_backward: numbers of factorisations of the bodies.
         applications: products with the exact linearised equations backwards.
+        check: relative difference of the derivatives along a random direction of the numbers among
+            the parameters, between adjoint and tangent, for each functional; empty if not checked.
         growth: largest adjoint of any step over that of the last one, for each functional: motions
             that grow by more than about 1e4 are chaotic, and their gradients useless for descent.
         warnings: what should be known before the gradient is used.
@@ -58,6 +60,7 @@ class Gradient:
     factorizations_backward: int
     applications: int
     growth: Mapping[str, float]
+    check: Mapping[str, float]
     warnings: tuple[str, ...] = ()
 
 
@@ -83,6 +86,7 @@ def gradient(
     ks_rho: float | None = None,
     accuracy: float = SOLVED,
     memory: float = MEMORY,
+    check: bool = False,
     comm: MPI.Intracomm | None = None,
 ) -> Gradient:
     """Derivatives of numbers of a motion by any number of parameters (collective).
@@ -104,6 +108,7 @@ def gradient(
         options: those of the motion.
         ks_rho: of "ks", one over the unit of the column.
         accuracy: relative accuracy of the linearised equations of a step.
+        check: compare with the tangent along a random direction, which takes as long again.
         memory: largest number of bytes for states on each rank; with less, states are computed
             once more.
         comm: communicator, all ranks by default.
@@ -127,12 +132,13 @@ def gradient(
     influences = {name: influence_of(motion, build, values, name) for name in values}
     linear = LinearizedStep(motion.system, motion.policy, accuracy)
     sums, growth = backward(motion, linear, functionals, influences)
+    numbers = {n: one for n, one in influences.items() if isinstance(one, NumberInfluence)}
+    found = [_by_name(row, influences, values) for row in sums]
+    differences = _check(motion, linear, (functionals, found), numbers) if check else {}
     return Gradient(
         value=motion.on_all_ranks({one.name: one.value(history) for one in functionals if history}),
-        gradient={
-            one.name: _by_name(row, influences, values)
-            for one, row in zip(functionals, sums, strict=True)
-        },
+        gradient={one.name: own for one, own in zip(functionals, found, strict=True)},
+        check=differences,
         history=history,
         wall_seconds_forward=middle - begin,
         wall_seconds_backward=time.perf_counter() - middle,
@@ -195,6 +201,26 @@ def tangent_motion(
     found = forward(motion, linear, chosen, along)
     derivative = dict(zip(chosen, found.T, strict=True)) if motion.system.comm.rank == 0 else {}
     return TangentMotion(motion.history(), derivative)
+
+
+def _check(
+    motion: Motion, linear: LinearizedStep,
+    results: tuple[Sequence[Functional], Sequence[Mapping[str, float | FloatArray]]],
+    numbers: Mapping[str, NumberInfluence],
+) -> dict[str, float]:  # fmt: skip
+    """Relative differences between adjoint and tangent along a random direction (collective)."""
+    random, functionals = np.random.default_rng(0), results[0]
+    along = {name: (one, one.scale * random.standard_normal()) for name, one in numbers.items()}
+    names = sorted({name for one in functionals for name in one.columns})
+    columns = dict(zip(names, forward(motion, linear, names, along).T, strict=True))
+    history, found = motion.history(), {}
+    for one, own in zip(functionals, results[1], strict=True) if history else ():
+        moved = np.array([columns[name] for name in one.columns])
+        expected = float((one.derivative(history) * moved).sum())
+        parts = [float(own[name]) * factor for name, (_, factor) in along.items()]
+        size = sum(abs(part) for part in parts)
+        found[one.name] = float(abs(sum(parts) - expected) / size) if size else abs(expected)
+    return motion.on_all_ranks(found)
 
 
 def _made(build: Build, values: Values) -> Model:

@@ -90,6 +90,7 @@ class NumberInfluence:
 
     Attributes:
         start: derivatives of the start, for each block.
+        scale: size of the parameter, 1 if it is zero.
     """
 
     count = 1
@@ -112,7 +113,8 @@ class NumberInfluence:
         """
         self._motion, self._name = motion, name if entry is None else f"{name}[{entry}]"
         value = float(values[name] if entry is None else values[name][entry])
-        self._step = _STEP * abs(value) if value else _STEP
+        self.scale = abs(value) or 1.0
+        self._step = _STEP * self.scale
         self._pair = []
         for sign in (1.0, -1.0):
             moved: FloatArray = np.array(values[name])

@@ -16,7 +16,10 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.model.model import Model
 
-__all__ = ["Build", "Values", "build_of", "checked_values", "model_with", "parameters", "plain"]
+__all__ = [
+    "Build", "Values", "build_of", "build_with_options", "checked_values", "model_with",
+    "parameters", "plain",
+]  # fmt: skip
 
 #: A model of values by name.
 Build = Callable[..., Model]
@@ -80,6 +83,40 @@ def build_of(model: Model, names: list[str]) -> tuple[Build, Values]:
     return partial(model_with, model), checked_values({name: _value(model, name) for name in names})
 
 
+def build_with_options(
+    build: Build, given: Mapping[str, Any], names: Sequence[str]
+) -> tuple[Build, Values]:
+    """The same for the function that builds a case's model from its options.
+
+    Args:
+        build: the function.
+        given: values of all options.
+        names: options that are real numbers, components of vectors ("gravity[2]"), or paths into
+            the model.
+
+    Raises:
+        ValueError: a name is none of them.
+    """
+    own = [name for name in names if _parsed(name)[0] in given]
+    inside = [name for name in names if name not in own]
+    values = {name: _number(name, _at(given, name)) for name in own}
+    if inside:
+        model = build(**given)
+        values |= {name: _value(model, name) for name in inside}
+
+    def made(**changed: npt.ArrayLike) -> Model:
+        options = dict(given)
+        for name in own:
+            first, steps = _parsed(name)
+            options[first] = _changed(options[first], steps, float(np.asarray(changed[name])), name)
+        model = build(**options)
+        if not inside:
+            return model
+        return model_with(model, **{name: changed[name] for name in inside})
+
+    return made, checked_values({name: values[name] for name in names})
+
+
 def model_with(model: Model, **values: npt.ArrayLike) -> Model:
     """A model with other values at some paths, see :func:`build_of`."""
     changed: dict[str, Any] = {}
@@ -126,13 +163,29 @@ def _value(model: Model, path: str) -> float:
         steps = _gravity(steps)
     else:
         found = model[first]
+    return _number(path, _followed(found, steps, path))
+
+
+def _at(given: Mapping[str, Any], path: str) -> Any:
+    """The option at a path."""
+    first, steps = _parsed(path)
+    return _followed(given[first], steps, path)
+
+
+def _followed(found: Any, steps: list[str | int], path: str) -> Any:
+    """What is at the end of a way from a thing."""
     for step in steps:
         try:
             found = found[step] if isinstance(step, int) else getattr(found, step)
         except (AttributeError, IndexError, TypeError):
             where = f"[{step}]" if isinstance(step, int) else step
             raise ValueError(f'gradient: "{path}" leads nowhere at {where}') from None
-    if isinstance(found, bool) or not isinstance(found, (int, float, np.floating)):
+    return found
+
+
+def _number(path: str, found: Any) -> float:
+    """A real number at a path; whole ones are discrete."""
+    if not isinstance(found, (float, np.floating)):
         raise ValueError(
             f'gradient: "{path}" is no real number, got {_checks.show(found)}; name a component '
             "of an array by [i]"
