@@ -99,6 +99,12 @@ def build_with_options(
     """
     own = [name for name in names if _parsed(name)[0] in given]
     inside = [name for name in names if name not in own]
+    for name in inside:
+        if "." not in name and _parsed(name)[0] != "gravity":
+            raise ValueError(
+                f'gradient: "{name}" is no option, and no path into the model either; options are '
+                f"{', '.join(given) or 'none'}"
+            )
     values = {name: _number(name, _at(given, name)) for name in own}
     if inside:
         model = build(**given)

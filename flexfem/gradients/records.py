@@ -80,7 +80,7 @@ class Records:
 
     def state(self, step: int) -> State:
         """The state after a step, which is available."""
-        if self._length == 1:
+        if step in self._starts:
             return self._starts[step]
         return self._near[step - step % self._length][step]
 

@@ -1,0 +1,86 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Models of numbers, for derivatives of their motions: one of each family, one of each joint."""
+
+import numpy as np
+
+import flexfem as ff
+from tests.contract.joint_examples import EXAMPLES
+
+#: Values of the numbers of the bodies.
+NUMBERS = {"youngs": 5e6, "density": 1100.0, "mass": 0.3, "gravity": 9.81, "stiffness": 40.0}
+LENGTH = 0.5
+KINDS = ("se3", "damped", "nurbs", "director", "rotation_free", "solid")
+
+
+def body(kind: str, *, youngs, density, mass, gravity, stiffness) -> ff.Model:
+    """A body hinged or clamped at one end, and a bob or a spring at the other."""
+    rubber = ff.Material(youngs, 0.3, density)
+    model, thing, root, tip = _thing(kind, rubber)
+    model.add(ff.Gravity((0.0, 0.0, -gravity)), thing)
+    if root is not None:
+        model.add(ff.Revolute("hinge", ff.Ground(), root, axis=(0.0, 1.0, 0.0)))
+    held = tip
+    if kind not in ("solid", "rotation_free"):
+        held = ff.Marker("bob", offset=(0.01, 0.02, 0.0))
+        model.add(
+            ff.RigidBody("bob", mass, (1e-3, 2e-3, 1.5e-3), position=(LENGTH + 0.05, 0.0, 0.0)),
+            ff.Spherical("pin", tip, ff.Marker("bob", offset=(-0.05, 0.0, 0.0))),
+        )
+    model.add(
+        ff.SpringDamper(
+            "spring", ff.Ground((LENGTH, 0.0, 0.3)), held, stiffness=stiffness, damping=0.5,
+            rest_length=0.2,
+        ),
+        ff.PositionProbe("tip", tip),
+        ff.Probe("speed", tip, ("speed",), lambda t, end: (end.velocity @ end.velocity,)),
+    )  # fmt: skip
+    return model
+
+
+def _thing(kind: str, rubber: ff.Material):
+    """An empty model with its mesh, the body, and its markers at both ends."""
+    if kind in ("director", "rotation_free"):
+        surface = ff.SurfaceMesh.rectangle("rod", (LENGTH, 0.1), (4, 2))
+        section = ff.ShellSection.isotropic(0.01, rubber)
+        shell = ff.Shell("rod", section, element=kind, edges={"rod_left": "clamped"})
+        return ff.Model("strip", surface=surface), shell, None, ff.Marker("rod", "rod_bottom_right")
+    if kind == "solid":
+        mesh = ff.SolidMesh.box((LENGTH, 0.03, 0.02), (4, 1, 1))
+        mesh = mesh.with_surfaces(left=lambda x: x[:, 0] == 0.0)
+        law = ff.laws.NeoHookean(rubber.youngs_modulus / 2.6, rubber.youngs_modulus / 1.2)
+        solid = ff.Solid("rod", law, mesh, density=rubber.density, degree=1, fixed={"left": "xyz"})
+        return ff.Model("bar"), solid, None, ff.Marker("rod", (LENGTH, 0.03, 0.02))
+    x = np.linspace(0.0, LENGTH, 5)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    cells = np.array([[i, i + 1] for i in range(4)])
+    section = ff.Section.rectangle(0.03, 0.02, rubber)
+    beam = ff.Beam(
+        "rod", section, damping=1e-3 if kind == "damped" else 0.0,
+        formulation="nurbs" if kind == "nurbs" else "se3",
+    )  # fmt: skip
+    model = ff.Model("rod", mesh=ff.LineMesh(x, cells, {"rod": np.arange(4)}))
+    return model, beam, ff.Marker("rod", "start"), ff.Marker("rod", "end")
+
+
+def jointed(name: str, *, mass, gravity, kick) -> ff.Model:
+    """Rigid bodies with the joint of an example, each on a spring, thrown by ``kick``."""
+    example, random = EXAMPLES[name], np.random.default_rng(5)
+    places = [np.zeros(3), example.gap, np.array([2.0, 0.5, 1.0]), example.gap + 2.0]
+    arm, model, markers = np.array([0.11, -0.07, 0.05]), ff.Model(name), []
+    model.add(ff.Gravity((0.3, -0.2, -gravity)))
+    for i, place in enumerate(places[: example.markers]):
+        own = ff.Marker(f"body_{i}", offset=(0.02, 0.01, 0.03))
+        model.add(
+            ff.RigidBody(
+                f"body_{i}", mass + 0.2 * i, (0.02, 0.03, 0.025), position=place + arm,
+                velocity=kick * random.standard_normal(3),
+                angular_velocity=kick * random.standard_normal(3),
+            ),
+            ff.SpringDamper(
+                f"spring_{i}", ff.Ground(place + np.array([0.3, 0.2, 1.0])), own, stiffness=55.0,
+                damping=0.7, rest_length=0.5,
+            ),
+            ff.PositionProbe(f"p{i}", ff.Marker(f"body_{i}", offset=(0.1, 0.2, 0.3))),
+        )  # fmt: skip
+        markers.append(ff.Marker(f"body_{i}", offset=-arm))
+    model.add(example.cls("joint", *markers, **example.arguments))
+    return model

@@ -1,0 +1,154 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Gradients of motions: every family and joint against the tangent and differences of motions."""
+
+from functools import partial
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.gradients.functionals import parse
+from tests.contract.gradient_examples import KINDS, NUMBERS, body, jointed
+from tests.contract.joint_examples import EXAMPLES
+from tests.histories import columns
+
+THROWN = {"mass": 1.3, "gravity": 9.81, "kick": 0.4}
+#: Joints of all kinds of rows in the ordinary tests: drives, laws, functions, several markers.
+SOME = ("Universal", "PrescribedRotation", "Bushing-functions", "CustomJoint", "Pulley")
+#: Joints that are refused, and those that have bodies of their own.
+REFUSED = ("Gear-teeth", "Generic-limits", "LimitStop", "Cam-flat")
+OTHERS = [
+    name
+    for name, example in EXAMPLES.items()
+    if example.make is None and not name.startswith(REFUSED) and name not in SOME
+]
+
+
+def differences(build, numbers, of, options, step=1e-3):
+    """Central differences of fourth order of whole motions, (functionals, numbers)."""
+    found = np.zeros((len(of), len(numbers)))
+    for k, (name, value) in enumerate(numbers.items()):
+        for part, weight in ((-2, 1 / 12), (-1, -2 / 3), (1, 2 / 3), (2, -1 / 12)):
+            moved = {**numbers, name: value * (1.0 + part * step)}
+            history = columns(ff.simulate(build(**moved), options))
+            values = np.array([parse(one).value(history) for one in of])
+            found[:, k] += weight * values / (value * step)
+    return found
+
+
+def compare(build, numbers, of, options, accuracy):
+    found = ff.gradient(build, of, numbers, options, accuracy=1e-12, check=True)
+    own = np.array([[by[name] for name in numbers] for by in found.gradient.values()])
+    # the adjoint is the transposed tangent: a transposition that is missing gives 1e-6 and more
+    assert max(found.check.values()) < 1e-9
+    assert found.factorizations_backward == 0
+    expected = differences(build, numbers, of, options)
+    scale = np.abs(expected * list(numbers.values())).max(axis=1, keepdims=True)
+    errors = np.abs(own - expected) * np.array(list(numbers.values())) / scale
+    # a term that is missing in the linearised scheme gives 1e-5 and more
+    assert errors.max() < accuracy
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("kind", KINDS)
+def test_families(kind):
+    """Differences have noise of 1e-9: motions end with Newton steps of 1e-13 m or rad."""
+    options = ff.RunOptions(dt=1e-3, t_end=8e-3, tolerance=1e-13)
+    compare(partial(body, kind), NUMBERS, ["final:tip_z", "mean:speed"], options, 2e-7)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("name", SOME)
+def test_joints(name):
+    options = ff.RunOptions(dt=2e-3, t_end=0.01, tolerance=1e-13)
+    compare(partial(jointed, name), THROWN, ["final:p0_x", "mean:p1_z"], options, 1e-7)
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+@pytest.mark.parametrize("name", OTHERS)
+def test_other_joints(name):
+    test_joints(name)
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize("kind", ["se3", "solid"])
+def test_ranks_agree(kind):
+    """All ranks together find what each finds by itself."""
+    options = ff.RunOptions(dt=1e-3, t_end=5e-3, tolerance=1e-12, split_above=1)
+    alone, together = (
+        ff.gradient(partial(body, kind), "final:tip_z", NUMBERS, options, accuracy=1e-13, comm=comm)
+        for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
+    )
+    for name, value in alone.gradient["final:tip_z"].items():
+        # a share that is missing, or counted twice, is a tenth and more
+        assert together.gradient["final:tip_z"][name] == pytest.approx(value, rel=1e-9)
+
+
+def _rod(heights, density):
+    count = len(heights)
+    x = np.linspace(0.0, 0.5, count + 1)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    cells = np.array([[i, i + 1] for i in range(count)])
+    model = ff.Model("rod", mesh=ff.LineMesh(x, cells, {"rod": np.arange(count)}))
+    rubber = ff.Material(5e6, 0.3, density)
+
+    def section(s):
+        return ff.Section.rectangle(0.03, heights[min(int(s / 0.5 * count), count - 1)], rubber)
+
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)), ff.Beam("rod", section),
+        ff.Revolute("hinge", ff.Ground(), ff.Marker("rod", "start"), axis=(0.0, 1.0, 0.0)),
+        ff.PositionProbe("tip", ff.Marker("rod", "end")),
+    )  # fmt: skip
+    return model
+
+
+def test_arrays_of_elements_take_few_models():
+    """One height for each element, against the tangent with models of each entry."""
+    count = 7
+    heights = 0.02 * (1.0 + 0.3 * np.sin(np.arange(count)))
+    options = ff.RunOptions(dt=1e-3, t_end=0.01, tolerance=1e-12)
+    values, built = {"heights": heights, "density": 1100.0}, []
+
+    def build(**given):
+        built.append(0)
+        return _rod(**given)
+
+    found = ff.gradient(build, "final:tip_z", values, options, accuracy=1e-12)
+    # the motion, a pair for the density, and 2 + 2 + 1 for the array; 15 more with a pair for each
+    assert len(built) < 15
+    along = {"heights": heights * np.cos(np.arange(count)), "density": 50.0}
+    tangent = ff.tangent_motion(_rod, values, along, options, accuracy=1e-12)
+    own = found.gradient["final:tip_z"]
+    sums = own["heights"] @ along["heights"] + 50.0 * own["density"]
+    expected = MPI.COMM_WORLD.bcast(tangent.derivative.get("tip_z"))[-1]
+    # an entry given to its neighbour changes the sum by a tenth
+    assert sums == pytest.approx(expected, rel=1e-9)
+
+
+def test_states_that_do_not_fit_are_computed_again():
+    options = ff.RunOptions(dt=1e-3, t_end=0.012, tolerance=1e-13)
+    build = partial(body, "se3")
+    whole, parts = (
+        ff.gradient(build, "mean:tip_z", NUMBERS, options, accuracy=1e-12, memory=memory)
+        for memory in (2e9, 2.4e4)
+    )
+    for name, value in whole.gradient["mean:tip_z"].items():
+        # a state of another step gives 1e-3 and more
+        assert parts.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-9)
+    with pytest.raises(ValueError, match=r"the states of 12 steps need .* GB of memory on a rank"):
+        ff.gradient(build, "mean:tip_z", NUMBERS, options, memory=1e3)
+
+
+@pytest.mark.serial
+def test_functionals_are_the_derivatives_of_their_values():
+    t, x = np.linspace(0.0, 1.0, 6), np.array([0.3, 0.7, -0.4, 0.9, 0.2, 0.5])
+    for text in ("final:x", "mean:x", "integral:x", "rms:x", "max:x", "min:x", "ks:x"):
+        one = parse(text, ks_rho=3.0)
+        (own,) = one.derivative({"t": t, "x": x})
+        for k in range(len(x)):
+            moved = [one.value({"t": t, "x": x + e * np.eye(1, 6, k)[0]}) for e in (1e-6, -1e-6)]
+            # a wrong weight is a tenth
+            assert own[k] == pytest.approx((moved[0] - moved[1]) / 2e-6, abs=1e-8)
