@@ -39,7 +39,7 @@ class ColumnDerivatives:
         """Find the probes of the columns.
 
         Raises:
-            InputError: one is not a function of markers at nodes.
+            InputError: one is a function of a marker that is not at a node.
         """
         self._motion, self._columns = motion, list(columns)
         model = motion.simulation.serial.model
@@ -47,11 +47,6 @@ class ColumnDerivatives:
         at, inside = 0, self._inside()
         for probe in model.probes:
             own = [(k, columns.index(c)) for k, c in enumerate(probe.columns) if c in columns]
-            if own and not isinstance(probe, Probe):
-                raise InputError(
-                    f'gradient: column "{probe.columns[own[0][0]]}" of {type(probe).__name__} '
-                    f'"{probe.name}" has no derivatives yet; take one of a Probe'
-                )
             if isinstance(probe, Probe):
                 places = range(at, at + len(probe.markers))
                 if own and inside.intersection(places):

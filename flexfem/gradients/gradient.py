@@ -20,8 +20,10 @@ from flexfem.gradients.influence import Influence, NumberInfluence, influence_of
 from flexfem.gradients.linearized import LinearizedStep
 from flexfem.gradients.parameters import Build, Values, parameters, plain
 from flexfem.gradients.runs import backward, forward
+from flexfem.gradients.support import check_columns
 from flexfem.gradients.trajectory import Motion
 from flexfem.model.model import Model
+from flexfem.model.probes.base import Probe
 
 __all__ = ["Gradient", "TangentMotion", "gradient", "tangent_motion"]
 
@@ -31,6 +33,10 @@ SOLVED = 1e-8
 MEMORY = 2e9
 #: Growth of the adjoint over the motion from which on it is of little use.
 _GROWTH = 1e4
+_CHAOTIC = (
+    "the adjoint grows {:.0e} times over the motion, which is chaotic: the gradient is that of the "
+    "computed motion, and of little use for descent"
+)
 
 
 @dataclass(frozen=True)
@@ -46,8 +52,8 @@ class Gradient:
         applications: products with the exact linearised equations backwards.
         check: relative difference of the derivatives along a random direction of the numbers among
             the parameters, between adjoint and tangent, for each functional; empty if not checked.
-        growth: largest adjoint of any step over that of the last one, for each functional: motions
-            that grow by more than about 1e4 are chaotic, and their gradients useless for descent.
+        growth: largest adjoint of any step over that of the last one: motions in which it grows by
+            more than about 1e4 are chaotic, and their gradients useless for descent.
         warnings: what should be known before the gradient is used.
     """
 
@@ -59,7 +65,7 @@ class Gradient:
     factorizations_forward: int
     factorizations_backward: int
     applications: int
-    growth: Mapping[str, float]
+    growth: float
     check: Mapping[str, float]
     warnings: tuple[str, ...] = ()
 
@@ -124,10 +130,10 @@ def gradient(
     begin = time.perf_counter()
     functionals = _functionals(of, ks_rho)
     build, values = parameters(model, wrt)
-    motion = Motion(_made(build, values), options, comm, memory)
+    made = _made(build, values)
+    check_columns(made, [name for one in functionals for name in one.columns])
+    motion = Motion(made, options, comm, memory)
     history = motion.history()
-    for one in functionals:
-        motion.check_columns(one.columns)
     done, middle = motion.system.counters.factorizations, time.perf_counter()
     influences = {name: influence_of(motion, build, values, name) for name in values}
     linear = LinearizedStep(motion.system, motion.policy, accuracy)
@@ -145,13 +151,8 @@ def gradient(
         factorizations_forward=done,
         factorizations_backward=linear.factorizations,
         applications=linear.applications,
-        growth={one.name: float(x) for one, x in zip(functionals, growth, strict=True)},
-        warnings=tuple(
-            f"{one.name}: its adjoint grows {size:.0e} times over the motion, which is chaotic: "
-            "the gradient is that of the computed motion, and of little use for descent"
-            for one, size in zip(functionals, growth, strict=True)
-            if size > _GROWTH
-        ),
+        growth=growth,
+        warnings=(_CHAOTIC.format(growth),) if growth > _GROWTH else (),
     )
 
 
@@ -173,7 +174,7 @@ def tangent_motion(
         wrt: parameters.
         direction: change of each parameter, in its unit; others do not change.
         options: those of the motion.
-        columns: names; all columns by default.
+        columns: names; those of every :class:`Probe` by default.
         accuracy: relative accuracy of the linearised equations of a step.
         memory: largest number of bytes for states on each rank; with less, states are computed
             once more.
@@ -187,9 +188,10 @@ def tangent_motion(
     for name in direction:
         if name not in values:
             raise ValueError(f'tangent_motion: direction names "{name}", which is no parameter')
-    motion = Motion(_made(build, values), options, comm, memory)
-    chosen = motion.columns if columns is None else list(columns)
-    motion.check_columns(chosen)
+    made = _made(build, values)
+    chosen = [*columns] if columns is not None else _columns(made)
+    check_columns(made, chosen)
+    motion = Motion(made, options, comm, memory)
     along = {
         f"{name}{'' if entry is None else entry}": (
             NumberInfluence(motion, build, values, name, entry), float(change),
@@ -221,6 +223,11 @@ def _check(
         size = sum(abs(part) for part in parts)
         found[one.name] = float(abs(sum(parts) - expected) / size) if size else abs(expected)
     return motion.on_all_ranks(found)
+
+
+def _columns(model: Model) -> list[str]:
+    """Columns that have derivatives."""
+    return [name for probe in model.of(Probe) for name in probe.columns]
 
 
 def _made(build: Build, values: Values) -> Model:

@@ -157,27 +157,31 @@ class NumberInfluence:
         """
         first, second = (_evaluated(self._motion, one, step) for one in self._pair)
         if not self._checked:
-            self._check_smooth(first[0], second[0])
+            self._check_smooth(first, second)
         blocks = [
             part.block.hold(a - b) / (2.0 * self._step)
             for part, a, b in zip(self._motion.system.parts, first[0], second[0], strict=True)
         ]
         return blocks, (first[1] - second[1]) / (2.0 * self._step)
 
-    def _check_smooth(self, first: BlockVectors, second: BlockVectors) -> None:
+    def _check_smooth(self, first: Factors, second: Factors) -> None:
         """Refuse equations that jump with the parameter, as those with other modes (collective)."""
         self._checked = True
-        still = [part.block.owned_residual for part in self._motion.system.parts]
-        squares = np.zeros(3)
-        for a, b, c in zip(first, second, still, strict=True):
-            squares += ((a + b - 2.0 * c) ** 2).sum(), ((a - b) ** 2).sum(), (c**2).sum()
-        self._motion.system.comm.Allreduce(MPI.IN_PLACE, squares)
-        bent, moved, left = np.sqrt(squares)
-        if bent > _ROUGH * moved and bent > _SEEN * left:
-            raise InputError(
-                f'gradient: the equations jump where "{self._name}" changes by {self._step:.2g}, '
-                "and have no derivative"
-            )
+        system, squares = self._motion.system, np.zeros((2, 3))
+        still = [part.block.owned_residual for part in system.parts]
+        owned = system.constraints.owned
+        rows = (owned * first[1], owned * second[1], owned * system.constraints.values)
+        for kind, pairs in enumerate([zip(first[0], second[0], still, strict=True), [rows]]):
+            for a, b, c in pairs:
+                changes = a + b - 2.0 * c, a - b, c
+                squares[kind] += [float((change**2).sum()) for change in changes]
+        system.comm.Allreduce(MPI.IN_PLACE, squares)
+        for bent, moved, left in np.sqrt(squares):
+            if bent > _ROUGH * moved and bent > _SEEN * left:
+                raise InputError(
+                    f'gradient: the equations jump where "{self._name}" changes by '
+                    f"{self._step:.2g}, and have no derivative"
+                )
 
     def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
         """See :class:`Influence`."""

@@ -15,6 +15,7 @@ from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.model.model import Model
+from flexfem.options import meant
 
 __all__ = [
     "Build", "Values", "build_of", "build_with_options", "checked_values", "model_with",
@@ -101,9 +102,9 @@ def build_with_options(
     inside = [name for name in names if name not in own]
     for name in inside:
         if "." not in name and _parsed(name)[0] != "gravity":
+            hint = meant(name, given) or f"options are {_checks.show(', '.join(given), 200)}"
             raise ValueError(
-                f'gradient: "{name}" is no option, and no path into the model either; options are '
-                f"{', '.join(given) or 'none'}"
+                f'gradient: "{name}" is no option, and no path into the model either, {hint}'
             )
     values = {name: _number(name, _at(given, name)) for name in own}
     if inside:

@@ -23,22 +23,19 @@ __all__ = ["backward", "forward"]
 def backward(
     motion: Motion, linear: LinearizedStep, functionals: Sequence[Functional],
     influences: Mapping[str, Influence],
-) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+) -> tuple[FloatArray, float]:  # fmt: skip
     """Derivatives of functionals by all parameters (collective).
 
     Returns:
-        (functionals, parameters), and the growth (functionals,) of their adjoints: the largest of
-        any step over that of the last one.
+        (functionals, parameters), and the growth of an adjoint that begins with the sum of all
+        columns at the end: the largest of any step over that of the last one.
     """
     names = sorted({name for one in functionals for name in one.columns})
     columns = ColumnDerivatives(motion, names)
     weights = _weights(motion, functionals, names)
-    adjoints = [Adjoint(motion) for _ in functionals]
+    adjoints = [Adjoint(motion) for _ in range(len(functionals) + 1)]
     total = sum(one.count for one in influences.values())
-    sums, sizes = (
-        np.zeros((len(functionals), total)),
-        np.zeros((len(functionals), motion.steps + 1)),
-    )
+    sums, sizes = np.zeros((len(functionals), total)), np.zeros(motion.steps + 1)
 
     def seed(step: int) -> None:
         motion.go_to(step)
@@ -51,17 +48,17 @@ def backward(
         motion.go_to_end(step)
         linear.take(motion.laws.shifts)
         maps = maps_of(motion, step)
-        for k, adjoint in enumerate(adjoints):
+        for adjoint in adjoints:
             adjoint.step(linear, maps)
-            sizes[k, step] = sum(float((z**2).sum()) for z in adjoint.z)
-        factors = [(one.z, one.mu) for one in adjoints]
+        sizes[step] = sum(float((z**2).sum()) for z in adjoints[-1].z)
+        factors = [(one.z, one.mu) for one in adjoints[:-1]]
         sums -= np.hstack([one.products(step, factors) for one in influences.values()])
         seed(step - 1)
-    carried = [one.carried for one in adjoints]
+    carried = [one.carried for one in adjoints[:-1]]
     sums += np.hstack([one.start_products(carried) for one in influences.values()])
     for values in (sums, sizes):
         motion.system.comm.Allreduce(MPI.IN_PLACE, values)
-    return sums, np.array([_growth(row) for row in sizes])
+    return sums, float(np.sqrt(sizes.max() / sizes[-1])) if sizes[-1] else 1.0
 
 
 def forward(
@@ -110,18 +107,16 @@ def forward(
 
 
 def _weights(motion: Motion, functionals: Sequence[Functional], names: Sequence[str]) -> FloatArray:
-    """Derivatives (functionals, columns, rows) by the history, on all ranks (collective)."""
-    found = np.zeros((len(functionals), len(names), motion.steps + 1))
+    """Derivatives (functionals + 1, columns, rows) by the history, on all ranks (collective).
+
+    The last ones are those of the sum of all columns at the end.
+    """
+    found = np.zeros((len(functionals) + 1, len(names), motion.steps + 1))
+    found[-1, :, -1] = 1.0
     if motion.system.comm.rank == 0:
         history = motion.history()
-        for own, one in zip(found, functionals, strict=True):
+        for own, one in zip(found[:-1], functionals, strict=True):
             for name, row in zip(one.columns, one.derivative(history), strict=True):
                 own[names.index(name)] += row
     motion.system.comm.Bcast(found)
     return found
-
-
-def _growth(squares: FloatArray) -> float:
-    """Largest of the sizes over that of the latest that is not zero."""
-    last = squares[squares > 0.0]
-    return float(np.sqrt(squares.max() / last[-1])) if len(last) else 0.0

@@ -1,11 +1,34 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What can be differentiated: everything else is refused by name."""
 
+from collections.abc import Iterable
+
 from flexfem._checks import InputError
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.model.model import Model
+from flexfem.model.probes.base import Probe
+from flexfem.options import meant
 
-__all__ = ["check_supported"]
+__all__ = ["check_columns", "check_supported"]
+
+
+def check_columns(model: Model, names: Iterable[str]) -> None:
+    """Check that columns are those of functions of markers.
+
+    Raises:
+        InputError: there is no such column, or it is measured otherwise.
+    """
+    probe_of = {column: probe for probe in model.probes for column in probe.columns}
+    for name in names:
+        probe = probe_of.get(name)
+        if probe is None:
+            hint = meant(name, probe_of) or f"the history has {', '.join(probe_of) or 'none'}"
+            raise InputError(f'gradient: there is no column "{name}", {hint}')
+        if not isinstance(probe, Probe):
+            raise InputError(
+                f'gradient: column "{name}" of {type(probe).__name__} "{probe.name}" has no '
+                "derivatives yet; take one of a Probe"
+            )
 
 
 def check_supported(model: Model, options: RunOptions) -> None:

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Mapping
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -110,6 +110,12 @@ class Motion:
     def _advance(self, step: int) -> None:
         """Take a step from the state before it."""
         simulation, end = self.simulation, self._grid.time(step)
+        breakpoints = simulation.breakpoints
+        if breakpoints.within(simulation.time, end) or breakpoints.lead(end, before=True):
+            raise InputError(
+                f"gradient: a load or drive jumps or has a kink in the step to t = {end:.6g} s, "
+                "which has no derivatives yet; take a smooth one"
+            )
         status = simulation.advance(self._grid.rest(simulation.time, step), end)
         if status is not Status.OK or simulation.rejected:
             why = status.value if status is not Status.OK else "it was cut"
@@ -148,19 +154,6 @@ class Motion:
         """The first rank's value (collective)."""
         found: Value = self.system.comm.bcast(value)
         return found
-
-    def check_columns(self, names: Iterable[str]) -> None:
-        """Check the names of columns.
-
-        Raises:
-            InputError: there is no such column.
-        """
-        for name in names:
-            if name not in self.columns:
-                raise InputError(
-                    f'gradient: there is no column "{name}"; the history has '
-                    f"{', '.join(self.columns) or 'none'}"
-                )
 
     def frames(self, step: int, block: str) -> FloatArray:
         """Frames (n, 12) of a block at the accepted state after a step."""

@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What gradients refuse: in one line, which is on the page of errors."""
+
+from functools import partial
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.cli.command import command
+from tests.contract.gradient_examples import NUMBERS, body
+from tests.unit.refusals import assert_on_page
+
+pytestmark = pytest.mark.serial
+
+OPTIONS = ff.RunOptions(dt=1e-3, t_end=3e-3)
+
+
+def _model(*more) -> ff.Model:
+    model = body("se3", **NUMBERS)
+    model.add(*more)
+    return model
+
+
+def _refused(
+    text: str, *, model=None, of="final:tip_z", wrt=("bob.mass",), options=OPTIONS, **more
+):
+    with pytest.raises((ValueError, TypeError)) as raised:
+        ff.gradient(_model() if model is None else model, of, wrt, options, **more)
+    message = str(raised.value)
+    assert "\n" not in message
+    assert text in message
+    assert_on_page(message)
+
+
+BOB = ff.Marker("bob")
+WRONG = [
+    ("'last:tip_z' is not of the form", {"of": "last:tip_z"}),
+    ("ks:tip_z needs a positive ks_rho, got None", {"of": "ks:tip_z"}),
+    ("ks:tip_z needs a positive ks_rho, got -1.0", {"of": "ks:tip_z", "ks_rho": -1.0}),
+    ("nothing to derive, name functionals", {"of": []}),
+    ("nothing to derive by, name parameters", {"wrt": []}),
+    ('there is no column "tip_w", did you mean', {"of": "final:tip_w"}),
+    ('"bob.mas" leads nowhere at mas', {"wrt": ["bob.mas"]}),
+    ('"bob.position[7]" leads nowhere at [7]', {"wrt": ["bob.position[7]"]}),
+    ('"bob.position[x]" must have whole numbers in brackets', {"wrt": ["bob.position[x]"]}),
+    ('"bob.position" is no real number, got array', {"wrt": ["bob.position"]}),
+    ('"bob.name" is no real number', {"wrt": ["bob.name"]}),
+    ("integrator must be 'generalized_alpha', got 'energy_momentum'", {
+        "options": ff.RunOptions(dt=1e-3, t_end=3e-3, integrator="energy_momentum")}),
+    ("adaptive must be False, got True", {
+        "options": ff.RunOptions(dt=1e-3, t_end=3e-3, adaptive=True)}),
+    ("the states of 3 steps need", {"memory": 10.0}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "given"), WRONG, ids=[text[:24] for text, _ in WRONG])
+def test_wrong_arguments(text, given):
+    _refused(text, **given)
+
+
+def _unsupported():
+    yield (
+        'Event "stop" has no derivatives yet',
+        [ff.Event("stop", BOB, lambda t, bob: bob.position[2] + 9.0, ff.Stop())],
+    )
+    yield (
+        "stops and other unilateral forces have no derivatives yet",
+        [ff.LimitStop("end", ff.Ground(), BOB, axis=(1, 0, 0), upper=5.0, stiffness=10.0)],
+    )
+    yield (
+        "a load or drive jumps or has a kink in the step to t = 0.002 s",
+        [
+            ff.PointForce(
+                "push",
+                BOB,
+                (0.0, 1.0, 0.0),
+                amplitude=ff.Table([0.0, 0.0015, 1.0], [0.0, 1.0, 1.0]),
+            )
+        ],
+    )
+
+
+@pytest.mark.parametrize("number", range(3))
+def test_unsupported_parts(number):
+    text, things = list(_unsupported())[number]
+    _refused(text, model=_model(*things))
+
+
+def test_columns_that_are_measured():
+    _refused(
+        'column "all_kinetic" of EnergyProbe "all" has no derivatives yet',
+        model=_model(ff.EnergyProbe("all")), of="final:all_kinetic",
+    )  # fmt: skip
+
+
+def test_functions():
+    build = partial(body, "se3")
+    _refused("wrt must be values by name", model=build, wrt=["mass"])
+    _refused("the function returned 3, not a Model", model=lambda mass: 3, wrt={"mass": 1.0})
+    _refused("give a Model or a function that builds one, got 5", model=5)
+    _refused("mass must be a number or have one axis", model=build, wrt={"mass": np.eye(2)})
+    _refused("mass must be finite", model=build, wrt={**NUMBERS, "mass": np.nan})
+
+
+def test_parameters_that_make_another_model():
+    def build(length):
+        count = 4 if length > 0.5 else 3
+        x = np.linspace(0.0, length, count + 1)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+        cells = np.array([[i, i + 1] for i in range(count)])
+        model = ff.Model("rod", mesh=ff.LineMesh(x, cells, {"rod": np.arange(count)}))
+        rubber = ff.Material(5e6, 0.3, 1100.0)
+        model.add(
+            ff.Beam("rod", ff.Section.rectangle(0.03, 0.02, rubber)),
+            ff.PositionProbe("tip", ff.Marker("rod", "end")),
+        )
+        return model
+
+    _refused("changes the number of nodes or joints", model=build, wrt={"length": 0.5})
+
+
+def test_equations_that_jump():
+    def build(mass):
+        stiffness = 40.0 if mass > 0.3 else 41.0
+        return body("se3", **{**NUMBERS, "mass": mass, "stiffness": stiffness})
+
+    _refused("the equations jump where", model=build, wrt={"mass": 0.3})
+
+
+def test_the_command(command_folder, capsys):
+    """The table, the file, and one line with exit code 2 for a name that is none."""
+    line = ["gradient", "tutorial_1_pendulum", "--t-end", "0.01", "--elements", "2"]
+    assert command([*line, "--of", "final:path_z", "--wrt", "gravity,rod.velocity[0]"]) == 0
+    printed = capsys.readouterr().out
+    assert "final:path_z" in printed
+    assert "with 0 factorisations; adjoint and tangent agree to" in printed
+    assert (command_folder / "results/tutorial_1_pendulum_gradient/gradient.json").is_file()
+    assert command([*line, "--of", "final:path_z", "--wrt", "gravit"]) == 2
+    error = capsys.readouterr().err.strip()
+    assert "did you mean gravity" in error
+    assert_on_page(error.removeprefix("error: "))
