@@ -17,7 +17,7 @@ NUMERICAL = {
     "LinearModel", "LinearBody", "MassField", "solid_body", "plane_body", "beam_body", "shell_body",
     "euler_bernoulli_body",
     "reduce_body", "assemble", "inverse_dynamics", "InverseDynamics", "describe", "Description",
-    "check",
+    "check", "gradient", "tangent_motion", "Gradient", "TangentMotion",
 }  # fmt: skip
 RESEARCH_NUMERICAL = {
     "floating_model", "simulate_mechanism", "compare_formalisms", "ElementMatrices",
