@@ -128,9 +128,14 @@ class Adjoint:
     z: BlockVectors
     mu: FloatArray
 
-    def __init__(self, motion: Motion) -> None:
-        """Begin behind the end of the motion."""
-        self._motion, self._scheme = motion, Scheme.of(motion)
+    def __init__(self, motion: Motion, accuracy: float | None = None) -> None:
+        """Begin behind the end of the motion.
+
+        Args:
+            motion: the motion.
+            accuracy: relative one of its equations, None for that of all others.
+        """
+        self._motion, self._scheme, self._accuracy = motion, Scheme.of(motion), accuracy
         shapes = [part.block.owned_step.shape for part in motion.system.parts]
         self.carried = [Carried.nothing(shape) for shape in shapes]
         self._last: FloatArray | None = None
@@ -161,7 +166,7 @@ class Adjoint:
         rows = np.zeros(self._motion.system.constraints.size)
         solution, missed = linear.solve(
             [by.hold(r) for by, r in zip(maps, right, strict=True)], rows, transposed=True,
-            guess=self._last,
+            guess=self._last, accuracy=self._accuracy,
         )  # fmt: skip
         self._last = solution
         self.z, self.mu = linear.parts(solution)

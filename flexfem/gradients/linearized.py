@@ -44,15 +44,15 @@ class LinearizedStep:
         factorizations: number of factorisations so far.
     """
 
-    def __init__(self, system: System, policy: Policy, tolerance: float) -> None:
+    def __init__(self, system: System, policy: Policy, accuracy: float) -> None:
         """Take the factors of a policy, if it keeps any (collective).
 
         Args:
             system: the system.
             policy: that of the motion.
-            tolerance: relative accuracy of solutions.
+            accuracy: relative one of solutions.
         """
-        self._system, self._tolerance = system, tolerance
+        self._system, self._accuracy = system, accuracy
         self.tangent = StepTangent(system)
         own = policy.frozen if isinstance(policy, FrozenPolicy) else FrozenSolver(system)
         self._frozen = own
@@ -91,7 +91,7 @@ class LinearizedStep:
 
     def solve(
         self, blocks: BlockVectors, rows: FloatArray, *, transposed: bool = False,
-        guess: FloatArray | None = None,
+        guess: FloatArray | None = None, accuracy: float | None = None,
     ) -> tuple[FloatArray, BlockVectors]:  # fmt: skip
         """Solve the linearised equations, or the transposed ones (collective).
 
@@ -100,6 +100,7 @@ class LinearizedStep:
             rows: (r,) of the rows, the same on all ranks that have a row.
             transposed: True for the transposed equations.
             guess: a vector to begin with.
+            accuracy: relative one of the solution, None for that of all others.
 
         Returns:
             The solution as a vector, see :meth:`parts`, and the residuals of the blocks.
@@ -107,21 +108,24 @@ class LinearizedStep:
         Raises:
             UnsolvedError: the iteration does not converge, with new factors neither.
         """
-        found = self._iterate(blocks, rows, guess, transposed=transposed)
+        right = blocks, rows, accuracy or self._accuracy
+        found = self._iterate(right, guess, transposed=transposed)
         if found is None:
             shifts = self._frozen.shifts
             assert shifts is not None
             self.factor(shifts)
             self._prepare(shifts)
-            found = self._iterate(blocks, rows, None, transposed=transposed)
+            found = self._iterate(right, None, transposed=transposed)
         if found is None:
             raise UnsolvedError("gradient: the linearised equations of a step could not be solved")
         return found
 
     def _iterate(
-        self, blocks: BlockVectors, rows: FloatArray, guess: FloatArray | None, *, transposed: bool
-    ) -> tuple[FloatArray, BlockVectors] | None:
+        self, right: tuple[BlockVectors, FloatArray, float], guess: FloatArray | None, *,
+        transposed: bool,
+    ) -> tuple[FloatArray, BlockVectors] | None:  # fmt: skip
         """The same with the present factors; None without success."""
+        blocks, rows, accuracy = right
         vectors, act = self._vectors, self._action(transposed=transposed)
 
         def apply(vector: FloatArray) -> FloatArray:
@@ -130,7 +134,7 @@ class LinearizedStep:
         first = self._preconditioned(blocks, rows, transposed=transposed)
         (square,) = vectors.squares(first)
         solution = first if guess is None else guess
-        goal = self._tolerance * np.sqrt(square)
+        goal = accuracy * np.sqrt(square)
         for _ in range(_ROUNDS):
             moved, changes = act(*self.parts(solution))
             left = [a - b for a, b in zip(blocks, moved, strict=True)]

@@ -20,6 +20,10 @@ from flexfem.gradients.trajectory import Motion
 __all__ = ["backward", "forward"]
 
 
+#: Relative accuracy of the adjoint that shows the growth.
+_ROUGHLY = 1e-2
+
+
 def backward(
     motion: Motion, linear: LinearizedStep, functionals: Sequence[Functional],
     influences: Mapping[str, Influence],
@@ -33,7 +37,7 @@ def backward(
     names = sorted({name for one in functionals for name in one.columns})
     columns = ColumnDerivatives(motion, names)
     weights = _weights(motion, functionals, names)
-    adjoints = [Adjoint(motion) for _ in range(len(functionals) + 1)]
+    adjoints = [*(Adjoint(motion) for _ in functionals), Adjoint(motion, _ROUGHLY)]
     total = sum(one.count for one in influences.values())
     sums, sizes = np.zeros((len(functionals), total)), np.zeros(motion.steps + 1)
 

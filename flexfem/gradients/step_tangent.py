@@ -8,6 +8,7 @@ positions at fixed rates of the increments, with velocities, and with accelerati
 matrices are not assembled.
 """
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -15,8 +16,10 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.nodes.action_kernels import subtract_forces
 from flexfem.gradients.kernels import add_products, add_transposed_products
+from flexfem.layout.elements import SeveralTangents
+from flexfem.layout.tangent_request import TangentRequest
 from flexfem.solvers.linear.tangent import part_values
-from flexfem.system.mechanics import END_POINT
+from flexfem.system.mechanics import END_POINT, EndPoint
 from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = ["STEP", "BlockVectors", "StepTangent"]
@@ -66,11 +69,12 @@ class StepTangent:
         moved = replace(shifts, acceleration=0.0), replace(shifts, velocity=0.0)
         END_POINT.evaluate(system, shifts)
         compliance = rows.compliance.copy()
+        for part, own in zip(system.parts, self._blocks, strict=True):
+            mechanics = _Together(system, part, (still, *moved))
+            for k, chosen in enumerate((still, *moved)):
+                own.values[k] = part_values(system, part, chosen, mechanics=mechanics)
+            own.values[1:STEP] -= own.values[0]
         for k, chosen in enumerate((still, *moved)):
-            for part, own in zip(system.parts, self._blocks, strict=True):
-                own.values[k] = part_values(system, part, chosen)
-                if k:
-                    own.values[k] -= own.values[0]
             END_POINT.evaluate_rows(system, chosen)
             # equations of force laws are scaled by the slopes, and so by the shifts
             law = rows.compliance > 0.0
@@ -163,6 +167,26 @@ class StepTangent:
 
     def _collected(self) -> BlockVectors:
         return [part.block.hold(part.block.owned_residual.copy()) for part in self._system.parts]
+
+
+class _Together(EndPoint):
+    """Equations of a part whose elements compute the matrices of several shifts together."""
+
+    def __init__(self, system: System, part: BlockPart, shifts: Sequence[Shifts]) -> None:
+        """Compute the matrices of the elements, if these can do so."""
+        self._shifts, self._values = list(shifts), None
+        if isinstance(part.elements, SeveralTangents):
+            self._values = part.elements.several_values(
+                part.block, system.gravity, [one.array for one in shifts], shifts[0].scale
+            )
+
+    def element_values(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest
+    ) -> FloatArray:
+        """See :class:`EndPoint`."""
+        if self._values is None:
+            return super().element_values(system, part, shifts, request)
+        return self._values[self._shifts.index(shifts)]
 
 
 def _blocks(part: BlockPart) -> _Blocks:

@@ -494,7 +494,7 @@ def evaluate_tangents(
     stiffness: Memory, inertia: Memory, cells: Memory, nodes: Memory, constants: FloatArray,
     rates: FloatArray, factors: FloatArray, values: FloatArray,
 ) -> None:  # fmt: skip
-    """Write ``s (k K + C dv + M dw)`` of all cells, whose nodes have twists.
+    """Write some ``s (k K + C dv + M dw)`` of all cells, whose nodes have twists.
 
     Args:
         stiffness: a :class:`CellKernel` of the matrices K.
@@ -502,9 +502,9 @@ def evaluate_tangents(
         cells: :class:`Cells`.
         nodes: record of the nodes.
         constants: constants of the stiffness.
-        rates: (n, 2, 36) changes dv and dw of each node along its local twist, row by row.
-        factors: (2,) k and s.
-        values: (m, (6 k)^2).
+        rates: (r, n, 2, 36) changes dv and dw of each node along its local twist, row by row.
+        factors: (r, 2) k and s.
+        values: (r, m, (6 k)^2).
     """
     for_K, for_CM = unpack(CellKernel, stiffness), unpack(CellKernel, inertia)
     own = unpack(Cells, cells)
@@ -528,12 +528,13 @@ def evaluate_tangents(
             _turn_matrix(own, c, K, work)
             _turn_matrix(own, c, C, work)
             _turn_matrix(own, c, M, work)
-        for i in range(6 * count):
-            for node in range(count):
-                at, by = 6 * (i * count + node), rates[own.nodes[c, node]]
-                for j in range(6):
-                    total = factors[0] * K[at + j]
-                    for k in range(6):
-                        total += C[at + k] * by[0, 6 * k + j]
-                        total += M[at + k] * by[1, 6 * k + j]
-                    values[c, at + j] = factors[1] * total
+        for r in range(rates.shape[0]):
+            for i in range(6 * count):
+                for node in range(count):
+                    at, by = 6 * (i * count + node), rates[r, own.nodes[c, node]]
+                    for j in range(6):
+                        total = factors[r, 0] * K[at + j]
+                        for k in range(6):
+                            total += C[at + k] * by[0, 6 * k + j]
+                            total += M[at + k] * by[1, 6 * k + j]
+                        values[r, c, at + j] = factors[r, 1] * total

@@ -11,7 +11,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from mpi4py import MPI
 
@@ -24,6 +24,7 @@ __all__ = [
     "ElementFamily",
     "HistoryElements",
     "MultigridElements",
+    "SeveralTangents",
     "StepForces",
     "SteppedElements",
     "StrainedElements",
@@ -265,6 +266,17 @@ class DampedElements(Protocol):
         The product of the latter with other strains, as of ``ElementFamily.continued_strains``, is
         the work of the stresses on them, J.
         """
+        ...
+
+
+@runtime_checkable
+class SeveralTangents(Protocol):
+    """Elements whose tangents for several shifts take little longer than one of them."""
+
+    def several_values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: Sequence[FloatArray], scale: float
+    ) -> FloatArray:
+        """Entries (r, k) of ``ElementFamily.values`` for all shifts, at present stresses."""
         ...
 
 

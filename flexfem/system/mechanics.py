@@ -196,15 +196,19 @@ class EndPoint(Mechanics):
         self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest
     ) -> FloatArray:
         """See :class:`Mechanics`."""
-        assert part.elements is not None
-        values = part.elements.values(
-            part.block, system.gravity, shifts.array, shifts.scale, request
-        )
+        values = self.element_values(system, part, shifts, request)
         if not part.line_forces:
             return values
         block, scale = part.block, shifts.scale * shifts.stiffness
         own = [forces.tangent(block, system.factors, scale) for forces in part.line_forces]
         return np.concatenate([values, *(matrices.ravel() for matrices in own)])
+
+    def element_values(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest
+    ) -> FloatArray:
+        """Entries of the matrices of a part's elements, flat."""
+        assert part.elements is not None
+        return part.elements.values(part.block, system.gravity, shifts.array, shifts.scale, request)
 
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`Mechanics`."""

@@ -170,6 +170,15 @@ class SE3Beams:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return self.tangent(block, gravity, shifts, scale, request).ravel()
 
+    def several_values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: Sequence[FloatArray], scale: float
+    ) -> FloatArray:
+        """See :class:`flexfem.layout.elements.SeveralTangents`."""
+        values = np.empty((len(shifts), len(self.data.cells), 144))
+        for rows, group in self.groups:
+            values[:, rows] = group.step_tangents(block, gravity, shifts, scale)
+        return values.reshape(len(shifts), -1)
+
     def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return [group.continued_strains(frames, steps) for _, group in self.groups]

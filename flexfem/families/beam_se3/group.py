@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Beam cells of one material: their data and the calls of the compiled loops."""
 
+from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 from mpi4py import MPI
@@ -158,14 +159,31 @@ class BeamGroup:
             strains: (m, 6) as in :meth:`cells_at`.
             local: the derivative K is that at fixed local velocities and accelerations.
         """
-        values = np.empty((len(self.data.cells), 144))
-        rates = np.empty((len(block.frames), 2, 36))
-        step_rates(block.nodes.memory, shifts, block.inertial_rates(shifts) and not local, rates)
+        (values,) = self._tangents(block, gravity, [shifts], scale, (strains, local))
+        return values.reshape(-1, 12, 12)  # type: ignore[no-any-return]
+
+    def step_tangents(
+        self, block: FrameBlock, gravity: FloatArray, shifts: Sequence[FloatArray], scale: float
+    ) -> FloatArray:
+        """Matrices (r, m, 144) of :meth:`tangent` for several ``shifts`` at the present strains."""
+        return self._tangents(block, gravity, shifts, scale, (None, False))
+
+    def _tangents(
+        self, block: FrameBlock, gravity: FloatArray, shifts: Sequence[FloatArray], scale: float,
+        request: tuple[FloatArray | None, bool],
+    ) -> FloatArray:  # fmt: skip
+        """The same with the strains and ``local`` of :meth:`tangent`."""
+        values = np.empty((len(shifts), len(self.data.cells), 144))
+        rates = np.empty((len(shifts), len(block.frames), 2, 36))
+        strains, local = request
+        for own, out in zip(shifts, rates, strict=True):
+            step_rates(block.nodes.memory, own, block.inertial_rates(own) and not local, out)
+        factors = np.array([[own[2], scale] for own in shifts])
         evaluate_tangents(
             self._stiffness.memory, self._inertia.memory, self.cells_at(block, strains).memory,
-            block.nodes.memory, gravity, rates, np.array([shifts[2], scale]), values,
+            block.nodes.memory, gravity, rates, factors, values,
         )  # fmt: skip
-        return values.reshape(-1, 12, 12)
+        return values
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
