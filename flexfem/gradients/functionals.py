@@ -8,10 +8,11 @@ from dataclasses import dataclass
 from math import inf
 
 import numpy as np
+import numpy.typing as npt
 
 from flexfem._types import FloatArray
 
-__all__ = ["Functional", "parse"]
+__all__ = ["Functional", "misfit", "parse"]
 
 #: The kinds of functionals.
 KINDS = ("final", "mean", "integral", "rms", "max", "min", "ks")
@@ -32,6 +33,48 @@ class Functional:
     columns: tuple[str, ...]
     value: Callable[[Mapping[str, FloatArray]], float]
     derivative: Callable[[Mapping[str, FloatArray]], FloatArray]
+
+
+def misfit(
+    targets: Mapping[str, npt.ArrayLike], scales: Mapping[str, float] | None = None
+) -> Functional:
+    """Half the sum of squares of differences between columns and measured values.
+
+    Args:
+        targets: values by column, one for each row of the history; NaN where there is none.
+        scales: differences of each column that are alike, such as standard deviations of its noise;
+            1 by default.
+
+    Raises:
+        ValueError: there are no targets, or a scale is not positive. When it is evaluated: the
+            history has another number of rows.
+    """
+    names, wanted = tuple(targets), {}
+    if not names:
+        raise ValueError("misfit: give values of a column at least")
+    for name, values in targets.items():
+        wanted[name] = np.array(values, dtype=np.float64).reshape(-1)
+        scale = (scales or {}).get(name, 1.0)
+        if not 0.0 < scale < inf:
+            raise ValueError(f"misfit: scale of {name} must be positive, got {scale}")
+
+    def differences(history: Mapping[str, FloatArray]) -> FloatArray:
+        found = []
+        for name in names:
+            if history[name].shape != wanted[name].shape:
+                raise ValueError(
+                    f"misfit: {name} has {len(history[name])} rows, got {len(wanted[name])} values"
+                )
+            found.append((history[name] - wanted[name]) / (scales or {}).get(name, 1.0))
+        return np.nan_to_num(np.array(found), nan=0.0)
+
+    def derivative(history: Mapping[str, FloatArray]) -> FloatArray:
+        factors = np.array([1.0 / (scales or {}).get(name, 1.0) for name in names])
+        return differences(history) * factors[:, np.newaxis]
+
+    return Functional(
+        "misfit", names, lambda history: 0.5 * float((differences(history) ** 2).sum()), derivative
+    )
 
 
 def parse(text: str, ks_rho: float | None = None) -> Functional:

@@ -16,7 +16,7 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.functionals import Functional, parse
-from flexfem.gradients.influence import Influence, NumberInfluence, influence_of
+from flexfem.gradients.influence import Influence, NumberInfluence, Owners, influence_of
 from flexfem.gradients.linearized import LinearizedStep
 from flexfem.gradients.parameters import Build, Values, parameters, plain
 from flexfem.gradients.runs import backward, forward
@@ -25,7 +25,7 @@ from flexfem.gradients.trajectory import Motion
 from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
 
-__all__ = ["Gradient", "TangentMotion", "gradient", "tangent_motion"]
+__all__ = ["Differentiation", "Gradient", "TangentMotion", "gradient", "tangent_motion"]
 
 #: Relative accuracy of the linearised equations.
 SOLVED = 1e-8
@@ -83,6 +83,58 @@ class TangentMotion:
     derivative: Mapping[str, FloatArray]
 
 
+class Differentiation:
+    """Functionals of motions of models that differ in the values of their parameters alone.
+
+    What is found out about a model's parameters with some values serves for others as well.
+    """
+
+    def __init__(
+        self, build: Build, of: str | Functional | Sequence[str | Functional],
+        options: RunOptions, *, ks_rho: float | None = None, accuracy: float = SOLVED,
+        memory: float = MEMORY, comm: MPI.Intracomm | None = None,
+    ) -> None:  # fmt: skip
+        """Store the arguments of :func:`gradient`."""
+        _checks.instance("gradient", "options", options, RunOptions)
+        self._build, self._options, self._comm = build, options, comm
+        self.functionals = _functionals(of, ks_rho)
+        self._accuracy, self._memory = accuracy, memory
+        self._owners: Owners = {}
+
+    def at(self, values: Values, *, check: bool = False) -> Gradient:
+        """Derivatives at values of all parameters (collective)."""
+        begin = time.perf_counter()
+        functionals, build = self.functionals, self._build
+        made = _made(build, values)
+        check_columns(made, [name for one in functionals for name in one.columns])
+        motion = Motion(made, self._options, self._comm, self._memory)
+        history = motion.history()
+        done, middle = motion.system.counters.factorizations, time.perf_counter()
+        influences = {
+            name: influence_of(motion, build, values, name, self._owners) for name in values
+        }
+        linear = LinearizedStep(motion.system, motion.policy, self._accuracy)
+        sums, growth = backward(motion, linear, functionals, influences)
+        found = [_by_name(row, influences, values) for row in sums]
+        numbers = {n: one for n, one in influences.items() if isinstance(one, NumberInfluence)}
+        differences = _check(motion, linear, (functionals, found), numbers) if check else {}
+        return Gradient(
+            value=motion.on_all_ranks(
+                {one.name: one.value(history) for one in functionals if history}
+            ),
+            gradient={one.name: own for one, own in zip(functionals, found, strict=True)},
+            check=differences,
+            history=history,
+            wall_seconds_forward=middle - begin,
+            wall_seconds_backward=time.perf_counter() - middle,
+            factorizations_forward=done,
+            factorizations_backward=linear.factorizations,
+            applications=linear.applications,
+            growth=growth,
+            warnings=(_CHAOTIC.format(growth),) if growth > _GROWTH else (),
+        )
+
+
 def gradient(
     model: Model | Callable[..., Model],
     of: str | Functional | Sequence[str | Functional],
@@ -126,34 +178,10 @@ def gradient(
         StoppedError: the motion does not come to its end, or its linearised equations cannot be
             solved (a RuntimeError).
     """
-    _checks.instance("gradient", "options", options, RunOptions)
-    begin = time.perf_counter()
-    functionals = _functionals(of, ks_rho)
     build, values = parameters(model, wrt)
-    made = _made(build, values)
-    check_columns(made, [name for one in functionals for name in one.columns])
-    motion = Motion(made, options, comm, memory)
-    history = motion.history()
-    done, middle = motion.system.counters.factorizations, time.perf_counter()
-    influences = {name: influence_of(motion, build, values, name) for name in values}
-    linear = LinearizedStep(motion.system, motion.policy, accuracy)
-    sums, growth = backward(motion, linear, functionals, influences)
-    numbers = {n: one for n, one in influences.items() if isinstance(one, NumberInfluence)}
-    found = [_by_name(row, influences, values) for row in sums]
-    differences = _check(motion, linear, (functionals, found), numbers) if check else {}
-    return Gradient(
-        value=motion.on_all_ranks({one.name: one.value(history) for one in functionals if history}),
-        gradient={one.name: own for one, own in zip(functionals, found, strict=True)},
-        check=differences,
-        history=history,
-        wall_seconds_forward=middle - begin,
-        wall_seconds_backward=time.perf_counter() - middle,
-        factorizations_forward=done,
-        factorizations_backward=linear.factorizations,
-        applications=linear.applications,
-        growth=growth,
-        warnings=(_CHAOTIC.format(growth),) if growth > _GROWTH else (),
-    )
+    return Differentiation(
+        build, of, options, ks_rho=ks_rho, accuracy=accuracy, memory=memory, comm=comm
+    ).at(values, check=check)
 
 
 def tangent_motion(

@@ -302,16 +302,53 @@ class ElementInfluence:
                 out[:] += np.bincount(index, own, minlength=self.count)
 
 
-def influence_of(motion: Motion, build: Build, values: Values, name: str) -> Influence:
-    """What a parameter, or an array of them, changes (collective)."""
+#: Owners of groups, see :class:`_Group`, by the names of arrays; None if there are none.
+Owners = dict[str, list[list[IntArray]] | None]
+
+
+def influence_of(
+    motion: Motion, build: Build, values: Values, name: str, known: Owners
+) -> Influence:
+    """What a parameter, or an array of them, changes (collective).
+
+    Args:
+        motion: the motion.
+        build: a model of all values.
+        values: of all parameters.
+        name: of this one.
+        known: owners that were found with other values, to which those found are added.
+    """
     if values[name].ndim == 0:
         return NumberInfluence(motion, build, values, name)
-    if len(values[name]) > _GROUPS and not motion.system.viscous():
-        for count in range(1, _GROUPS):
-            groups = _grouped(motion, build, values, (name, count))
-            if groups is not None:
-                return ElementInfluence(motion, build, values, name, groups)
-    return SeparateInfluence(motion, build, values, name)
+    if name not in known:
+        known[name] = _owners(motion, build, values, name)
+    owners = known[name]
+    if owners is None:
+        return SeparateInfluence(motion, build, values, name)
+    groups = _pairs(_Builder(motion, build, values, name), len(values[name]), owners)
+    return ElementInfluence(motion, build, values, name, groups)
+
+
+def _owners(motion: Motion, build: Build, values: Values, name: str) -> list[list[IntArray]] | None:
+    """Owners of the fewest groups, None if there are none (collective)."""
+    if len(values[name]) <= _GROUPS or motion.system.viscous():
+        return None
+    builder = _Builder(motion, build, values, name)
+    for count in range(1, _GROUPS):
+        found = _grouped(motion, builder, len(values[name]), count)
+        if found is not None:
+            return found
+    return None
+
+
+def _pairs(builder: _Builder, size: int, owners: list[list[IntArray]]) -> list[_Group]:
+    """Groups with their systems (collective)."""
+    found = []
+    for first, own in enumerate(owners):
+        parts = (np.arange(size) % len(owners) == first).astype(np.float64)
+        pair = [builder.started(parts), builder.started(-parts)]
+        found.append(_Group([one for one in pair if one is not None], own))
+    return found
 
 
 def _steps(values: FloatArray) -> FloatArray:
@@ -406,32 +443,27 @@ class _Builder:
 
 
 def _grouped(
-    motion: Motion, build: Build, values: Values, which: tuple[str, int]
-) -> list[_Group] | None:
-    """Groups of the entries of an array, whose numbers are equal modulo a count (collective).
+    motion: Motion, builder: _Builder, size: int, count: int
+) -> list[list[IntArray]] | None:
+    """Owners of groups of the entries of an array, whose numbers are equal modulo a count.
 
-    None if an equation depends on two of a group, or rows depend on any, or the start does.
+    None if an equation depends on two of a group, or rows depend on any, or the start does
+    (collective).
     """
-    name, count = which
-    builder = _Builder(motion, build, values, name)
-    numbers = np.arange(len(values[name]))
+    numbers, found = np.arange(size), []
     motion.go_to(0)
     _disturb(motion)
-    still, rows = _at_trial(motion.system)
-    found = []
+    still = _at_trial(motion.system)
     for first in range(count):
         own = (numbers % count == first).astype(np.float64)
-        pair = [one for sign in (1.0, -1.0) if (one := builder.started(sign * own)) is not None]
-        if len(pair) < 2:
-            return None
-        whole = _changes(motion.system, pair[0], (still, rows))
+        other = builder.started(own)
+        whole = None if other is None else _changes(motion.system, other, still)
         if whole is None:
             return None
-        owners = [np.zeros(len(change), dtype=np.int64) for change in whole]
-        place = 1
+        owners, place = [np.zeros(len(change), dtype=np.int64) for change in whole], 1
         while place <= numbers[-1]:
             part = own * (1.0 + numbers // place % _BASE) / _BASE
-            changes = _changes(motion.system, builder.system(part), (still, rows))
+            changes = _changes(motion.system, builder.system(part), still)
             digits = None if changes is None else _digits(motion.system, whole, changes)
             if digits is None:
                 return None
@@ -439,7 +471,7 @@ def _grouped(
                 total[:] += place * digit
                 total[digit < 0] = -1
             place *= _BASE
-        found.append(_Group(pair, owners))
+        found.append(owners)
     return found
 
 
