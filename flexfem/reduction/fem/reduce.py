@@ -94,7 +94,7 @@ def reduce_body(
 
     comm = body.space.mesh.comm
     integrals = MassIntegrals(body)
-    ties_found = tie(owner, body, places, kinds, at)
+    ties_found = tie(owner, body, places, kinds, at, derivatives is not None)
     pieces = prepare(owner, body, integrals, ties_found)
     try:
         inner = internal_functions(owner, pieces, basis, choice)
