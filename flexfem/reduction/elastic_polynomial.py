@@ -152,6 +152,14 @@ class ElasticPolynomial:
         return len(self.stiffness) - 6 * self.turning
 
     @property
+    def turned_masses(self) -> FloatArray:
+        """(k, 6) masses of the products of rotations, kg m^2."""
+        count = 6 * self.turning
+        last = self.products[:, :, self.products.shape[2] - count :]
+        masses: FloatArray = np.einsum("aaii->i", last).reshape(-1, 6)
+        return masses
+
+    @property
     def arrays(self) -> dict[str, FloatArray]:
         """All arrays by name."""
         return {name: getattr(self, name) for name in ARRAYS}

@@ -29,6 +29,8 @@ __all__ = ["Interface", "Recovery", "ReducedBody", "interface_motions"]
 #: Largest relative deviation from exact conditions that counts as round-off. What a direct solver
 #: leaves for a slender body is near 1e-9; a wrong sign or unit makes a deviation near one.
 _ROUND_OFF = 1e-5
+#: Ratio of masses of motions of an interface that is round-off: that of displacements is 1e-10.
+_NO_MASS = 1e-20
 
 
 @declared
@@ -335,6 +337,16 @@ class ReducedBody:
                 f"ReducedBody: polynomial must have {count} coordinates and {turning} interfaces "
                 f"that turn, got {found[1]} and {found[0]}"
             )
+        # at a right angle about an axis all that moves is the product of rotations of this axis
+        own = np.diagonal(self.mass_matrix)[: len(self.held)].reshape(-1, 6)[1:, 3:]
+        least = self.polynomial.turned_masses[:, [0, 3, 5]].min(axis=1, initial=np.inf)
+        every = zip(self.interfaces[1:], least, own.max(axis=1, initial=0.0), strict=True)
+        for interface, mass, rotating in every:
+            if not mass > _NO_MASS * rotating:
+                raise ValueError(
+                    f'ReducedBody: interface "{interface.name}" has no inertia where it is turned '
+                    "by a right angle; reduce the body once more"
+                )
 
     def _check_symmetry(self) -> None:
         whole = self.products.transpose(0, 2, 1, 3).reshape(3 * (self.size + 1), -1)

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Reduced bodies with modal derivatives: their forces, against nonlinear solids, on any ranks."""
 
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,10 +13,14 @@ import ufl
 from dolfinx import fem, mesh
 
 import flexfem as ff
-from flexfem.lie import so3
+from flexfem.families.floating.inertia import room_for
+from flexfem.families.floating.loops import tangents_into
+from flexfem.families.floating.nodes import body_data
+from flexfem.lie import se3, so3
 from flexfem.reduction.fem.modes.derivatives import NonlinearBasis
 from tests.unit.reduction_bodies import at
 from tests.unit.refusals import assert_on_page
+from tests.unit.test_floating_element import _state as node_state
 
 LENGTH, HEIGHT, WIDTH = 1.0, 0.02, 0.05
 DENSITY, LOAD = 7850.0, 2e4
@@ -133,9 +138,19 @@ def test_small_motions_are_linear() -> None:
     np.testing.assert_allclose(found.polynomial.stiffness, own, atol=1e-6 * own.max())
 
 
+def averaged(comm: Any, modes: int = 1, derivatives: int = 0, law: Any = STEEL) -> ff.ReducedBody:
+    """The beam with the mean motions of its ends as interfaces."""
+    return ff.reduce_body(beam(law, comm), ENDS, modes=modes, derivatives=derivatives,
+                          ties=dict.fromkeys(ENDS, "average"))  # fmt: skip
+
+
 @pytest.mark.three_ranks
-def test_any_ranks_give_the_same_numbers() -> None:
-    found, alone = both_ends(6), both_ends(6, alone=True)
+@pytest.mark.parametrize("kind", ["rigid", "average"])
+def test_any_ranks_give_the_same_numbers(kind: str) -> None:
+    if kind == "rigid":
+        found, alone = both_ends(6), both_ends(6, alone=True)
+    else:
+        found, alone = averaged(MPI.COMM_WORLD), averaged(MPI.COMM_SELF)
     assert found.polynomial is not None
     assert alone.polynomial is not None
     for name, values in alone.polynomial.arrays.items():
@@ -259,21 +274,139 @@ def test_a_region_turns_rigidly() -> None:
         assert np.abs(away).max() < 1e-9 * HEIGHT
 
 
+def cap(x: Any) -> Any:
+    """Vertices of the last cell: of its end face and the sides around it."""
+    return x[0] > 0.8
+
+
+@serial
+@pytest.mark.parametrize(("where", "stretches"), [(ENDS["tip"], 3), (cap, 6)], ids=["end", "cap"])
+def test_a_mean_turns_as_a_rigid_region(
+    where: Any, stretches: int, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Its moments of order zero and one, about another place than its centre, at any angle."""
+    body, bases, usual = beam(comm=MPI.COMM_SELF), [], NonlinearBasis.polynomial
+
+    def seen(basis: Any, *given: Any) -> Any:
+        bases.append(basis)
+        return usual(basis, *given)
+
+    monkeypatch.setattr(NonlinearBasis, "polynomial", seen)
+    place, domain = np.array([1.1, 0.02, -0.01]), body.space.mesh
+    facets = mesh.locate_entities_boundary(domain, 2, where)
+    tags = mesh.meshtags(domain, 2, facets, np.ones(len(facets), dtype=np.int32))
+    ff.reduce_body(
+        body, {"root": ENDS["root"], "tip": (tags, 1)}, modes=1, derivatives=0,
+        ties={"tip": "average"}, positions={"tip": place},
+    )  # fmt: skip
+    (basis,) = bases
+    assert basis._pieces.ties.conditions.shape[1] == 6 + stretches
+    u, ds = fem.Function(body.space), ufl.ds(domain, subdomain_data=tags)
+    arm = ufl.SpatialCoordinate(domain) - ufl.as_vector(place)
+    which = fem.Constant(domain, np.zeros((3, 4)))
+    by = which * ufl.as_vector([1.0, *(arm[i] for i in range(3))])
+    t = np.array([1.0, -0.8, 1.5])
+    R, sine = so3.exp(t), np.sin(np.linalg.norm(t)) / np.linalg.norm(t) * t
+    products = (R + R.T - (np.trace(R) - 1.0) * np.eye(3))[np.triu_indices(3)]
+    u.x.array[:] = basis._static[:, 3:] @ sine + basis.turned @ products
+    rigid = fem.Constant(domain, R - np.eye(3)) * arm
+    forms = [fem.form(ufl.dot(by, field) * ds(1)) for field in (u, rigid)]
+    found = np.empty((12, 2))
+    for i, moments in enumerate(found):
+        which.value[:] = np.arange(12).reshape(3, 4) == i
+        moments[:] = [fem.assemble_scalar(form) for form in forms]
+    # a mean rotation alone is half of the moments' size off
+    assert found[:, 0] == pytest.approx(found[:, 1], abs=1e-9 * np.abs(found).max())
+
+
+@serial
+@pytest.mark.parametrize("axis", [0, 1, 2])
+def test_a_mean_rotation_has_inertia_at_a_right_angle(axis: int) -> None:
+    reduced = averaged(MPI.COMM_SELF)
+    data, nodes = body_data(ff.FloatingBody("beam", reduced)), 3
+    still, out = np.zeros((nodes, 6)), np.empty((1, 6 * nodes, 6 * nodes))
+    least = []
+    for angle in (0.0, 0.5 * np.pi):
+        frames = np.tile(se3.frame(np.zeros(3), np.eye(3)), (nodes, 1))
+        frames[1] = se3.frame(data.rest[0], so3.exp(angle * np.eye(3)[axis]))
+        state = node_state(frames=frames, velocity=still, acceleration=still, increment=still)
+        tangents_into(
+            data.memory, room_for(data, nodes).memory, np.arange(3, dtype=np.int32)[np.newaxis],
+            state.memory, np.zeros(3), np.array([0.0, 1.0, 0.0]), False, out,
+        )  # fmt: skip
+        # six of the tip and the one amplitude
+        least.append(np.linalg.eigvalsh(out[0, 6:13, 6:13])[0])
+    # its sine alone has none: 1e-16; the rigid tie has 0.03 to 0.15 of that at rest
+    assert least[1] > 0.01 * least[0]
+    if axis == 2:  # as of a tie by the mean rotation alone
+        polynomial = reduced.polynomial
+        assert polynomial is not None
+        products = polynomial.products.copy()
+        products[..., -6:], products[:, :, -6:] = 0.0, 0.0
+        with pytest.raises(ValueError, match="no inertia where it is turned by a ri") as raised:
+            replace(reduced, polynomial=replace(polynomial, products=products))
+        assert_on_page(str(raised.value))
+
+
+def test_an_average_end_bends_past_a_right_angle() -> None:
+    """A moment rolls a beam up, which then springs back; its tip is tied on average, or rigidly."""
+    law, angles = ff.laws.SaintVenantKirchhoff(2e7, 0.3), []
+    moment = 3.0 * 2e7 * WIDTH * HEIGHT**3 / 12.0
+    bodies = (
+        averaged(MPI.COMM_WORLD, 4, 8, law),
+        ff.reduce_body(beam(law), ENDS, modes=4, derivatives=8),
+    )
+    for reduced in bodies:
+        model, tip = ff.Model("rolled"), ff.Marker("beam", "tip")
+        model.add(
+            ff.FloatingBody("beam", reduced),
+            ff.Rigid("clamp", ff.Ground(), ff.Marker("beam", "root")),
+            ff.PointMoment("roll", tip, (0.0, 0.0, moment), amplitude=lambda t: float(t <= 0.0)),
+            ff.PositionProbe("tip", tip),
+            ff.PositionProbe("ahead", ff.Marker("beam", "tip", offset=(1.0, 0.0, 0.0))),
+            ff.EnergyProbe("energy"),
+        )
+        options = ff.RunOptions(dt=1e-3, t_end=0.05, start="equilibrium", rho_inf=0.8, quiet=True)
+        outcome = ff.simulate(model, options)
+        assert outcome.status == "ok"
+        if not (history := outcome.history):  # of other ranks
+            continue
+        x, y = (history[f"ahead_{axis}"] - history[f"tip_{axis}"] for axis in "xy")
+        angles.append(np.arctan2(y, x))
+        energy = history["energy_kinetic"] + history["energy_strain"]
+        # by a mean rotation alone there is no equilibrium; what is lost is the scheme's damping
+        assert energy.max() < (1.0 + 1e-6) * energy[0]
+        assert energy[-1] > 0.99 * energy[0]
+        assert angles[-1][0] > 1.02 * np.pi / 2
+        assert angles[-1][-1] < 0.98 * np.pi / 2
+    # warping of the end is all that differs
+    if angles:
+        np.testing.assert_allclose(*angles, atol=0.03)
+
+
 @serial
 def test_stresses_are_those_of_the_law() -> None:
-    """A stretched beam whose ends may contract: Saint Venant's second law in closed form."""
-    body = ff.reduce_body(beam(comm=MPI.COMM_SELF), ENDS, modes=1, derivatives=0,
-                          ties=dict.fromkeys(ENDS, "average"))  # fmt: skip
+    """A stretched block whose ends may contract: Saint Venant's second law in closed form."""
+    block = mesh.create_box(MPI.COMM_SELF, [(0, 0, 0), (LENGTH, 1, 1)], (1, 1, 1),
+                            mesh.CellType.hexahedron)  # fmt: skip
+    body = ff.reduce_body(
+        ff.solid_body(block, STEEL, degree=1, density=DENSITY), {"root": at(0, 0.0)},
+        basis="full", derivatives=0, ties={"root": "average"},
+    )  # fmt: skip
     assert body.recovery is not None
-    strains, stretch = np.zeros(body.functions), 0.1
-    strains[6] = stretch * LENGTH
+    stretch = 0.1
     H = np.diag([stretch, -0.3 * stretch, -0.3 * stretch])
     F, lame, shear = np.eye(3) + H, 2.1e11 * 0.3 / (1.3 * 0.4), 2.1e11 / 2.6
     green = 0.5 * (F.T @ F - np.eye(3))
     second = lame * np.trace(green) * np.eye(3) + 2.0 * shear * green
     stress = F @ second @ F.T / np.linalg.det(F)
     expected = [*np.diagonal(stress), 0.0, 0.0, 0.0]
-    found = body.recovery.stresses(strains)
+    # the mean displacement of the root is zero, and its centre at (0, 1/2, 1/2)
+    moved = (body.recovery.points - [0.0, 0.5, 0.5]) @ H
+    functions = body.recovery.displacement.reshape(moved.size, -1)
+    strains = np.linalg.lstsq(functions[:, 6:], moved.ravel())[0]
+    assert functions[:, 6:] @ strains == pytest.approx(moved.ravel(), abs=1e-9)
+    found = body.recovery.stresses(np.concatenate([np.zeros(6), strains]))
     # linear stresses would be off by a fifth
     np.testing.assert_allclose(found, np.tile(expected, (len(found), 1)), atol=1e-6 * expected[0])
 

@@ -41,7 +41,7 @@ def polynomial(rng: np.random.Generator) -> ElasticPolynomial:
     own, pairs = symmetric(rng, 12, 4), np.triu_indices(12)
     residual = rng.normal(size=(2, 78)), rng.normal(size=(2, 12, 78))
     cubic = own[pairs][:, *pairs]
-    inertia = rng.normal(size=(3, 6)), np.zeros((3, 3, 13, 6))
+    inertia = rng.normal(size=(3, 6)), np.tile(np.eye(13)[:, 7:], (3, 3, 1, 1))
     loads = rng.normal(size=(2, 24)), np.eye(24), np.ones(1)
     return ElasticPolynomial(1, own[0, 0], own[0][pairs], cubic, *residual, *inertia, *loads)
 

@@ -7,6 +7,7 @@ from typing import Any
 import pytest
 
 import flexfem as ff
+from tests.unit.refusals import assert_on_page
 
 LENGTH, SIDE, MODULUS = 0.5, 0.01, 7e10
 #: Bending stiffness of the bar, N m^2.
@@ -47,9 +48,24 @@ def test_a_linear_body_that_bends_far(frame: str) -> None:
     assert warned(ff.solve_static(cantilever(0.05, frame), options)) == []
     (line,) = warned(ff.solve_static(cantilever(0.25, frame), options))
     assert line.startswith('FloatingBody "bar": it bends by ')
+    assert "half a turn" not in line
     if frame == "near":  # the slope of the end; a rotation in another frame is another one
         bent = float(line.split(" rad")[0].split()[-1])
         assert bent == pytest.approx(1.5 * 0.25, rel=0.02)
+
+
+@pytest.mark.serial
+def test_a_linear_body_near_half_a_turn() -> None:
+    """A moment turns its end by 2.4 rad."""
+    model, far = ff.Model("rolled"), ff.Marker("bar", "far")
+    model.add(
+        ff.FloatingBody("bar", bar()),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("bar", "near")),
+        ff.PointMoment("roll", far, (0.0, 0.0, 2.4 * BENDING / LENGTH)),
+    )
+    (line,) = warned(ff.solve_static(model, ff.StaticOptions(quiet=True, load_steps=4)))
+    assert "at half a turn of an interface its energy jumps, whatever the steps; divide" in line
+    assert_on_page(line)
 
 
 def test_motions_say_so_too() -> None:

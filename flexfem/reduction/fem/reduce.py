@@ -57,7 +57,8 @@ def reduce_body(
             Bampton 1968); "free_free", modes of the free body and the response to the inertia of
             rigid motions, in the same coordinates (Craig and Chang 1977); "full", all of the mesh.
         ties: "rigid" (the region moves as one) or "average" (the frame has the region's mean
-            motion) by names; rigid if not named.
+            motion; with derivatives all but the first also hold its mean stretches) by names; rigid
+            if not named.
         positions: (3,) of the frames at rest, body axes, by names; the region's centroid if not
             named.
         damping_ratio: of all elastic modes of the free reduced body.
@@ -94,7 +95,7 @@ def reduce_body(
 
     comm = body.space.mesh.comm
     integrals = MassIntegrals(body)
-    ties_found = tie(owner, body, places, kinds, at)
+    ties_found = tie(owner, body, places, kinds, at, derivatives is not None)
     pieces = prepare(owner, body, integrals, ties_found)
     try:
         inner = internal_functions(owner, pieces, basis, choice)

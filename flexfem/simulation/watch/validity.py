@@ -24,6 +24,9 @@ __all__ = ["ValidityWatch", "doubtful_state"]
 #: Rotation in its frame, rad, above which results of a linear body are doubtful. So much has a
 #: cantilever whose end is displaced by 13 % of its length, which makes it too long by 1 %.
 _BENT = 0.2
+#: Beyond this one, rad, half a turn is near, where rotation vectors jump from pi to -pi. States are
+#: looked at between many steps.
+_TURNED = 2.0
 #: Part of its displacement, in the energy norm, that a nonlinear reduced body may miss: deflections
 #: are then wrong by some per cent. Strains that are missing below this size do not count.
 _MISSING, _STRAIN = 0.1, 1e-6
@@ -143,10 +146,13 @@ class ValidityWatch:
         bent, missing, far = (max(found) for found in zip(*every, strict=True))
         texts = []
         if bent.value > _BENT:
+            jump = ""
+            if bent.value > _TURNED:
+                jump = ", and at half a turn of an interface its energy jumps, whatever the steps"
             texts.append(
                 f"{self._owner(bent)}: it bends by {bent.value:.3g} rad in its frame (at "
-                f"t = {bent.time:.4g}), for which its linear elasticity is not accurate; divide it "
-                "into several bodies, or use beams or shells"
+                f"t = {bent.time:.4g}), for which its linear elasticity is not accurate{jump}; "
+                "divide it into several bodies, or use beams or shells"
             )
         if missing.value > _MISSING:
             texts.append(

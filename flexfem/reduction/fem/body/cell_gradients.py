@@ -118,7 +118,8 @@ class CellGradients:
             left = _pairs(a, a, True) * (self._weights[at, np.newaxis] * twice)[..., np.newaxis]
             right = _pairs(c, c, True) if symmetric else _pairs(c, a, False)
             stress = np.matmul(tensor, right)
-            found += left.reshape(-1, len(found)).T @ stress.reshape(-1, found.shape[1])
+            rows = left.reshape(-1, len(found))
+            found += rows.T @ stress.reshape(len(rows), found.shape[1])  # there may be no columns
         return total(self._comm, found)
 
     def unit_strain(self) -> float:

@@ -3,6 +3,7 @@
 
 from collections.abc import Mapping
 from dataclasses import dataclass
+from itertools import combinations_with_replacement
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ __all__ = ["TIES", "Ties", "rigid_motions", "tie"]
 
 #: Ways of tying a frame to a region.
 TIES = ("rigid", "average")
+#: (3, 3, 3) small rotations about the axes, as gradients of displacements.
+_TURNS = np.cross(np.eye(3)[:, np.newaxis], np.eye(3)).swapaxes(1, 2)
 #: Smallest eigenvalue of the Gram matrix of the motions of a region, its diagonal one, with which
 #: they are independent.
 _INDEPENDENT = 1e-10
@@ -27,15 +30,17 @@ _INDEPENDENT = 1e-10
 
 @dataclass(frozen=True, eq=False)
 class Ties:
-    """All interfaces of a body; c of their coordinates are means.
+    """All interfaces of a body; c of their coordinates are means, e more are mean stretches.
 
     Attributes:
         interfaces: the frames.
         held: (6 k,) fixed coordinates, which the body does not have.
         fixed: this rank's rows in rigid regions.
         motion: (rows, 6 k) displacement of the fixed rows by each coordinate, zero elsewhere.
-        conditions: (rows, c) the means as functionals.
+        conditions: (rows, c + e) the means as functionals, then the stretches, see
+            :func:`_stretches`.
         averaged: (c,) the coordinates that they are.
+        condition_of: (c + e,) number of the interface of each.
     """
 
     interfaces: tuple[Interface, ...]
@@ -44,6 +49,12 @@ class Ties:
     motion: FloatArray
     conditions: FloatArray
     averaged: IntArray
+    condition_of: IntArray
+
+    @property
+    def means(self) -> FloatArray:
+        """(rows, c) the means as functionals."""
+        return self.conditions[:, : len(self.averaged)]
 
 
 def rigid_motions(body: LinearBody, centre: FloatArray) -> FloatArray:
@@ -58,12 +69,36 @@ def rigid_motions(body: LinearBody, centre: FloatArray) -> FloatArray:
     return motions
 
 
+def second_order(turns: FloatArray) -> FloatArray:
+    """(rows, 6) displacements of second order by rotations, of points with three translations.
+
+    ``1/2 (e_p x (e_q x r) + e_q x (e_p x r))``, half of that where p = q, as xx, xy, xz, yy, yz,
+    zz: times the six products of rotations of ``core.places.floating_frames`` they are the
+    symmetric part of a finite rotation.
+
+    Args:
+        turns: (rows, 3) of first order, ``e_q x r``.
+    """
+    fields = np.empty((len(turns), 6))
+    for a, (p, q) in enumerate(combinations_with_replacement(range(3), 2)):
+        both = _crossed(p, turns[:, q]) + _crossed(q, turns[:, p])
+        fields[:, a] = (0.25 if p == q else 0.5) * both
+    return fields
+
+
+def _crossed(axis: int, vectors: FloatArray) -> FloatArray:
+    """Cross products of a unit vector with the vectors of all nodes, one after the other."""
+    crossed: FloatArray = np.cross(np.eye(3)[axis], vectors.reshape(-1, 3)).ravel()
+    return crossed
+
+
 def tie(
     owner: str,
     body: LinearBody,
     places: Mapping[str, Any],
     kinds: Mapping[str, str],
     positions: Mapping[str, Any],
+    turning: bool = False,
 ) -> Ties:
     """Tie the frames (collective).
 
@@ -73,6 +108,7 @@ def tie(
         places: regions by names of interfaces; see :func:`find_region`.
         kinds: "rigid" or "average" by names; rigid if not named.
         positions: of the frames by names; the region's centroid if not named.
+        turning: interfaces other than the first turn by any angle in the body.
 
     Raises:
         TypeError: an argument has the wrong type.
@@ -86,6 +122,8 @@ def tie(
     averaged: list[IntArray] = []
     motions: list[FloatArray] = []
     conditions: list[FloatArray] = []
+    stretches: list[FloatArray] = []
+    turned: list[int] = []
     for i, (name, where) in enumerate(places.items()):
         who = f'{owner}: interface "{name}"'
         region = find_region(who, body.space.mesh, where)
@@ -94,11 +132,8 @@ def tie(
         motion = rigid_motions(body, interface.position)
         if kinds.get(name, TIES[0]) == "rigid":
             mine = region.rows(body.space, rows)
-            if np.isin(mine, np.concatenate([np.empty(0), *fixed])).any():
-                clash = 1.0
-            else:
-                clash = 0.0
-            if total(comm, np.array([clash]))[0] > 0.0:
+            clash = np.isin(mine, np.concatenate([np.empty(0), *fixed])).any()
+            if total(comm, np.array([float(clash)]))[0] > 0.0:
                 raise ValueError(f"{who}: its region shares points with another rigid one")
             _check_independent(who, comm, rigid_motions(body, region.centroid)[mine][:, free])
             fixed.append(mine)
@@ -106,16 +141,22 @@ def tie(
             there[mine] = motion[mine]
             motions.append(there)
         else:
-            conditions.append(_means(who, body, region, interface.position, motion, free))
+            measure, at = _outside(who, body, region), interface.position
+            conditions.append(_means(who, body, measure, at, motion, free))
             averaged.append(6 * i + np.flatnonzero(free))
+            if turning and i > 0:
+                stretches.append(_stretches(body, measure, at, motion, conditions[-1]))
+                turned += [i] * stretches[-1].shape[1]
             motions.append(np.zeros((rows, 6)))
+    coordinates = np.concatenate([np.empty(0, dtype=np.int64), *averaged])
     return Ties(
         tuple(interfaces),
         np.tile(~free, len(interfaces)),
         np.concatenate([np.empty(0, dtype=np.int64), *fixed]),
         np.hstack([np.zeros((rows, 0)), *motions]),
-        np.hstack([np.zeros((rows, 0)), *conditions]),
-        np.concatenate([np.empty(0, dtype=np.int64), *averaged]),
+        np.hstack([np.zeros((rows, 0)), *conditions, *stretches]),
+        coordinates,
+        np.concatenate([coordinates // 6, np.array(turned, dtype=np.int64)]),
     )
 
 
@@ -132,20 +173,9 @@ def _check_independent(who: str, comm: Any, motions: FloatArray) -> None:
     )
 
 
-def _means(
-    who: str,
-    body: LinearBody,
-    region: Region,
-    position: FloatArray,
-    motion: FloatArray,
-    free: BoolArray,
-) -> FloatArray:
-    """Mean displacement and rotation over a region as functionals.
-
-    The rigid motion of the frame whose resultants ``int u dS`` and ``int x cross u dS`` are those
-    of the displacement: the interpolation element of commercial codes (RBE3), in the continuum.
-    """
-    domain, rows = body.space.mesh, own_rows(body.space)
+def _outside(who: str, body: LinearBody, region: Region) -> Any:
+    """Measure of a region of outer facets."""
+    domain = body.space.mesh
     if region.dimension != domain.topology.dim - 1 or region.dimension == 0:
         raise ValueError(f"{who}: a mean needs facets with an area or a length")
     domain.topology.create_connectivity(region.dimension, domain.topology.dim)
@@ -156,26 +186,71 @@ def _means(
     if counts[0] != counts[1]:
         raise ValueError(f"{who}: a mean can be taken over outer facets only")
     tags = mesh.meshtags(domain, region.dimension, marked, np.ones(len(marked), dtype=np.int32))
-    v = ufl.TestFunction(body.space)
-    pick = fem.Constant(domain, np.zeros((2, 3)))
-    x = ufl.SpatialCoordinate(domain)
+    return ufl.Measure("ds", domain, 1, subdomain_data=tags)
+
+
+def _resultants(body: LinearBody, measure: Any, position: FloatArray, tensors: Any) -> FloatArray:
+    """(rows, k) work of surface forces that are affine in the place, as functionals (collective).
+
+    Args:
+        body: the body.
+        measure: of the surface.
+        position: the place counts from here.
+        tensors: (k, 3, 4) the force, and its derivatives by the place.
+    """
+    domain, rows = body.space.mesh, own_rows(body.space)
+    pick = fem.Constant(domain, np.zeros((3, 4)))
+    x, v = ufl.SpatialCoordinate(domain), ufl.TestFunction(body.space)
     arm = ufl.as_vector([x[i] if i < len(x) else 0.0 * x[0] for i in range(3)])
     arm = arm - fem.Constant(domain, np.array(position))
     assert body.displacement is not None
-    moved = body.displacement(v)
-    work = ufl.dot(pick[0, :], moved) + ufl.dot(pick[1, :], ufl.cross(arm, moved))
-    form = compiled_form(work * ufl.Measure("ds", domain, 1, subdomain_data=tags))
-    resultants = np.zeros((rows, 6))
-    for i in range(6):
-        pick.value[:] = 0.0
-        pick.value.flat[i] = 1.0
-        resultants[:, i] = assemble_rows(form, rows)
-    resultants = resultants[:, free]
-    gram = projected(domain.comm, resultants, motion[:, free])
+    force = pick * ufl.as_vector([1.0, *(arm[i] for i in range(3))])
+    form = compiled_form(ufl.dot(force, body.displacement(v)) * measure)
+    work = np.zeros((rows, len(tensors)))
+    for i, tensor in enumerate(tensors):
+        pick.value[:] = tensor
+        work[:, i] = assemble_rows(form, rows)
+    return work
+
+
+def _means(
+    who: str, body: LinearBody, measure: Any, position: FloatArray, motion: FloatArray,
+    free: BoolArray,
+) -> FloatArray:  # fmt: skip
+    """Mean displacement and rotation over a region as functionals.
+
+    The rigid motion of the frame whose resultants ``int u dS`` and ``int x cross u dS`` are those
+    of the displacement: the interpolation element of commercial codes (RBE3), in the continuum.
+    """
+    forces = np.zeros((6, 3, 4))
+    forces[:3, :, 0], forces[3:, :, 1:] = np.eye(3), _TURNS
+    resultants = _resultants(body, measure, position, forces)[:, free]
+    gram = projected(body.space.mesh.comm, resultants, motion[:, free])
     _check_gram(who, gram)
     # C^T R = 1: unit motions of the frame have unit means
     means: FloatArray = np.linalg.solve(gram, resultants.T).T
     return means
+
+
+def _stretches(
+    body: LinearBody, measure: Any, position: FloatArray, motion: FloatArray, means: FloatArray
+) -> FloatArray:
+    """Mean stretches of a region as functionals (rows, e), zero in small rigid motions.
+
+    Its mean rotation is linear in the displacement: in a rotation by an angle it is the sine,
+    which says nothing of a rotation at a right angle, where the inertia of the frame would be zero.
+    With the stretches all moments of first order of the displacement over the region are there, in
+    which finite rotations differ: three more over a plane, six over other surfaces.
+    """
+    comm, forces = body.space.mesh.comm, np.zeros((6, 3, 4))
+    forces[:, :, 1:] = second_order(_TURNS.swapaxes(1, 2).reshape(3, 9).T).T.reshape(6, 3, 3)
+    resultants = _resultants(body, measure, position, forces)
+    resultants -= means @ projected(comm, motion, resultants)
+    gram = projected(comm, resultants, second_order(motion[:, 3:]))
+    values, vectors = np.linalg.eigh(0.5 * (gram + gram.T))
+    found = values > _INDEPENDENT * values[-1]
+    stretches: FloatArray = resultants @ (vectors[:, found] / values[found])
+    return stretches
 
 
 def _check_gram(who: str, gram: FloatArray) -> None:

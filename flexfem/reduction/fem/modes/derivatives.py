@@ -14,7 +14,7 @@ functions are combined.
 """
 
 from functools import cached_property
-from itertools import combinations_with_replacement, permutations
+from itertools import permutations
 
 import numpy as np
 import scipy.linalg
@@ -25,7 +25,7 @@ from flexfem.reduction.elastic_polynomial import ElasticPolynomial, pair_numbers
 from flexfem.reduction.fem.body.blocks import multiply, projected, same_everywhere
 from flexfem.reduction.fem.body.cell_gradients import CellGradients
 from flexfem.reduction.fem.body.linear_body import LinearBody
-from flexfem.reduction.fem.body.ties import rigid_motions
+from flexfem.reduction.fem.body.ties import rigid_motions, second_order
 from flexfem.reduction.fem.modes.internal import Pieces, orthonormal, ritz
 
 __all__ = ["NonlinearBasis"]
@@ -188,7 +188,9 @@ class NonlinearBasis:
         # what should be zero is round-off without any symmetry
         quadratic = _symmetric(third[:, :, :n]) / 2.0
         cubic = _symmetric(self._cells.fourth(own, own, True)[number][:, :, number]) / 6.0
-        residual_cubic = self._cells.fourth(own, beside, False).T.reshape(s, n, -1) / 6.0
+        residual_cubic = (
+            self._cells.fourth(own, beside, False).T.reshape(s, n, n * (n + 1) // 2) / 6.0
+        )
         return ElasticPolynomial(
             self._static.shape[1] // 6,
             0.5 * (stiffness + stiffness.T),
@@ -222,13 +224,9 @@ class NonlinearBasis:
         ties, functions = self._pieces.ties, [np.zeros((len(self._static), 0))]
         for number, interface in enumerate(ties.interfaces[1:], 1):
             own = slice(6 * number, 6 * number + 6)
-            turns = rigid_motions(self._body, interface.position)[:, 3:]
-            field = np.empty((len(turns), 6))
-            for a, (p, q) in enumerate(combinations_with_replacement(range(3), 2)):
-                both = _crossed(p, turns[:, q]) + _crossed(q, turns[:, p])
-                field[:, a] = (0.25 if p == q else 0.5) * both
-            averaged = (ties.averaged >= own.start) & (ties.averaged < own.stop)
-            means = projected(self._comm, ties.conditions, field) * averaged[:, np.newaxis]
+            field = second_order(rigid_motions(self._body, interface.position)[:, 3:])
+            means = projected(self._comm, ties.conditions, field)
+            means[ties.condition_of != number] = 0.0
             field[~ties.motion[:, own].any(axis=1)] = 0.0
             functions.append(self._pieces.response.move(field, means))
         return np.hstack(functions)
@@ -242,9 +240,3 @@ def _symmetric(tensor: FloatArray) -> FloatArray:
         total += tensor.transpose(order)
     mean: FloatArray = total / len(orders)
     return mean
-
-
-def _crossed(axis: int, vectors: FloatArray) -> FloatArray:
-    """Cross products of a unit vector with the vectors of all nodes, one after the other."""
-    crossed: FloatArray = np.cross(np.eye(3)[axis], vectors.reshape(-1, 3)).ravel()
-    return crossed

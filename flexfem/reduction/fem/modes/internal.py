@@ -142,7 +142,7 @@ def _interface_motion(pieces: Pieces, functions: FloatArray) -> FloatArray:
     """(6 k, m) interface coordinates of functions that are rigid where interfaces are."""
     comm, ties = pieces.stiffness.comm.tompi4py(), pieces.ties
     motion = np.zeros((len(ties.held), functions.shape[1]))
-    motion[ties.averaged] = projected(comm, ties.conditions, functions)
+    motion[ties.averaged] = projected(comm, ties.means, functions)
     moved = np.flatnonzero(~ties.held & ~np.isin(np.arange(len(ties.held)), ties.averaged))
     if len(moved):
         own = ties.motion[:, moved]
