@@ -129,6 +129,8 @@ _MODULES = {
     "misfit": "gradients.functionals",
     "minimize": "gradients.minimize",
     "Optimum": "gradients.minimize",
+    "identify": "gradients.identify",
+    "Identification": "gradients.identify",
     "Probe": "model.probes.base",
     "PositionProbe": "model.probes.base",
     "MarkerState": "model.probes.base",

@@ -66,11 +66,13 @@ def misfit(
                     f"misfit: {name} has {len(history[name])} rows, got {len(wanted[name])} values"
                 )
             found.append((history[name] - wanted[name]) / (scales or {}).get(name, 1.0))
-        return np.nan_to_num(np.array(found), nan=0.0)
+        together: FloatArray = np.nan_to_num(np.array(found), nan=0.0)
+        return together
 
     def derivative(history: Mapping[str, FloatArray]) -> FloatArray:
         factors = np.array([1.0 / (scales or {}).get(name, 1.0) for name in names])
-        return differences(history) * factors[:, np.newaxis]
+        slopes: FloatArray = differences(history) * factors[:, np.newaxis]
+        return slopes
 
     return Functional(
         "misfit", names, lambda history: 0.5 * float((differences(history) ** 2).sum()), derivative

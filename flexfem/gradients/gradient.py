@@ -25,7 +25,15 @@ from flexfem.gradients.trajectory import Motion
 from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
 
-__all__ = ["Differentiation", "Gradient", "TangentMotion", "gradient", "tangent_motion"]
+__all__ = [
+    "MEMORY",
+    "SOLVED",
+    "Differentiation",
+    "Gradient",
+    "TangentMotion",
+    "gradient",
+    "tangent_motion",
+]
 
 #: Relative accuracy of the linearised equations.
 SOLVED = 1e-8
@@ -105,7 +113,7 @@ class Differentiation:
         """Derivatives at values of all parameters (collective)."""
         begin = time.perf_counter()
         functionals, build = self.functionals, self._build
-        made = _made(build, values)
+        made = made_of(build, values)
         check_columns(made, [name for one in functionals for name in one.columns])
         motion = Motion(made, self._options, self._comm, self._memory)
         history = motion.history()
@@ -216,19 +224,17 @@ def tangent_motion(
     for name in direction:
         if name not in values:
             raise ValueError(f'tangent_motion: direction names "{name}", which is no parameter')
-    made = _made(build, values)
+    made = made_of(build, values)
     chosen = [*columns] if columns is not None else _columns(made)
     check_columns(made, chosen)
     motion = Motion(made, options, comm, memory)
-    along = {
-        f"{name}{'' if entry is None else entry}": (
-            NumberInfluence(motion, build, values, name, entry), float(change),
-        )
+    along = [
+        (NumberInfluence(motion, build, values, name, entry), float(change))
         for name, given in direction.items()
         for entry, change in _entries(name, values[name], given)
-    }  # fmt: skip
+    ]
     linear = LinearizedStep(motion.system, motion.policy, accuracy)
-    found = forward(motion, linear, chosen, along)
+    (found,) = forward(motion, linear, chosen, [along])
     derivative = dict(zip(chosen, found.T, strict=True)) if motion.system.comm.rank == 0 else {}
     return TangentMotion(motion.history(), derivative)
 
@@ -242,7 +248,8 @@ def _check(
     random, functionals = np.random.default_rng(0), results[0]
     along = {name: (one, one.scale * random.standard_normal()) for name, one in numbers.items()}
     names = sorted({name for one in functionals for name in one.columns})
-    columns = dict(zip(names, forward(motion, linear, names, along).T, strict=True))
+    (changes,) = forward(motion, linear, names, [list(along.values())])
+    columns = dict(zip(names, changes.T, strict=True))
     history, found = motion.history(), {}
     for one, own in zip(functionals, results[1], strict=True) if history else ():
         moved = np.array([columns[name] for name in one.columns])
@@ -258,7 +265,7 @@ def _columns(model: Model) -> list[str]:
     return [name for probe in model.of(Probe) for name in probe.columns]
 
 
-def _made(build: Build, values: Values) -> Model:
+def made_of(build: Build, values: Values) -> Model:
     """The model of the values themselves.
 
     Raises:

@@ -13,13 +13,15 @@ from flexfem._types import FloatArray
 from flexfem.gradients.adjoint import CARRIED, Adjoint, Carried, Tangent, maps_of
 from flexfem.gradients.columns import ColumnDerivatives
 from flexfem.gradients.functionals import Functional
-from flexfem.gradients.influence import Influence, NumberInfluence
+from flexfem.gradients.influence import Factors, Influence, NumberInfluence
 from flexfem.gradients.linearized import LinearizedStep
 from flexfem.gradients.trajectory import Motion
 
 __all__ = ["backward", "forward"]
 
 
+#: Influences of parameters with the change of each.
+Direction = Sequence[tuple[NumberInfluence, float]]
 #: Relative accuracy of the adjoint that shows the growth.
 _ROUGHLY = 1e-2
 
@@ -66,48 +68,62 @@ def backward(
 
 
 def forward(
-    motion: Motion, linear: LinearizedStep, columns: Sequence[str],
-    along: Mapping[str, tuple[NumberInfluence, float]],
-) -> FloatArray:  # fmt: skip
-    """Derivatives (steps + 1, columns) of columns along a direction of parameters (collective).
+    motion: Motion, linear: LinearizedStep, columns: Sequence[str], directions: Sequence[Direction]
+) -> FloatArray:
+    """Derivatives (directions, steps + 1, columns) of columns (collective).
 
     Args:
         motion: the motion.
         linear: its linearised equations.
         columns: names.
-        along: what each parameter changes, and the change of it.
+        directions: each a list of parameters' influences and changes.
     """
     derivatives = ColumnDerivatives(motion, columns)
-    start = [Carried.nothing(part.block.owned_step.shape) for part in motion.system.parts]
-    for influence, factor in along.values():
-        for total, own in zip(start, influence.start, strict=True):
-            for name in CARRIED:
-                getattr(total, name)[:] += factor * getattr(own, name)
-    tangent = Tangent(motion, start)
-    found = np.zeros((motion.steps + 1, len(columns)))
+    tangents = [Tangent(motion, _start(motion, own)) for own in directions]
+    found = np.zeros((len(directions), motion.steps + 1, len(columns)))
     for step in range(motion.steps + 1):
         if step:
             motion.go_to_end(step)
             linear.take(motion.laws.shifts)
             maps = maps_of(motion, step)
-            blocks = [np.zeros_like(own.q) for own in tangent.carried]
-            rows = np.zeros(motion.system.constraints.size)
-            for influence, factor in along.values():
-                more, more_rows = influence.equations(step)
-                blocks = [a + factor * b for a, b in zip(blocks, more, strict=True)]
-                rows = rows + factor * more_rows
-            tangent.step(linear, maps, blocks, rows)
+            once = {
+                id(one): one.equations(step) for own in directions for one, _ in own
+            }  # each parameter's
+            for tangent, own in zip(tangents, directions, strict=True):
+                tangent.step(linear, maps, *_combined(motion, own, once))
         motion.go_to(step)
         for k in range(len(columns)):
             one = Adjoint(motion)
             one.add(derivatives.seeds(step, np.eye(1, len(columns), k)[0]))
-            found[step, k] = sum(
-                float((getattr(a, name) * getattr(b, name)).sum())
-                for a, b in zip(one.carried, tangent.carried, strict=True)
-                for name in CARRIED
-            )
+            for values, tangent in zip(found, tangents, strict=True):
+                values[step, k] = sum(
+                    float((getattr(a, name) * getattr(b, name)).sum())
+                    for a, b in zip(one.carried, tangent.carried, strict=True)
+                    for name in CARRIED
+                )
     motion.system.comm.Allreduce(MPI.IN_PLACE, found)
     return found
+
+
+def _start(motion: Motion, direction: Direction) -> list[Carried]:
+    """Change of the start along a direction."""
+    found = [Carried.nothing(part.block.owned_step.shape) for part in motion.system.parts]
+    for influence, factor in direction:
+        for total, own in zip(found, influence.start, strict=True):
+            for name in CARRIED:
+                getattr(total, name)[:] += factor * getattr(own, name)
+    return found
+
+
+def _combined(motion: Motion, direction: Direction, equations: Mapping[int, Factors]) -> Factors:
+    """Change of the equations along a direction."""
+    blocks = [np.zeros_like(part.block.owned_step) for part in motion.system.parts]
+    rows = np.zeros(motion.system.constraints.size)
+    for influence, factor in direction:
+        own, own_rows = equations[id(influence)]
+        blocks = [a + factor * b for a, b in zip(blocks, own, strict=True)]
+        rows = rows + factor * own_rows
+    return blocks, rows
 
 
 def _weights(motion: Motion, functionals: Sequence[Functional], names: Sequence[str]) -> FloatArray:

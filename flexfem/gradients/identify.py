@@ -1,0 +1,224 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Identification of parameters of a model from measured columns of its history."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, field
+
+from mpi4py import MPI
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._types import FloatArray
+from flexfem.analyses.dynamics import RunOptions
+from flexfem.gradients.gradient import MEMORY, SOLVED, made_of
+from flexfem.gradients.influence import NumberInfluence
+from flexfem.gradients.linearized import LinearizedStep
+from flexfem.gradients.parameters import Build, Values, checked_values, plain
+from flexfem.gradients.runs import forward
+from flexfem.gradients.support import check_columns
+from flexfem.gradients.trajectory import Motion
+
+__all__ = ["Identification", "identify"]
+
+
+@dataclass(frozen=True)
+class Identification:
+    """Parameters that fit measurements best, and how well they are known.
+
+    Attributes:
+        values: parameters, numbers or arrays (n,).
+        errors: their standard errors, of the same shapes: from the noise that is given, or that
+            left over.
+        covariance: (n, n) of all numbers, in the order of the parameters.
+        noise: root of the mean square of the differences left over, in units of the noise that is
+            given.
+        motions: number of motions that were computed.
+        success: True if the method has converged.
+        message: its own words.
+    """
+
+    values: Mapping[str, float | FloatArray]
+    errors: Mapping[str, float | FloatArray]
+    covariance: FloatArray = field(repr=False)
+    noise: float
+    motions: int
+    success: bool
+    message: str
+
+    def interval(self, name: str, share: float = 0.95) -> tuple[npt.NDArray, npt.NDArray]:
+        """Confidence interval of a parameter, least and largest value of each of its numbers.
+
+        Args:
+            name: of the parameter.
+            share: probability that it holds the value, if noise is normal and small.
+        """
+        from scipy.stats import norm
+
+        half = float(norm.ppf(0.5 + 0.5 * share)) * np.asarray(self.errors[name])
+        return np.asarray(self.values[name]) - half, np.asarray(self.values[name]) + half
+
+
+def identify(
+    build: Build,
+    measured: Mapping[str, npt.ArrayLike],
+    start: Mapping[str, npt.ArrayLike],
+    options: RunOptions,
+    *,
+    noise: Mapping[str, float] | None = None,
+    bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+    most: int = 30,
+    tolerance: float = 1e-10,
+    comm: MPI.Intracomm | None = None,
+) -> Identification:
+    """Fit parameters of a model to measured columns by least squares (collective).
+
+    The method is that of Levenberg and Marquardt as ``scipy.optimize.least_squares`` has it, with
+    the derivatives of all columns from the linearised motion: one solve of it for each number, and
+    no difference of motions. Standard errors are those of the linearised problem.
+
+    Args:
+        build: model of the parameters' values.
+        measured: values of columns of a :class:`Probe`, one for each row of the history; NaN where
+            there is none.
+        start: values of all parameters to begin with, numbers or arrays (n,).
+        options: of the motions.
+        noise: standard deviations of the measurements of each column. Without them they are
+            estimated, as equal in all columns, from the differences left over.
+        bounds: least and largest value of parameters by name, None for none.
+        most: largest number of motions.
+        tolerance: relative changes at which the method ends.
+        comm: communicator, all ranks by default.
+
+    Raises:
+        InputError, TypeError, ValueError: as :func:`gradient`; measurements do not fit the history.
+        StoppedError: a motion failed.
+    """
+    _checks.instance("identify", "options", options, RunOptions)
+    problem = _Fit(build, measured, checked_values(start), options, comm)
+    problem.noise = _noises(measured, noise or {})
+    return problem.solved(bounds or {}, (most, tolerance), known=noise is not None)
+
+
+class _Fit:
+    """Differences of a motion from measurements, with their derivatives."""
+
+    noise: Mapping[str, float]
+
+    def __init__(
+        self, build: Build, measured: Mapping[str, npt.ArrayLike], values: Values,
+        options: RunOptions, comm: MPI.Intracomm | None,
+    ) -> None:  # fmt: skip
+        self._build, self._options, self._comm = build, options, comm
+        self._start = values
+        self._measured = {n: np.array(x, dtype=np.float64).reshape(-1) for n, x in measured.items()}
+        if not self._measured:
+            raise ValueError("identify: give measured values of a column at least")
+        self._last: tuple[bytes, FloatArray, FloatArray] | None = None
+        self.motions = 0
+        self._scale = np.concatenate(
+            [np.where(x == 0.0, 1.0, np.abs(x)).ravel() for x in values.values()]
+        )
+
+    def solved(
+        self, bounds: Mapping[str, tuple[float | None, float | None]],
+        limits: tuple[int, float], *, known: bool,
+    ) -> Identification:  # fmt: skip
+        """Call the method."""
+        from scipy.optimize import least_squares
+
+        most, tolerance = limits
+        begin = np.concatenate([x.ravel() for x in self._start.values()]) / self._scale
+        found = least_squares(
+            lambda x: self._of(x)[0], begin, jac=lambda x: self._of(x)[1], max_nfev=most,
+            bounds=self._bounds(bounds), ftol=tolerance, xtol=tolerance, gtol=tolerance,
+        )  # fmt: skip
+        differences, jacobian = self._of(found.x)
+        used = int(np.isfinite(np.concatenate([*self._measured.values()])).sum())
+        free = max(used - len(begin), 1)
+        left = float(differences @ differences) / free
+        covariance = np.linalg.pinv(jacobian.T @ jacobian) * (1.0 if known else left)
+        covariance *= np.outer(self._scale, self._scale)
+        roots = self._named(np.sqrt(np.diag(covariance)) / self._scale)
+        return Identification(
+            plain(self._named(found.x)), plain(roots), covariance, left**0.5, self.motions,
+            bool(found.success), str(found.message),
+        )  # fmt: skip
+
+    def _bounds(
+        self, given: Mapping[str, tuple[float | None, float | None]]
+    ) -> tuple[FloatArray, FloatArray]:
+        """Least and largest value of each scaled number.
+
+        Raises:
+            ValueError: a name is no parameter.
+        """
+        for name in given:
+            if name not in self._start:
+                raise ValueError(f'identify: bounds names "{name}", which is no parameter')
+        sides = []
+        for k, none in enumerate((-np.inf, np.inf)):
+            own = [
+                np.full(
+                    x.size, none if (limit := given.get(name, (None, None))[k]) is None else limit
+                )
+                for name, x in self._start.items()
+            ]
+            sides.append(np.concatenate(own) / self._scale)
+        return sides[0], sides[1]
+
+    def _of(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
+        """Differences (k,) over noise, and derivatives (k, n) by scaled numbers (collective)."""
+        key = np.ascontiguousarray(x).tobytes()
+        if self._last is not None and self._last[0] == key:
+            return self._last[1:]
+        values, names = self._named(x), list(self._measured)
+        made = made_of(self._build, values)
+        check_columns(made, names)
+        motion = Motion(made, self._options, self._comm, MEMORY)
+        self.motions += 1
+        directions = [
+            [(NumberInfluence(motion, self._build, values, name, entry), 1.0)]
+            for name, value in values.items()
+            for entry in ((None,) if value.ndim == 0 else range(value.size))
+        ]
+        linear = LinearizedStep(motion.system, motion.policy, SOLVED)
+        changes = forward(motion, linear, names, directions)
+        columns = motion.on_all_ranks(motion.history())
+        differences, rows = [], []
+        for k, (name, wanted) in enumerate(self._measured.items()):
+            if wanted.shape != columns[name].shape:
+                raise ValueError(
+                    f"identify: {name} has {len(columns[name])} rows, got {len(wanted)} values"
+                )
+            seen = np.isfinite(wanted)
+            differences.append((columns[name] - wanted)[seen] / self.noise[name])
+            rows.append(changes[:, seen, k].T * self._scale / self.noise[name])
+        self._last = key, np.concatenate(differences), np.concatenate(rows)
+        return self._last[1:]
+
+    def _named(self, x: FloatArray) -> Values:
+        """Values by name of scaled numbers."""
+        ends = np.cumsum([value.size for value in self._start.values()])
+        parts = np.split(np.asarray(x) * self._scale, ends[:-1])
+        return {
+            name: part.reshape(value.shape)
+            for (name, value), part in zip(self._start.items(), parts, strict=True)
+        }
+
+
+def _noises(measured: Mapping[str, npt.ArrayLike], given: Mapping[str, float]) -> dict[str, float]:
+    """Standard deviations by column.
+
+    Raises:
+        ValueError: a column is not measured, or a deviation is not positive.
+    """
+    for name, value in given.items():
+        if name not in measured:
+            raise ValueError(f'identify: noise names "{name}", which is not measured')
+        if not 0.0 < value < np.inf:
+            raise ValueError(f"identify: noise of {name} must be positive, got {value}")
+    return {name: float(given.get(name, 1.0)) for name in measured}
