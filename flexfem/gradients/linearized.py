@@ -144,7 +144,10 @@ class LinearizedStep:
             if not np.isfinite(size):
                 return None
             if size <= goal:
-                return solution, left
+                # the norm is that of the blocks: what is missed along the rows may be large
+                moved, _ = act(*self.parts(missed))
+                left = [a - b for a, b in zip(left, moved, strict=True)]
+                return solution + missed, left
             more, _ = minimal_residual(apply, missed, size, vectors.products, goal, _MOST)
             solution = solution + more
         return None

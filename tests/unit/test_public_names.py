@@ -18,6 +18,7 @@ NUMERICAL = {
     "euler_bernoulli_body",
     "reduce_body", "assemble", "inverse_dynamics", "InverseDynamics", "describe", "Description",
     "check", "gradient", "tangent_motion", "Gradient", "TangentMotion",
+    "minimize", "Optimum", "identify", "Identification",
 }  # fmt: skip
 RESEARCH_NUMERICAL = {
     "floating_model", "simulate_mechanism", "compare_formalisms", "ElementMatrices",
