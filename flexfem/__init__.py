@@ -289,7 +289,12 @@ _MODULES = {
 }
 # Names that are modules, or hold the public names of several.
 _NAMESPACES = {
-    "laws": ("core.laws", "families.solid.laws.energies", "families.solid.laws.history"),
+    "laws": (
+        "core.laws",
+        "families.solid.laws.energies",
+        "families.solid.laws.history",
+        "families.solid.laws.tables",
+    ),
     "research": ("research",),
 }
 __all__ = [*_MODULES, *_NAMESPACES, "__version__"]  # noqa: PLE0604

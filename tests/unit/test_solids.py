@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import ufl
+from scipy.interpolate import CubicSpline
 from scipy.optimize import brentq
 
 import flexfem as ff
@@ -484,3 +485,44 @@ def test_energies_do_not_change_with_rotations():
     assert s.block.frames[:, 3:].reshape(-1, 3, 3) == pytest.approx(
         np.broadcast_to(turn, (len(s.block.frames), 3, 3)), abs=1e-12
     )
+
+
+KNOTS = np.array([-1.0, 0.0, 0.04, 0.1, 0.3, 0.8])
+ENERGIES = 1e5 * (KNOTS + 0.4 * KNOTS**2 - 0.1 * KNOTS**3)
+
+
+def tabulated(F, p):
+    """Energy of the shape from a table over the first invariant, volumetric part as usual."""
+    J = ufl.det(F)
+    shape = ff.laws.spline(ufl.tr(F.T * F) - 3.0, KNOTS, ENERGIES)
+    # without stress at the start
+    slope = CubicSpline(KNOTS, ENERGIES, bc_type="natural")(0.0, 1)
+    return shape - 2.0 * float(slope) * ufl.ln(J) + p.bulk / 2.0 * ufl.ln(J) ** 2
+
+
+@pytest.mark.serial
+def test_a_law_from_a_table_has_the_slopes_of_its_spline():
+    """Simple shear with I1 - 3 = gamma^2: the stress is 2 gamma W'(gamma^2), beyond it too."""
+    found = CubicSpline(KNOTS, ENERGIES, bc_type="natural")
+    s = point(ff.laws.Hyperelastic(tabulated, {"bulk": 1e6}))
+    for angle in (0.1, 0.3, 0.6, 1.2):
+        x = angle**2
+        slope = float(found(min(x, KNOTS[-1]), 1))
+        # a knot that is left out is 1 % and more
+        assert shear(s, angle, angle) == pytest.approx(2.0 * angle * slope, rel=1e-9)
+
+
+@pytest.mark.serial
+def test_splines_of_numbers():
+    found = CubicSpline(KNOTS, ENERGIES, bc_type="natural")
+    for x in (-0.7, 0.02, 0.2, 0.8):
+        assert ff.laws.spline(x, KNOTS, ENERGIES) == pytest.approx(float(found(x)), rel=1e-12)
+    end = float(found(0.8)) + 2.0 * float(found(0.8, 1))
+    assert ff.laws.spline(2.8, KNOTS, ENERGIES) == pytest.approx(end, rel=1e-12)
+    for knots, values, text in (
+        ([0.0, 1.0], [0.0, 1.0], "knots must be 3 to 40 increasing numbers"),
+        ([0.0, 1.0, 1.0], [0.0] * 3, "knots must be 3 to 40 increasing numbers"),
+        ([0.0, 1.0, 2.0], [0.0] * 4, "values must be 3 numbers, got 4"),
+    ):
+        with pytest.raises(ValueError, match="^spline: " + text):
+            ff.laws.spline(1.0, knots, values)
