@@ -25,11 +25,11 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.status import Status
-from flexfem.gradients.adjoint import CARRIED, Carried
-from flexfem.gradients.node_maps import RateMaps, applied, rotations
+from flexfem.gradients.equations.node_maps import RateMaps, applied, rotations
+from flexfem.gradients.equations.step_tangent import BlockVectors
+from flexfem.gradients.motion.adjoint import CARRIED, Carried
+from flexfem.gradients.motion.trajectory import Motion, StoppedError
 from flexfem.gradients.parameters import Build, Values, plain
-from flexfem.gradients.step_tangent import BlockVectors
-from flexfem.gradients.trajectory import Motion, StoppedError
 from flexfem.lie import se3, so3
 from flexfem.model.model import Model
 from flexfem.simulation.motion.stepping import Simulation

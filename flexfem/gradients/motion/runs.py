@@ -10,12 +10,12 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.gradients.adjoint import CARRIED, Adjoint, Carried, Tangent, maps_of
-from flexfem.gradients.columns import ColumnDerivatives
+from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.functionals import Functional
 from flexfem.gradients.influence import Factors, Influence, NumberInfluence
-from flexfem.gradients.linearized import LinearizedStep
-from flexfem.gradients.trajectory import Motion
+from flexfem.gradients.motion.adjoint import CARRIED, Adjoint, Carried, Tangent, maps_of
+from flexfem.gradients.motion.columns import ColumnDerivatives
+from flexfem.gradients.motion.trajectory import Motion
 
 __all__ = ["backward", "forward"]
 

@@ -3,7 +3,7 @@
 
 The equations are ``F(q, v, w, L) = 0``: those of the blocks, scaled by ``s = beta h^2``, and of the
 rows. Derivatives are by the local twists of the nodes and by L. With the maps of
-``gradients.node_maps`` the matrix of a step is the sum of three, ``A = K + V + W``: the change with
+``gradients.equations.node_maps`` the matrix of a step is the sum of three, ``A = K + V + W``: the change with
 positions at fixed rates of the increments, with velocities, and with accelerations. Element
 matrices are not assembled.
 """
@@ -15,7 +15,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.nodes.action_kernels import subtract_forces
-from flexfem.gradients.kernels import add_products, add_transposed_products
+from flexfem.gradients.equations.kernels import add_products, add_transposed_products
 from flexfem.layout.elements import SeveralTangents
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.solvers.linear.tangent import part_values

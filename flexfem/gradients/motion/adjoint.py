@@ -5,13 +5,13 @@ The adjoint is that of the equations as they are solved, step by step, so that t
 one of the computed numbers. With the sums ``qb, vb, ab, wb`` of all later influences of
 configurations, rates, acceleration-like variables and accelerations, backwards over a step with
 ``b = (1 - alpha_m)/(1 - alpha_f)``, ``cv = gamma/(beta h)``, ``cw = b/(beta h^2)``, the increment n
-and the maps E and F of ``gradients.node_maps``:
+and the maps E and F of ``gradients.equations.node_maps``:
 
 1. ``r = qb + F^-T (h gamma vb + ab + b wb) / (beta h^2)``;
 2. the transposed linearised equations give z and mu, with the residual e of their first row;
 3. a gradient by parameters p loses ``z^T dF/dp + mu^T dPhi/dp``;
 4. ``v' = vb - F^T V^T z / cv`` and ``w' = wb - F^T W^T z / cw`` with the matrices of
-   ``gradients.step_tangent``, then ``nb = F^T e - (h gamma v' + ab + b w') / (beta h^2)``;
+   ``gradients.equations.step_tangent``, then ``nb = F^T e - (h gamma v' + ab + b w') / (beta h^2)``;
 5. ``qb = E^T F^-T nb``, ``vb = h nb + v'``,
    ``ab = h^2 (1/2 - beta) nb + h (1 - gamma) v' + alpha_m/(1 - alpha_f) w'``,
    ``wb = -alpha_f/(1 - alpha_f) w'``.
@@ -29,10 +29,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.gradients.linearized import LinearizedStep
-from flexfem.gradients.node_maps import RateMaps, StepMaps, applied, transposed
-from flexfem.gradients.step_tangent import ACCELERATIONS, POSITIONS, VELOCITIES, BlockVectors
-from flexfem.gradients.trajectory import Motion
+from flexfem.gradients.equations.linearized import LinearizedStep
+from flexfem.gradients.equations.node_maps import RateMaps, StepMaps, applied, transposed
+from flexfem.gradients.equations.step_tangent import (
+    ACCELERATIONS,
+    POSITIONS,
+    VELOCITIES,
+    BlockVectors,
+)
+from flexfem.gradients.motion.trajectory import Motion
 
 __all__ = ["CARRIED", "Adjoint", "Carried", "NodeSeeds", "Scheme", "Tangent", "maps_of"]
 

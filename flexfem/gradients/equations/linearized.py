@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.gradients.step_tangent import BlockVectors, StepTangent
+from flexfem.gradients.equations.step_tangent import BlockVectors, StepTangent
 from flexfem.solvers.frozen.policy import FrozenPolicy
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.frozen.transposed import TransposedSolver

@@ -17,9 +17,9 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Ground
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.gradients.adjoint import NodeSeeds
-from flexfem.gradients.node_maps import rotations, transposed
-from flexfem.gradients.trajectory import Motion
+from flexfem.gradients.equations.node_maps import rotations, transposed
+from flexfem.gradients.motion.adjoint import NodeSeeds
+from flexfem.gradients.motion.trajectory import Motion
 from flexfem.lie import so3
 from flexfem.model.probes.base import MarkerState, Probe
 

@@ -17,8 +17,8 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
-from flexfem.gradients.node_maps import rotations
-from flexfem.gradients.records import Records
+from flexfem.gradients.equations.node_maps import rotations
+from flexfem.gradients.motion.records import Records
 from flexfem.gradients.support import check_supported
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.lie import se3, so3
