@@ -16,12 +16,12 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.functionals import Functional, parse
-from flexfem.gradients.influence import Influence, NumberInfluence, Owners, influence_of
+from flexfem.gradients.motion.functionals import Functional, parse
+from flexfem.gradients.motion.influence import Influence, NumberInfluence, Owners, influence_of
+from flexfem.gradients.motion.parameters import Build, Values, parameters, plain
 from flexfem.gradients.motion.runs import backward, forward
+from flexfem.gradients.motion.support import check_columns
 from flexfem.gradients.motion.trajectory import Motion
-from flexfem.gradients.parameters import Build, Values, parameters, plain
-from flexfem.gradients.support import check_columns
 from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
 

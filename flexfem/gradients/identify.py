@@ -16,11 +16,11 @@ from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.gradient import MEMORY, SOLVED, made_of
-from flexfem.gradients.influence import NumberInfluence
+from flexfem.gradients.motion.influence import NumberInfluence
+from flexfem.gradients.motion.parameters import Build, Values, checked_values, plain
 from flexfem.gradients.motion.runs import forward
+from flexfem.gradients.motion.support import check_columns
 from flexfem.gradients.motion.trajectory import Motion
-from flexfem.gradients.parameters import Build, Values, checked_values, plain
-from flexfem.gradients.support import check_columns
 
 __all__ = ["Identification", "identify"]
 

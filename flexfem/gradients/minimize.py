@@ -16,9 +16,9 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.gradients.functionals import Functional
 from flexfem.gradients.gradient import Differentiation
-from flexfem.gradients.parameters import Build, Values, checked_values, plain
+from flexfem.gradients.motion.functionals import Functional
+from flexfem.gradients.motion.parameters import Build, Values, checked_values, plain
 from flexfem.io.tables.table import write_table
 
 __all__ = ["Optimum", "minimize"]

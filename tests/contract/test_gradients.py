@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from flexfem.gradients.functionals import parse
+from flexfem.gradients.motion.functionals import parse
 from tests.contract.gradient_examples import KINDS, NUMBERS, body, jointed
 from tests.contract.joint_examples import EXAMPLES
 from tests.histories import columns

@@ -125,7 +125,7 @@ def _gradient(
 ) -> "tuple[Gradient, Mapping[str, Any]]":  # fmt: skip
     """The gradient, and the values of the parameters."""
     from flexfem.gradients.gradient import gradient
-    from flexfem.gradients.parameters import build_with_options
+    from flexfem.gradients.motion.parameters import build_with_options
 
     (parameters, settings), (of, wrt) = prepared, names
     build, values = build_with_options(case.build, parameters, wrt)

@@ -3,9 +3,9 @@
 
 The equations are ``F(q, v, w, L) = 0``: those of the blocks, scaled by ``s = beta h^2``, and of the
 rows. Derivatives are by the local twists of the nodes and by L. With the maps of
-``gradients.equations.node_maps`` the matrix of a step is the sum of three, ``A = K + V + W``: the change with
-positions at fixed rates of the increments, with velocities, and with accelerations. Element
-matrices are not assembled.
+``gradients.equations.node_maps`` the matrix of a step is the sum of three, ``A = K + V + W``: the
+change with positions at fixed rates of the increments, with velocities, and with accelerations.
+Element matrices are not assembled.
 """
 
 from collections.abc import Sequence

@@ -11,7 +11,7 @@ and the maps E and F of ``gradients.equations.node_maps``:
 2. the transposed linearised equations give z and mu, with the residual e of their first row;
 3. a gradient by parameters p loses ``z^T dF/dp + mu^T dPhi/dp``;
 4. ``v' = vb - F^T V^T z / cv`` and ``w' = wb - F^T W^T z / cw`` with the matrices of
-   ``gradients.equations.step_tangent``, then ``nb = F^T e - (h gamma v' + ab + b w') / (beta h^2)``;
+   ``gradients.equations.step_tangent``, ``nb = F^T e - (h gamma v' + ab + b w') / (beta h^2)``;
 5. ``qb = E^T F^-T nb``, ``vb = h nb + v'``,
    ``ab = h^2 (1/2 - beta) nb + h (1 - gamma) v' + alpha_m/(1 - alpha_f) w'``,
    ``wb = -alpha_f/(1 - alpha_f) w'``.

@@ -11,10 +11,10 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.functionals import Functional
-from flexfem.gradients.influence import Factors, Influence, NumberInfluence
 from flexfem.gradients.motion.adjoint import CARRIED, Adjoint, Carried, Tangent, maps_of
 from flexfem.gradients.motion.columns import ColumnDerivatives
+from flexfem.gradients.motion.functionals import Functional
+from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence
 from flexfem.gradients.motion.trajectory import Motion
 
 __all__ = ["backward", "forward"]

@@ -19,7 +19,7 @@ from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.gradients.equations.node_maps import rotations
 from flexfem.gradients.motion.records import Records
-from flexfem.gradients.support import check_supported
+from flexfem.gradients.motion.support import check_supported
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.lie import se3, so3
 from flexfem.model.model import Model

@@ -28,8 +28,8 @@ from flexfem.core.status import Status
 from flexfem.gradients.equations.node_maps import RateMaps, applied, rotations
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.motion.adjoint import CARRIED, Carried
+from flexfem.gradients.motion.parameters import Build, Values, plain
 from flexfem.gradients.motion.trajectory import Motion, StoppedError
-from flexfem.gradients.parameters import Build, Values, plain
 from flexfem.lie import se3, so3
 from flexfem.model.model import Model
 from flexfem.simulation.motion.stepping import Simulation
