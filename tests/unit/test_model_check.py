@@ -50,6 +50,17 @@ def loaded_from(place: float, *breakpoints: float) -> ff.Model:
     return model
 
 
+def flag(plane: str = "strain", *, gravity: object = None, force: object = None) -> ff.Model:
+    """A plane body, held at one edge and pulled at the other."""
+    mesh = ff.SolidMesh.box((0.4, 0.05), (8, 1), "quadrilateral", origin=(0.1, 0.0, 0.0))
+    model, rubber = ff.Model("flag"), ff.laws.NeoHookean.from_young(1e6, 0.4)
+    model.add(ff.Solid("flag", rubber, mesh, density=1100.0, plane=plane, fixed={"x0": "xy"}))
+    model.add(ff.SurfaceTraction("pull", "flag", "x1", force or (1.0, 0.0, 0.0)))
+    if gravity is not None:
+        model.add(ff.Gravity(gravity))
+    return model
+
+
 def waves(number: float) -> ff.Model:
     """A clamped beam with a moment per length in waves, counted by the beam's length."""
     model = beam()
@@ -477,6 +488,19 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     ),
     "mesh without beam": (
         "mesh_use", 'whose lines are "rod"', lambda: unused(False), lambda: unused(True), None
+    ),
+    "gravity across a plane body": (
+        "across", "gravity along z has no effect", lambda: flag(gravity=(0.0, 0.0, -9.81)),
+        lambda: flag(gravity=(0.0, -9.81, 0.0)), None,
+    ),
+    "traction across a plane body": (
+        "across", 'SurfaceTraction "pull": its force along z', lambda: flag(force=(1.0, 0.0, 2.0)),
+        lambda: flag(force=(1.0, 0.0, 0.0)), None,
+    ),
+    "gravity along radii": (
+        "across", "acts outwards all around",
+        lambda: flag("axisymmetric", gravity=(9.81, 0.0, 0.0)),
+        lambda: flag("axisymmetric", gravity=(0.0, 9.81, 0.0)), None,
     ),
     "massless": ("massless", 'Beam "rod"', lambda: beam(MASSLESS), beam, MOTION),
     "tolerance": (
