@@ -9,18 +9,27 @@ from tests.contract.joint_examples import EXAMPLES
 #: Values of the numbers of the bodies.
 NUMBERS = {"youngs": 5e6, "density": 1100.0, "mass": 0.3, "gravity": 9.81, "stiffness": 40.0}
 LENGTH = 0.5
-KINDS = ("se3", "damped", "nurbs", "director", "rotation_free", "solid")
+KINDS = ("se3", "damped", "nurbs", "director", "rotation_free", "solid", "slider")
 
 
 def body(kind: str, *, youngs, density, mass, gravity, stiffness) -> ff.Model:
-    """A body hinged or clamped at one end, and a bob or a spring at the other."""
+    """A body hinged or clamped at one end, and a bob or a spring at the other, or a bead on it."""
     rubber = ff.Material(youngs, 0.3, density)
     model, thing, root, tip = _thing(kind, rubber)
     model.add(ff.Gravity((0.0, 0.0, -gravity)), thing)
     if root is not None:
         model.add(ff.Revolute("hinge", ff.Ground(), root, axis=(0.0, 1.0, 0.0)))
     held = tip
-    if kind not in ("solid", "rotation_free"):
+    if kind == "slider":  # which passes from an element to the next one
+        bead = ff.Marker("bead")
+        model.add(
+            ff.RigidBody(
+                "bead", mass, (1e-4,) * 3, position=(0.12, 0.0, 0.0), velocity=(1.5, 0.0, 0.0)
+            ),
+            ff.Sliding("slide", ff.Carrier("rod"), bead),
+            ff.PositionProbe("bead_place", bead),
+        )
+    elif kind not in ("solid", "rotation_free"):
         held = ff.Marker("bob", offset=(0.01, 0.02, 0.0))
         model.add(
             ff.RigidBody("bob", mass, (1e-3, 2e-3, 1.5e-3), position=(LENGTH + 0.05, 0.0, 0.0)),
@@ -83,4 +92,45 @@ def jointed(name: str, *, mass, gravity, kick) -> ff.Model:
         )  # fmt: skip
         markers.append(ff.Marker(f"body_{i}", offset=-arm))
     model.add(example.cls("joint", *markers, **example.arguments))
+    return model
+
+
+#: Values of numbers of all parts of a mechanism.
+PARTS = {
+    "rest_length": 0.4, "rest_angle": 0.2, "stiffness": 30.0, "damping": 0.3, "drive": 2.0,
+    "pull": 3.0, "arm": 0.1, "inertia": 0.02, "offset": 0.5, "spin": 0.7, "sideways": 0.4,
+}  # fmt: skip
+
+
+def mechanism(
+    *, rest_length, rest_angle, stiffness, damping, drive, pull, arm, inertia, offset, spin,
+    sideways,
+) -> ff.Model:  # fmt: skip
+    """Two bodies between springs, a drive and a force: a number of each."""
+    first, second = ff.Marker("first", offset=(-offset, 0.0, 0.0)), ff.Marker("second")
+    model = ff.Model("mechanism")
+    model.add(
+        ff.Gravity((0.0, sideways, -9.81)),
+        ff.RigidBody(
+            "first", 1.0, (inertia, 0.02, 0.03), position=(offset, 0.0, 0.0),
+            angular_velocity=(spin, 0.0, 0.0),
+        ),
+        ff.RigidBody("second", 1.0, (0.01, 0.02, 0.025), position=(1.2, 0.0, 0.0)),
+        ff.Spherical("pin", ff.Ground(), first),
+        ff.Distance("rod", ff.Marker("first", offset=(0.1, 0.0, 0.0)), second),
+        ff.TorsionalSpringDamper(
+            "twist", ff.Ground(), first, axis=(0.0, 1.0, 0.0), stiffness=3.0, rest_angle=rest_angle
+        ),
+        ff.PrescribedDistance(
+            "winch", ff.Ground((1.2, 0.0, 1.0)), second, elongation=lambda t: drive * t**3
+        ),
+        ff.SpringDamper(
+            "spring", ff.Ground((0.0, 0.0, 1.0)), ff.Marker("second", offset=(arm, 0.05, 0.0)),
+            stiffness=stiffness, damping=damping, rest_length=rest_length,
+        ),
+        ff.PointForce(
+            "push", ff.Marker("first", offset=(0.0, arm, 0.0)), (0.0, 0.0, pull), follower=True
+        ),
+        ff.PositionProbe("p", ff.Marker("second", offset=(0.1, 0.1, 0.0))),
+    )  # fmt: skip
     return model

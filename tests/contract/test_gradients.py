@@ -10,7 +10,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.gradients.motion.functionals import parse
-from tests.contract.gradient_examples import KINDS, NUMBERS, body, jointed
+from tests.contract.gradient_examples import KINDS, NUMBERS, PARTS, body, jointed, mechanism
 from tests.contract.joint_examples import EXAMPLES
 from tests.histories import columns
 
@@ -57,6 +57,13 @@ def test_families(kind):
     """Differences have noise of 1e-9: motions end with Newton steps of 1e-13 m or rad."""
     options = ff.RunOptions(dt=1e-3, t_end=8e-3, tolerance=1e-13)
     compare(partial(body, kind), NUMBERS, ["final:tip_z", "mean:speed"], options, 2e-7)
+
+
+@pytest.mark.serial
+def test_numbers_of_all_parts():
+    """Those of springs, drives, loads, arms, masses and of the start."""
+    options = ff.RunOptions(dt=2e-3, t_end=0.012, tolerance=1e-13)
+    compare(mechanism, PARTS, ["final:p_x", "final:p_z"], options, 2e-8)
 
 
 @pytest.mark.serial

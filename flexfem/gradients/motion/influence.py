@@ -375,7 +375,15 @@ def _evaluated(motion: Motion, system: System, step: int) -> Factors:
 
     Those of the start are not scaled (collective).
     """
-    system.restore(motion.state(max(step - 1, 0)))
+    state = motion.state(max(step - 1, 0))
+    for part in system.parts:
+        part.block.restore(state.rows[part.block.name])
+    # of the rows what a motion changes, and not their targets, which are the other model's own
+    rows = system.constraints
+    rows.angles[:] = state.rows["terms"]["angles"]
+    rows.lines.restore_places(state.rows["places"]["places"])
+    rows.lines.angles[:] = state.rows["line_terms"]["line_angles"]
+    system.interface.update()
     system.set_time(motion.times[step])
     _copy_state(motion.system, system)
     END_POINT.evaluate(system, motion.laws.shifts if step else _UNSCALED)

@@ -180,7 +180,6 @@ def check_supported_system(motion: Motion) -> None:
     system, rows = motion.system, motion.system.constraints
     comm = system.comm
     found = {
-        "sliders on lines": bool(rows.lines.joints),
         "force elements": bool(rows.elements.groups),
         "friction": bool(len(rows.coupled) or len(rows.wrapped_rows)),
         "stops and other unilateral forces": bool(rows.unilateral.any()) or rows.split,
@@ -192,7 +191,7 @@ def check_supported_system(motion: Motion) -> None:
     }
     for name, present in found.items():
         if comm.allreduce(present, op=MPI.LOR):
-            raise InputError(f"gradient: {name} have no derivatives yet; leave them out")
+            raise InputError(f"gradient: there are no derivatives of {name} yet; leave them out")
 
 
 def _increments(block: FrameBlock, end: FloatArray) -> FloatArray:

@@ -39,6 +39,7 @@ class TransposedSolver:
 
     def prepare(self) -> bool:
         """Factorise the multipliers' system after ``FrozenSolver.prepare`` (collective)."""
+        self._multipliers.follow_sliders()
         for side in self._sides:
             side.transpose()
         with _exchanged(self._system.constraints):
