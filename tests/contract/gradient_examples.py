@@ -131,6 +131,8 @@ def mechanism(
         ff.PointForce(
             "push", ff.Marker("first", offset=(0.0, arm, 0.0)), (0.0, 0.0, pull), follower=True
         ),
-        ff.PositionProbe("p", ff.Marker("second", offset=(0.1, 0.1, 0.0))),
+        # columns that depend on numbers by themselves
+        ff.PositionProbe("p", ff.Marker("second", offset=(arm, 0.1, 0.0))),
+        ff.Probe("own", second, ("own",), lambda t, s: (stiffness * s.position[2] + drive * t,)),
     )  # fmt: skip
     return model

@@ -71,6 +71,13 @@ class ColumnDerivatives:
             raise InputError("gradient: a probe other than Probe has markers; leave it out")
         return {k for k, m in enumerate(markers) if k not in at_nodes and not isinstance(m, Ground)}
 
+    def every(self, weights: FloatArray) -> FloatArray:
+        """Weights (k, all columns of the motion) of those of these columns, (k, columns)."""
+        found = np.zeros((len(weights), len(self._motion.columns)))
+        for k, name in enumerate(self._columns):
+            found[:, self._motion.columns.index(name)] = weights[:, k]
+        return found
+
     def seeds(self, step: int, weights: FloatArray) -> list[NodeSeeds]:
         """Derivatives of ``weights @ columns`` by nodes, at the accepted state (collective).
 

@@ -28,6 +28,7 @@ from flexfem.core.status import Status
 from flexfem.gradients.equations.node_maps import RateMaps, applied, rotations
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.motion.adjoint import CARRIED, Carried
+from flexfem.gradients.motion.direct import DirectEffect, copy_state, disturb
 from flexfem.gradients.motion.parameters import Build, Values, plain
 from flexfem.gradients.motion.trajectory import Motion, StoppedError
 from flexfem.lie import se3, so3
@@ -84,6 +85,16 @@ class Influence(Protocol):
         """
         ...
 
+    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
+        """Weights (k, columns) times derivatives of all columns at a fixed state, on one rank.
+
+        The system of the motion is at the accepted state after a step (collective).
+
+        Returns:
+            (k, count).
+        """
+        ...
+
 
 class NumberInfluence:
     """What one number changes: two models.
@@ -115,7 +126,7 @@ class NumberInfluence:
         value = float(values[name] if entry is None else values[name][entry])
         self.scale = abs(value) or 1.0
         self._step = _STEP * self.scale
-        self._pair = []
+        simulations = []
         for sign in (1.0, -1.0):
             moved: FloatArray = np.array(values[name])
             moved[() if entry is None else entry] = value + sign * self._step
@@ -125,8 +136,10 @@ class NumberInfluence:
             if one.status is not Status.OK:
                 raise StoppedError(f'gradient: the motion with another "{name}" does not start')
             _check_layout(motion.system, one.system, name)
-            self._pair.append(one.system)
+            simulations.append(one)
+        self._pair = [one.system for one in simulations]
         self.start = self._start()  # later the models are at other states
+        self._direct = DirectEffect(motion, simulations)
         self._checked = False
 
     def _start(self) -> list[Carried]:
@@ -212,6 +225,24 @@ class NumberInfluence:
             ]
         )
 
+    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
+        """See :class:`Influence`."""
+        if not self._direct.present:
+            return np.zeros((len(weights), 1))
+        return weights @ self.columns(step)[:, np.newaxis]
+
+    @property
+    def depends_directly(self) -> bool:
+        """True if columns depend on the parameter at a fixed state."""
+        return self._direct.present
+
+    def columns(self, step: int) -> FloatArray:
+        """Derivatives (columns,) of all columns at a fixed state, on the first rank (collective).
+
+        They are zero on the others.
+        """
+        return self._direct.difference(step) / (2.0 * self._step)
+
 
 class SeparateInfluence:
     """An array of parameters each of which has models of its own."""
@@ -228,6 +259,10 @@ class SeparateInfluence:
     def start_products(self, carried: Sequence[Sequence[Carried]]) -> FloatArray:
         """See :class:`Influence`."""
         return np.hstack([one.start_products(carried) for one in self._every])
+
+    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
+        """See :class:`Influence`."""
+        return np.hstack([one.direct_products(step, weights) for one in self._every])
 
 
 @dataclass
@@ -288,6 +323,10 @@ class ElementInfluence:
             self._add(group, first, second, (every, found))
         return found
 
+    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
+        """See :class:`Influence`: none, see :func:`_grouped`."""
+        return np.zeros((len(weights), self.count))
+
     def _add(
         self, group: _Group, first: BlockVectors, second: BlockVectors,
         into: tuple[Sequence[BlockVectors], FloatArray],
@@ -347,7 +386,7 @@ def _pairs(builder: _Builder, size: int, owners: list[list[IntArray]]) -> list[_
     for first, own in enumerate(owners):
         parts = (np.arange(size) % len(owners) == first).astype(np.float64)
         pair = [builder.started(parts), builder.started(-parts)]
-        found.append(_Group([one for one in pair if one is not None], own))
+        found.append(_Group([one.system for one in pair if one is not None], own))
     return found
 
 
@@ -385,7 +424,7 @@ def _evaluated(motion: Motion, system: System, step: int) -> Factors:
     rows.lines.angles[:] = state.rows["line_terms"]["line_angles"]
     system.interface.update()
     system.set_time(motion.times[step])
-    _copy_state(motion.system, system)
+    copy_state(motion.system, system)
     END_POINT.evaluate(system, motion.laws.shifts if step else _UNSCALED)
     return [part.block.owned_residual.copy() for part in system.parts], (
         system.constraints.values.copy()
@@ -394,15 +433,6 @@ def _evaluated(motion: Motion, system: System, step: int) -> Factors:
 
 #: Equations without scale.
 _UNSCALED = Shifts(velocity=0.0, acceleration=0.0, scale=1.0)
-
-
-def _copy_state(source: System, target: System) -> None:
-    """Copy a trial state to another model."""
-    for part, other in zip(source.parts, target.parts, strict=True):
-        trial = other.block.trial()
-        for name, values in part.block.trial().items():
-            trial[name][:] = values
-    target.constraints.multipliers[:] = source.constraints.multipliers
 
 
 def _twists(frames: FloatArray, moved: FloatArray, *, inertial: bool) -> FloatArray:
@@ -437,17 +467,18 @@ class _Builder:
         _check_layout(self._motion.system, system, self._name)
         return system
 
-    def started(self, parts: FloatArray) -> System | None:
-        """Its system, None if positions or velocities at the start differ (collective)."""
+    def started(self, parts: FloatArray) -> Simulation | None:
+        """Its start, None if positions or velocities there differ (collective)."""
         motion = self._motion
-        one = Simulation(self._model(parts), motion.options, motion.system.comm).system
-        _check_layout(motion.system, one, self._name)
+        one = Simulation(self._model(parts), motion.options, motion.system.comm)
+        _check_layout(motion.system, one.system, self._name)
         state, worst = motion.state(0), 0.0
-        for part in one.parts:
+        for part in one.system.parts:
             for name in ("frames", "velocity"):
                 change = part.block.state()[name] - state.rows[part.block.name][name]
                 worst = max(worst, float(np.abs(change).max(initial=0.0)))
-        return one if one.comm.allreduce(worst, op=MPI.MAX) < _SAME_START else None
+        worst = motion.system.comm.allreduce(worst, op=MPI.MAX)
+        return one if worst < _SAME_START else None
 
 
 def _grouped(
@@ -455,17 +486,18 @@ def _grouped(
 ) -> list[list[IntArray]] | None:
     """Owners of groups of the entries of an array, whose numbers are equal modulo a count.
 
-    None if an equation depends on two of a group, or rows depend on any, or the start does
+    None if an equation depends on two of a group, or rows, the start or columns depend on any
     (collective).
     """
     numbers, found = np.arange(size), []
-    motion.go_to(0)
-    _disturb(motion)
-    still = _at_trial(motion.system)
     for first in range(count):
         own = (numbers % count == first).astype(np.float64)
         other = builder.started(own)
-        whole = None if other is None else _changes(motion.system, other, still)
+        if other is None or DirectEffect(motion, [other]).present:
+            return None
+        disturb(motion)
+        still = _at_trial(motion.system)
+        whole = _changes(motion.system, other.system, still)
         if whole is None:
             return None
         owners, place = [np.zeros(len(change), dtype=np.int64) for change in whole], 1
@@ -483,23 +515,6 @@ def _grouped(
     return found
 
 
-def _disturb(motion: Motion) -> None:
-    """Move the trial state at random, so that all forces change."""
-    system = motion.system
-    random = np.random.default_rng(1)
-    for part in system.parts:
-        block = part.block
-        # the same on all ranks
-        noise = random.standard_normal((block.size_global, 3, 6))[block.global_ids]
-        block.step[:] = 1e-3 * noise[:, 0]
-        if block.dirichlet is not None:
-            block.step[:, : block.width][block.dirichlet] = 0.0
-        block.correct(1.0)
-        block.velocity[:] = noise[:, 1]
-        block.acceleration[:] = noise[:, 2]
-    system.interface.update()
-
-
 def _at_trial(system: System) -> Factors:
     END_POINT.evaluate(system, _UNSCALED)
     return [part.block.owned_residual.copy() for part in system.parts], (
@@ -510,7 +525,7 @@ def _at_trial(system: System) -> Factors:
 def _changes(source: System, system: System, still: Factors) -> BlockVectors | None:
     """Changes of the equations of blocks in another model; None if rows change (collective)."""
     system.set_time(source.time)
-    _copy_state(source, system)
+    copy_state(source, system)
     blocks, rows = _at_trial(system)
     changed = float(np.abs(rows - still[1]).max(initial=0.0))
     if source.comm.allreduce(changed, op=MPI.MAX) != 0.0:

@@ -45,6 +45,9 @@ def backward(
 
     def seed(step: int) -> None:
         motion.go_to(step)
+        every = columns.every(weights[:-1, :, step])
+        direct = [one.direct_products(step, every) for one in influences.values()]
+        np.add(sums, np.hstack(direct), out=sums)
         for adjoint, own in zip(adjoints, weights, strict=True):
             if own[:, step].any():
                 adjoint.add(columns.seeds(step, own[:, step]))
@@ -92,11 +95,16 @@ def forward(
             for tangent, own in zip(tangents, directions, strict=True):
                 tangent.step(linear, maps, *_combined(motion, own, once))
         motion.go_to(step)
+        places = [motion.columns.index(name) for name in columns]
+        for values, own in zip(found, directions, strict=True):
+            for influence, factor in own:
+                if influence.depends_directly:
+                    values[step] += factor * influence.columns(step)[places]
         for k in range(len(columns)):
             one = Adjoint(motion)
             one.add(derivatives.seeds(step, np.eye(1, len(columns), k)[0]))
             for values, tangent in zip(found, tangents, strict=True):
-                values[step, k] = sum(
+                values[step, k] += sum(
                     float((getattr(a, name) * getattr(b, name)).sum())
                     for a, b in zip(one.carried, tangent.carried, strict=True)
                     for name in CARRIED
