@@ -133,7 +133,7 @@ class LinearizedStep:
 
         first = self._preconditioned(blocks, rows, transposed=transposed)
         (square,) = vectors.squares(first)
-        solution = first if guess is None else guess
+        solution = first if guess is None or self._frozen.exact else guess
         goal = accuracy * np.sqrt(square)
         for _ in range(_ROUNDS):
             moved, changes = act(*self.parts(solution))
