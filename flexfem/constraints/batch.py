@@ -497,11 +497,14 @@ class Constraints(NumberedRows):
             held = np.concatenate([self.interface.held, np.zeros((1, 6), dtype=np.bool_)])
             gradient[held[self.term_nodes]] = 0.0  # the ground's interface node is -1
 
-    def yielding(self, multipliers: FloatArray) -> FloatArray:
-        """(r,) contribution of multipliers (r,) to the residuals of rows with laws."""
+    def yielding(self, multipliers: FloatArray, *, transposed: bool = False) -> FloatArray:
+        """(r,) contribution of multipliers (r,) to the residuals of rows with laws.
+
+        With ``transposed`` by the transposed matrix of compliances and couplings.
+        """
         values = self.compliance * multipliers
         if len(self.coupling):
-            i, j = self.coupled.T
+            i, j = self.coupled.T[::-1] if transposed else self.coupled.T
             np.add.at(values, i, self.coupling * multipliers[j])
         return values
 

@@ -136,3 +136,26 @@ def mechanism(
         ff.Probe("own", second, ("own",), lambda t, s: (stiffness * s.position[2] + drive * t,)),
     )  # fmt: skip
     return model
+
+
+#: Values of numbers of a hinge that rubs.
+RUBBING = {"coefficient": 0.3, "mass": 1.2, "gravity": 9.81, "spin": 2.0}
+
+
+def rubbing(*, coefficient, mass, gravity, spin) -> ff.Model:
+    """A pendulum whose hinge has friction by the force that it carries."""
+    hinge = ff.Revolute(
+        "hinge", ff.Ground(), ff.Marker("bob", offset=(-0.3, 0.0, 0.0)), axis=(0.0, 1.0, 0.0)
+    )
+    model = ff.Model("rubbing")
+    model.add(
+        ff.Gravity((0.0, 0.5, -gravity)),
+        ff.RigidBody(
+            "bob", mass, (0.01, 0.02, 0.03), position=(0.3, 0.0, 0.0),
+            velocity=(0.0, 0.0, -0.3 * spin), angular_velocity=(0.0, spin, 0.0),
+        ),
+        hinge,
+        ff.JointFriction("friction", hinge, coefficient=coefficient, radius=0.1, velocity=0.05),
+        ff.PositionProbe("tip", ff.Marker("bob", offset=(0.1, 0.1, 0.0))),
+    )  # fmt: skip
+    return model

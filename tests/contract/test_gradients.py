@@ -10,7 +10,16 @@ import pytest
 
 import flexfem as ff
 from flexfem.gradients.motion.functionals import parse
-from tests.contract.gradient_examples import KINDS, NUMBERS, PARTS, body, jointed, mechanism
+from tests.contract.gradient_examples import (
+    KINDS,
+    NUMBERS,
+    PARTS,
+    RUBBING,
+    body,
+    jointed,
+    mechanism,
+    rubbing,
+)
 from tests.contract.joint_examples import EXAMPLES
 from tests.histories import columns
 
@@ -67,6 +76,12 @@ def test_numbers_of_all_parts():
 
 
 @pytest.mark.serial
+def test_friction_by_the_force_in_a_joint():
+    options = ff.RunOptions(dt=2e-3, t_end=0.02, tolerance=1e-13)
+    compare(rubbing, RUBBING, ["final:tip_x", "final:tip_z"], options, 1e-8)
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("name", SOME)
 def test_joints(name):
     options = ff.RunOptions(dt=2e-3, t_end=0.01, tolerance=1e-13)
@@ -81,12 +96,15 @@ def test_other_joints(name):
 
 
 @pytest.mark.three_ranks
-@pytest.mark.parametrize("kind", ["se3", "solid"])
+@pytest.mark.parametrize("kind", ["se3", "solid", "rubbing"])
 def test_ranks_agree(kind):
-    """All ranks together find what each finds by itself."""
+    """All ranks together find what each finds by itself; there may be ranks without bodies."""
     options = ff.RunOptions(dt=1e-3, t_end=5e-3, tolerance=1e-12, split_above=1)
+    build, numbers = partial(body, kind), NUMBERS
+    if kind == "rubbing":
+        build, numbers = rubbing, RUBBING
     alone, together = (
-        ff.gradient(partial(body, kind), "final:tip_z", NUMBERS, options, accuracy=1e-13, comm=comm)
+        ff.gradient(build, "final:tip_z", numbers, options, accuracy=1e-13, comm=comm)
         for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
     )
     for name, value in alone.gradient["final:tip_z"].items():

@@ -131,8 +131,8 @@ class StepTangent:
         self._subtract(-forces[:-1])
         if matrix not in _WITH_POSITIONS:
             return self._collected(), np.zeros(rows.size)
-        own = rows.changes(system.interface.steps) - rows.yielding(multipliers)
-        return self._collected(), own
+        changes = rows.changes(system.interface.steps)
+        return self._collected(), changes - rows.yielding(multipliers, transposed=True)
 
     def _put(self, blocks: BlockVectors) -> None:
         """Write vectors to the steps of the blocks, ghosts included, and clear the residuals."""

@@ -181,7 +181,7 @@ def check_supported_system(motion: Motion) -> None:
     comm = system.comm
     found = {
         "force elements": bool(rows.elements.groups),
-        "friction": bool(len(rows.coupled) or len(rows.wrapped_rows)),
+        "friction of cables": bool(len(rows.wrapped_rows)),
         "stops and other unilateral forces": bool(rows.unilateral.any()) or rows.split,
         "redundant constraints": rows.relaxation != 0.0,
         "internal variables of elements": system.remembering,

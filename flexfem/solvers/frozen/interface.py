@@ -40,7 +40,7 @@ class MultiplierSystem:
             kept, too: factors may then serve several iterations.
     """
 
-    def __init__(self, system: System, *, constant: bool = False) -> None:
+    def __init__(self, system: System, *, constant: bool = False, transposed: bool = False) -> None:
         """Find rows and columns of every entry on this rank (collective).
 
         Args:
@@ -48,8 +48,10 @@ class MultiplierSystem:
             constant: True if the matrices of flexible bodies are those of the first factorisation
                 for ever. Nodes that these do not couple, as those of lumped masses, are then not
                 coupled in the complement either.
+            transposed: True for the transposed couplings between multipliers.
         """
         self._system, self._constant = system, constant
+        self._coupled_rows = (1, 0) if transposed else (0, 1)
         rows, face = system.constraints, system.interface
         self._node_column = np.zeros(len(face.keys), dtype=np.int64)
         self._node_active = np.zeros(len(face.keys), dtype=np.int64)
@@ -148,8 +150,9 @@ class MultiplierSystem:
                 first.append(np.tile(r, len(r)))
                 second.append(np.repeat(r, len(r)))
         every = np.arange(rows.size)
-        i = np.concatenate([*first, every, rows.coupled[:, 0]]).astype(np.int64)
-        j = np.concatenate([*second, every, rows.coupled[:, 1]]).astype(np.int64)
+        row, column = (rows.coupled[:, k] for k in self._coupled_rows)
+        i = np.concatenate([*first, every, row]).astype(np.int64)
+        j = np.concatenate([*second, every, column]).astype(np.int64)
         self._values, self._correction = np.zeros(len(i)), np.zeros(rows.size)
         ends = np.cumsum([*(len(group.own.entries) for group in self.groups), rows.size])
         *parts, self._diagonal, self._coupling = np.split(self._values, ends)

@@ -29,7 +29,7 @@ class TransposedSolver:
     def __init__(self, system: System, frozen: FrozenSolver) -> None:
         """Set up the multipliers' system (collective)."""
         self._system, self._frozen = system, frozen
-        self._multipliers = MultiplierSystem(system)
+        self._multipliers = MultiplierSystem(system, transposed=True)
         self._sides = [
             _Side(bodies, group)
             for group in self._multipliers.groups
