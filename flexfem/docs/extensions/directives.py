@@ -8,6 +8,7 @@ import io
 import os
 import pkgutil
 from collections.abc import Iterable, Sequence
+from dataclasses import Field, fields, is_dataclass
 from typing import Any
 
 from docutils import nodes
@@ -19,6 +20,8 @@ import flexfem
 from flexfem.analyses.analysis import Analysis
 from flexfem.case import Case
 from flexfem.cli import command, commands
+from flexfem.core.joint import Joint
+from flexfem.core.load import Load
 from flexfem.docs.extensions.topics import (
     PLACES,
     SHORTER,
@@ -27,9 +30,15 @@ from flexfem.docs.extensions.topics import (
     names_of,
     sentences,
 )
+from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.basic import Beam, PointMass, RigidBody
+from flexfem.model.bodies.floating_body import FloatingBody
+from flexfem.model.bodies.shell import Shell
 from flexfem.model.structure.structure import Structure
 from flexfem.options import Option
 
+#: Kinds of things in models with numbers of their own.
+_IN_MODELS = (Body, Beam, Shell, RigidBody, FloatingBody, PointMass, Joint, Load)
 #: Columns of printed help.
 _WIDTH = "84"
 #: Names of defaults in the sources, and the texts for them.
@@ -117,6 +126,36 @@ def _constant(name: str, value: Any) -> str:
         parts = (one.name if isinstance(one, Option) else str(one) for one in value)
         lines.append("Consists of " + ", ".join(f"``{part}``" for part in parts) + ".")
     return "\n".join([f".. py:data:: {name}\n", *(f"   {line}" for line in lines)]) + "\n"
+
+
+class ParameterPaths(FromPackage):
+    """A table of the numbers of things in models by which gradients are taken."""
+
+    def text(self, arguments: Sequence[str]) -> str:
+        """See :meth:`FromPackage.text`."""
+        kinds = {}
+        for name in flexfem.__all__:
+            value = getattr(flexfem, name)
+            if inspect.isclass(value) and issubclass(value, _IN_MODELS) and is_dataclass(value):
+                kinds[name] = [path for one in fields(value) if (path := _path(one))]
+        rows = [
+            f"   * - :class:`~flexfem.{name}`\n     - {', '.join(f'``{path}``' for path in paths)}"
+            for name, paths in sorted(kinds.items())
+            if paths
+        ]
+        head = ".. list-table::\n   :header-rows: 1\n\n   * - class\n     - numbers"
+        return "\n".join([head, *rows, ""])
+
+
+def _path(one: Field[Any]) -> str:
+    """How a field of numbers is named in a path, empty for others."""
+    kind = one.type.__name__ if isinstance(one.type, type) else str(one.type)
+    given = kind.rpartition("Given[")[2]
+    if not one.init or kind.startswith("collections.abc.Callable"):
+        return ""
+    if given.startswith("float"):
+        return one.name
+    return f"{one.name}[i]" if given.startswith(("ArrayLike", "Sequence[float]")) else ""
 
 
 class Cases(FromPackage):
@@ -243,4 +282,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("gallery", Gallery)
     app.add_directive("analysis-options", AnalysisOptions)
     app.add_directive("command-help", CommandHelp)
+    app.add_directive("parameter-paths", ParameterPaths)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
