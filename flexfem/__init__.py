@@ -121,7 +121,7 @@ _MODULES = {
     "AmplitudeMarker": "core.marker",
     "SlidingMarker": "core.marker",
     "Ground": "core.marker",
-    "gradient": "gradients.states.gradient",
+    "gradient": "gradients.gradient",
     "tangent_motion": "gradients.gradient",
     "Gradient": "gradients.gradient",
     "TangentMotion": "gradients.gradient",

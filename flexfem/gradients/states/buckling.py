@@ -24,11 +24,11 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.gradients.equations.step_tangent import BlockVectors
+from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.eigenvectors import ComplexArray, Inverse, eigenvectors, times
 from flexfem.gradients.states.neighbours import MATRICES, Parameter
 from flexfem.gradients.states.path import SINGULAR, Direction, Equilibria, NearPath
-from flexfem.gradients.equations.step_tangent import BlockVectors
-from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.solvers.statics.buckling import LinearBuckling
 
 __all__ = ["BucklingLoads"]

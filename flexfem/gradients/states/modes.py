@@ -27,9 +27,9 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import ModeOptions
 from flexfem.core.status import Status
+from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.eigenvectors import ComplexArray, Inverse, eigenvectors, times
 from flexfem.gradients.states.neighbours import MATRICES, Parameter, check_path_independent, place
-from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.model.model import Model
 from flexfem.simulation.equilibria.operating_point import OperatingPoint
 from flexfem.simulation.modes import doubts, modes_at

@@ -15,9 +15,9 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
-from flexfem.gradients.states.neighbours import check_path_independent, place
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.motion.trajectory import StoppedError
+from flexfem.gradients.states.neighbours import check_path_independent, place
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.model import Model
 from flexfem.options import target_values

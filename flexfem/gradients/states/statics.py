@@ -25,9 +25,9 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.gradients.motion.columns import ColumnDerivatives
 from flexfem.gradients.motion.functionals import Functional
+from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.neighbours import RESIDUALS, Parameter
 from flexfem.gradients.states.path import SINGULAR, Equilibria, NearPath
-from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.la.direct import DirectSolver
 
 __all__ = ["gradients_of_columns"]
