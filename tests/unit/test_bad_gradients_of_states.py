@@ -44,7 +44,11 @@ END = ff.Marker("rod", "end")
 STOP = ff.LimitStop("stop", ff.Ground(), END, axis=(0, 0, 1), upper=5.0, stiffness=10.0)
 OTHER = ff.CampbellOptions(spin_end=1.0)
 WRONG = [
-    ("equilibria with arc_length 0.1 have no", {"options": statics(arc_length=0.1)}),
+    ("along arc lengths only the end of the path", {
+        "of": "mean:tip_z", "options": statics(arc_length=0.1)}),
+    ("buckling:1 is not differentiated with a stop_column", {
+        "of": "buckling:1", "options": statics(stop_column="tip_z", stop_value=-0.01)}),
+    ("equilibria with critical_points True have no", {"options": statics(critical_points=True)}),
     ("equilibria with linear True have no", {"options": statics(linear=True)}),
     ("output_at names the column tip_z", {"options": statics(output_at="tip_z=-0.1")}),
     ("'frequency:1' is not of the form", {"of": "frequency:1"}),

@@ -12,6 +12,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem import _checks
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.analyses.modes import ModeOptions
@@ -25,6 +26,7 @@ from flexfem.gradients.states.neighbours import by_name, parameters_of
 from flexfem.gradients.states.path import Equilibria
 from flexfem.gradients.states.statics import gradients_of_columns
 from flexfem.model.model import Model
+from flexfem.simulation.equilibria.targets import LOAD
 
 __all__ = ["Eigenvalue", "Found", "Options", "found_at", "numbers_of"]
 
@@ -131,7 +133,13 @@ def _of_equilibria(
 ) -> Found:  # fmt: skip
     """Columns, and buckling loads (collective)."""
     functionals, loads = numbers
-    check_columns(model, [name for one in functionals for name in one.columns])
+    names = [name for one in functionals for name in one.columns]
+    check_columns(model, [name for name in names if name != LOAD])
+    if options.stop_column != "none" and loads:
+        raise InputError(
+            f"gradient: {loads[0].name} is not differentiated with a stop_column, on which the "
+            "last equilibrium depends"
+        )
     path = Equilibria(model, options, comm)
     done, middle = path.system.counters.factorizations, time.perf_counter()
     chosen = parameters_of(*wrt)

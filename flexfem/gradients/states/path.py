@@ -12,7 +12,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem._types import FloatArray
+from flexfem._types import BoolArray, FloatArray
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
 from flexfem.gradients.equations.step_tangent import BlockVectors
@@ -117,6 +117,39 @@ class Equilibria:
     def rows(self) -> int:
         """Number of equilibria."""
         return len(self._records)
+
+    @property
+    def fixed(self) -> BoolArray:
+        """(n,) rows with load factors that depend on no parameter.
+
+        Those of steps along the path do, and that at which a column has its value.
+        """
+        found = np.full(self.rows, self.options.arc_length == 0.0)
+        found[0], found[-1] = True, self.stop is None
+        return found
+
+    @property
+    def stop(self) -> str | None:
+        """Column at whose value the path ends; None if it ends at a load factor."""
+        return None if self.options.stop_column == "none" else self.options.stop_column
+
+    def by_load(self) -> FloatArray:
+        """This rank's part of the derivative of the equations by the load factor (collective).
+
+        At the present state.
+        """
+        END_POINT.evaluate(self.system, self.shifts)
+        return self.vector(*self.equilibrium.loading.derivative(self.shifts))
+
+    def columns(self, t: float) -> FloatArray:
+        """Columns at the present state as if the load factor were another one (collective).
+
+        On the first rank; the others have none.
+        """
+        self.recorder.record(t)
+        for _, values in self.recorder.flush():
+            return values
+        return np.zeros(0)
 
     @property
     def shifts(self) -> Shifts:
@@ -252,14 +285,12 @@ class NearPath:
 
 
 def _check_options(options: StaticOptions) -> None:
-    """Refuse options by which the load factors of rows depend on parameters, and others.
+    """Refuse linear solutions, and options by which rows are those of critical points or columns.
 
     Raises:
         InputError: naming the option.
     """
-    for name in (
-        "linear", "arc_length", "stop_column", "critical_points", "branch", "restart",
-    ):  # fmt: skip
+    for name in ("linear", "critical_points", "branch", "restart"):
         given = getattr(options, name)
         if given != getattr(StaticOptions, name):
             raise InputError(

@@ -10,6 +10,12 @@ history each row takes one transposed solve, whatever the number of parameters:
 with J_p and F_p at the fixed state (Arora, Haug, AIAA J. 17 (1979) 970-974). q are local twists;
 parameters that change the shape at the start act through the strains of the elements, the markers
 of joints and of probes, and the places of fixed nodes.
+
+Where the path ends at a value of a column c, its load factor depends on p: the last row has one
+more unknown and one more equation. With ``D(J) = J_t - z_J . F_t``, the change of J with the load
+factor along the path, ``dt/dp = - (c_p - z_c . F_p)/D(c)``, so that J has the adjoint
+``z_J - D(J)/D(c) z_c`` there, and J_p loses ``D(J)/D(c) c_p``. Load factors of other rows count as
+given.
 """
 
 from __future__ import annotations
@@ -29,12 +35,15 @@ from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.neighbours import RESIDUALS, Parameter
 from flexfem.gradients.states.path import SINGULAR, Equilibria, NearPath
 from flexfem.la.direct import DirectSolver
+from flexfem.simulation.equilibria.targets import LOAD
 
 __all__ = ["gradients_of_columns"]
 
 #: Second differences over first ones, and over what an equilibrium leaves, from which on equations
 #: are no smooth functions of a parameter.
 _ROUGH, _SEEN = 0.1, 1e3
+#: Step of the load factor for what depends on it at a fixed state, relative to its end.
+_TIME = 1e-4
 
 
 def gradients_of_columns(
@@ -49,12 +58,20 @@ def gradients_of_columns(
     found = np.zeros((len(functionals), len(parameters)))
     if not functionals:
         return found
-    names = sorted({name for one in functionals for name in one.columns})
-    columns = ColumnDerivatives(path, names)
-    weights = _weights(path, functionals, names)
+    names = {name for one in functionals for name in one.columns if name != LOAD}
+    chosen = sorted(names | {path.stop} if path.stop else names)
+    columns = ColumnDerivatives(path, chosen)
+    weights = _weights(path, functionals, chosen)
     used = np.flatnonzero(weights.any(axis=(0, 1))).tolist()
+    last = path.rows - 1
+    if path.stop is not None:
+        used = sorted({*used, last})
+    _check_rows(path, used)
     adjoints = {row: _adjoints(path, columns, weights[:, :, row], row) for row in used}
-    places = [path.recorder.columns.index(name) for name in names]
+    places = [path.recorder.columns.index(name) for name in chosen]
+    if path.stop is not None:
+        own = _of_stop(path, columns, functionals, (weights[:, :, last], adjoints[last], places))
+        weights[:, :, last], adjoints[last] = own
     for p, parameter in enumerate(parameters):
         residuals = []
         for neighbour in parameter.neighbours(RESIDUALS):
@@ -73,6 +90,51 @@ def gradients_of_columns(
     return found
 
 
+def _check_rows(path: Equilibria, used: Sequence[int]) -> None:
+    """Refuse rows whose load factors depend on parameters, but the last one."""
+    if not path.fixed[[row for row in used if row != path.rows - 1]].all():
+        raise InputError(
+            "gradient: along arc lengths only the end of the path has derivatives; take final:…, "
+            "or load steps"
+        )
+
+
+def _of_stop(
+    path: Equilibria, columns: ColumnDerivatives, functionals: Sequence[Functional],
+    of: tuple[FloatArray, FloatArray, Sequence[int]],
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Weights and adjoints of the last row at a value of a column, see the module (collective).
+
+    Args:
+        path: the path.
+        columns: derivatives of the columns.
+        functionals: those that are differentiated.
+        of: weights (functionals, columns) and adjoints at its load factor, places of the columns.
+    """
+    weights, adjoints, places = of
+    row, comm = path.rows - 1, path.system.comm
+    stop = np.zeros((1, weights.shape[1]))
+    stop[0, [path.recorder.columns[k] for k in places].index(str(path.stop))] = 1.0
+    z = np.vstack([adjoints, _adjoints(path, columns, stop, row)])
+    every = np.vstack([weights, stop])
+    changes = -(z @ path.by_load())
+    t, step = float(path.times[row]), _TIME * path.options.t_end
+    before, after = path.columns(t - step), path.columns(t + step)
+    if len(before):  # on the first rank
+        changes += _direct(every, ((after - before) / (2.0 * step))[list(places)])
+        for k, one in enumerate(functionals):
+            moved = [
+                dict(path.history, t=path.times + by * (path.times == t)) for by in (-step, step)
+            ]
+            low, high = (one.value(history) for history in moved)
+            changes[k] += (high - low) / (2.0 * step)
+    comm.Allreduce(MPI.IN_PLACE, changes)
+    if changes[-1] == 0.0:
+        raise StoppedError(f"gradient: {path.stop} does not change with the load factor at the end")
+    ratio = (changes[:-1] / changes[-1])[:, np.newaxis]
+    return weights - ratio * stop, adjoints - ratio * z[-1:]
+
+
 def _weights(
     path: Equilibria, functionals: Sequence[Functional], names: Sequence[str]
 ) -> FloatArray:
@@ -82,7 +144,8 @@ def _weights(
     if history:
         for own, one in zip(found, functionals, strict=True):
             for name, row in zip(one.columns, one.derivative(history), strict=True):
-                own[names.index(name)] += row
+                if name != LOAD:
+                    own[names.index(name)] += row
     path.system.comm.Bcast(found)
     return found
 
