@@ -64,6 +64,7 @@ class Equilibria:
     Attributes:
         system, equilibrium: at the last equilibrium, or the one that was returned to.
         recorder: of the columns of the history.
+        columns: names of these.
         history: columns by name, on the first rank; the others have none.
         times: (n,) load factors of all rows.
     """
@@ -86,6 +87,7 @@ class Equilibria:
         self._records: list[_Record] = []
         self._run(steps)
         self.recorder = ProbeRecorder(self.system, self.serial, depth=1)
+        self.columns = self.recorder.columns
         self.history: Mapping[str, FloatArray] = steps.recorder.history()
         self.times = np.array([one.snapshot.t for one in self._records])
 
@@ -141,7 +143,7 @@ class Equilibria:
         END_POINT.evaluate(self.system, self.shifts)
         return self.vector(*self.equilibrium.loading.derivative(self.shifts))
 
-    def columns(self, t: float) -> FloatArray:
+    def columns_at(self, t: float) -> FloatArray:
         """Columns at the present state as if the load factor were another one (collective).
 
         On the first rank; the others have none.

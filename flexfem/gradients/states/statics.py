@@ -68,7 +68,7 @@ def gradients_of_columns(
         used = sorted({*used, last})
     _check_rows(path, used)
     adjoints = {row: _adjoints(path, columns, weights[:, :, row], row) for row in used}
-    places = [path.recorder.columns.index(name) for name in chosen]
+    places = [path.columns.index(name) for name in chosen]
     if path.stop is not None:
         own = _of_stop(path, columns, functionals, (weights[:, :, last], adjoints[last], places))
         weights[:, :, last], adjoints[last] = own
@@ -114,12 +114,12 @@ def _of_stop(
     weights, adjoints, places = of
     row, comm = path.rows - 1, path.system.comm
     stop = np.zeros((1, weights.shape[1]))
-    stop[0, [path.recorder.columns[k] for k in places].index(str(path.stop))] = 1.0
+    stop[0, [path.columns[k] for k in places].index(str(path.stop))] = 1.0
     z = np.vstack([adjoints, _adjoints(path, columns, stop, row)])
     every = np.vstack([weights, stop])
     changes = -(z @ path.by_load())
     t, step = float(path.times[row]), _TIME * path.options.t_end
-    before, after = path.columns(t - step), path.columns(t + step)
+    before, after = path.columns_at(t - step), path.columns_at(t + step)
     if len(before):  # on the first rank
         changes += _direct(every, ((after - before) / (2.0 * step))[list(places)])
         for k, one in enumerate(functionals):
