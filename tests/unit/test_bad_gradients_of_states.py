@@ -66,7 +66,7 @@ WRONG = [
     ("options must be RunOptions, StaticOptions or ModeOptions, got Campbell", {"options": OTHER}),
     ("check compares adjoint and tangent", {"check": True}),
     ("modes about a checkpoint's state", {"of": "frequency:1", "options": modes(state="a.h5")}),
-    ("stops and other unilateral forces have no", {"model": rod(STOP)}),
+    ("no derivatives of stops and other unilateral", {"model": rod(STOP)}),
     ("nothing to derive, name functionals", {"of": []}),
 ]  # fmt: skip
 

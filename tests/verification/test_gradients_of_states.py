@@ -79,11 +79,31 @@ def rigid(stiffness=100.0, damping=0.3, mass=2.0, gravity=9.81, rest=0.4, arm=0.
     return model
 
 
+def slider(youngs=2e9, stiffness=200.0, load=5.0) -> ff.Model:
+    """A bead that a spring holds on an inclined wire; it goes over several elements."""
+    mesh = ff.LineMesh.straight({"wire": [(0.0, 0.0, 0.0), (1.0, 0.0, -0.2)]}, elements=6)
+    section = ff.Section.rectangle(0.02, 0.01, ff.Material(youngs, 0.3, 1000.0))
+    wire, bead = ff.Carrier("wire"), ff.Marker("bead")
+    model = ff.Model("slider", mesh=mesh)
+    model.add(
+        ff.Beam("wire", section, orientation=(0.0, 1.0, 0.0)),
+        ff.Rigid("first", ff.Ground(), ff.Marker("wire", "start")),
+        ff.Rigid("last", ff.Ground((1.0, 0.0, -0.2)), ff.Marker("wire", "end")),
+        ff.RigidBody("bead", 1.0, 1e-3 * np.eye(3), position=(0.45, 0.0, -0.09)),
+        ff.Sliding("slide", wire, bead, tied=True),
+        ff.SpringDamper("spring", ff.Ground((0.0, 0.0, 0.1)), bead, stiffness, rest_length=0.4),
+        ff.PointForce("push", bead, (0.0, 0.0, -3.0 * load)),
+        ff.PositionProbe("tip", bead),
+    )
+    return model
+
+
 #: Parameters of each kind: stiffness, shape, load.
 MODELS: dict[str, tuple[Callable[..., ff.Model], dict[str, float]]] = {
     "beam": (beam, {"youngs": 5e6, "length": 0.5, "force": 0.03}),
     "shell": (shell, {"thickness": 0.02, "length": 1.0, "force": 30.0}),
     "solid": (solid, {"poisson": 0.3, "length": 1.0}),
+    "slider": (slider, {"youngs": 2e9, "stiffness": 200.0}),
     "rigid": (rigid, {"stiffness": 100.0, "damping": 0.3, "rest": 0.4, "arm": 0.5}),
 }
 

@@ -27,7 +27,7 @@ from flexfem._types import FloatArray
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.eigenvectors import ComplexArray, Inverse, eigenvectors, times
-from flexfem.gradients.states.neighbours import MATRICES, Parameter
+from flexfem.gradients.states.neighbours import MATRICES, Parameter, check_without_sliders
 from flexfem.gradients.states.path import SINGULAR, Direction, Equilibria, NearPath
 from flexfem.solvers.statics.buckling import LinearBuckling
 
@@ -64,6 +64,7 @@ class BucklingLoads:
         Raises:
             InputError: there are fewer, or one of these is not simple.
         """
+        check_without_sliders(path.system)
         self._path, self._numbers = path, list(numbers)
         path.go_to(0)
         problem = LinearBuckling(path.equilibrium)

@@ -29,7 +29,13 @@ from flexfem.analyses.modes import ModeOptions
 from flexfem.core.status import Status
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.eigenvectors import ComplexArray, Inverse, eigenvectors, times
-from flexfem.gradients.states.neighbours import MATRICES, Parameter, check_path_independent, place
+from flexfem.gradients.states.neighbours import (
+    MATRICES,
+    Parameter,
+    check_path_independent,
+    check_without_sliders,
+    place,
+)
 from flexfem.model.model import Model
 from flexfem.simulation.equilibria.operating_point import OperatingPoint
 from flexfem.simulation.modes import doubts, modes_at
@@ -82,6 +88,7 @@ class Frequencies:
         self._options, self._comm = options, comm
         self._point = point = OperatingPoint(model, options, comm)
         check_path_independent(model, point.system)
+        check_without_sliders(point.system)
         count = max(options.modes, *numbers)
         point.check_count("gradient", count)
         status = point.settle(options.spin)

@@ -31,7 +31,7 @@ from flexfem.system.system import System
 
 __all__ = [
     "MATRICES", "RESIDUALS", "Neighbour", "Parameter", "Stencil", "by_name",
-    "check_path_independent", "parameters_of", "place",
+    "check_path_independent", "check_without_sliders", "parameters_of", "place",
 ]  # fmt: skip
 
 
@@ -153,7 +153,10 @@ def place(base: System, other: System, name: str) -> None:
     for part, own in zip(base.parts, other.parts, strict=True):
         own.block.frames0[:] = _held_apart(part.block, own.block)
         own.block.reset()
-    other.constraints.angles[:] = base.constraints.angles
+    rows, own_rows = base.constraints, other.constraints
+    own_rows.angles[:] = rows.angles
+    own_rows.lines.restore_places(rows.lines.accepted_places())
+    own_rows.lines.angles[:] = rows.lines.angles
     other.interface.update()
 
 
@@ -191,13 +194,27 @@ def check_path_independent(model: Model, system: System) -> None:
             )
     rows = system.constraints
     found: dict[str, Callable[[], bool]] = {
-        "sliders on lines": lambda: bool(rows.lines.joints),
         "force elements": lambda: bool(rows.elements.groups),
-        "friction": lambda: bool(len(rows.coupled)) or bool(rows.frictional.any()),
+        "friction": lambda: (
+            bool(len(rows.coupled) or len(rows.wrapped_rows)) or bool(rows.frictional.any())
+        ),
         "stops and other unilateral forces": lambda: bool(rows.unilateral.any()),
         "redundant constraints": lambda: rows.relaxation != 0.0,
         "internal variables of elements": lambda: system.remembering,
     }
     for name, present in found.items():
         if any(system.comm.allgather(present())):
-            raise InputError(f"gradient: {name} have no derivatives yet; leave them out")
+            raise InputError(f"gradient: there are no derivatives of {name} yet; leave them out")
+
+
+def check_without_sliders(system: System) -> None:
+    """Refuse sliders on lines, whose rows change from element to element (collective).
+
+    Raises:
+        InputError: there are some.
+    """
+    if any(system.comm.allgather(bool(system.constraints.lines.joints))):
+        raise InputError(
+            "gradient: there are no derivatives of frequencies and buckling loads with sliders on "
+            "lines yet; leave them out"
+        )

@@ -39,10 +39,12 @@ TOLERANCE = 1e-10
 
 @dataclass(frozen=True)
 class _Record:
-    """State of a row: snapshot, and continuous angles of joints."""
+    """State of a row: snapshot, continuous angles of joints, places of sliders with theirs."""
 
     snapshot: Snapshot
     angles: FloatArray
+    places: FloatArray
+    line_angles: FloatArray
 
 
 @dataclass(frozen=True)
@@ -107,8 +109,9 @@ class Equilibria:
 
     def _keep(self) -> None:
         """Store the present equilibrium."""
-        angles = self.system.constraints.angles.copy()
-        self._records.append(_Record(self.equilibrium.keep(), angles))
+        rows = self.system.constraints
+        places = rows.lines.accepted_places(), rows.lines.angles.copy()
+        self._records.append(_Record(self.equilibrium.keep(), rows.angles.copy(), *places))
 
     @property
     def model(self) -> Model:
@@ -168,7 +171,10 @@ class Equilibria:
         """Return to the equilibrium of a row of the history (collective)."""
         record = self._records[row]
         self.equilibrium.restore(record.snapshot)
-        self.system.constraints.angles[:] = record.angles
+        rows = self.system.constraints
+        rows.angles[:] = record.angles
+        rows.lines.restore_places(record.places)
+        rows.lines.angles[:] = record.line_angles
         self.system.interface.update()
 
     def vector(self, blocks: BlockVectors, values: FloatArray) -> FloatArray:
