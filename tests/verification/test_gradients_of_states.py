@@ -275,6 +275,48 @@ def test_frequency_and_damping_of_a_spring():
     assert frequency == pytest.approx(expected, rel=1e-9)
 
 
+def blade(youngs, density, length) -> ff.Model:
+    """A blade on a hub that a motor turns."""
+    mesh = ff.LineMesh.straight({"blade": [(0.1, 0.0, 0.0), (0.1 + length, 0.0, 0.0)]}, elements=4)
+    section = ff.Section.rectangle(0.03, 0.004, ff.Material(youngs, 0.3, density))
+    hub = ff.Marker("hub")
+    model = ff.Model("blade", mesh=mesh)
+    model.add(
+        ff.RigidBody("hub", 1.0, (1.0, 1.0, 1.0)),
+        ff.Beam("blade", section, orientation=(0.0, 1.0, 0.0)),
+        ff.Revolute("bearing", ff.Ground(), hub, axis=(0, 0, 1)),
+        ff.PrescribedAngle("motor", ff.Ground(), hub, axis=(0, 0, 1)),
+        ff.Rigid("root", ff.Marker("hub", offset=(0.1, 0.0, 0.0)), ff.Marker("blade", "start")),
+    )
+    return model
+
+
+@pytest.mark.serial
+def test_frequency_of_a_blade_in_steady_rotation():
+    """Complex modes with gyroscopic forces about a stretched state; they depend on E/rho alone.
+
+    Centrifugal forces stiffen the blade: without the change of the state, or with a left vector
+    that is not the conjugate, it would be 1/2 or off by tenths.
+    """
+    options = ff.ModeOptions(modes=2, spin=30.0, frames=0, quiet=True)
+    values = {"youngs": 1e9, "density": 1500.0, "length": 0.5}
+    gradient = ff.gradient(blade, "frequency:1", values, options, comm=SELF)
+    own = relative(gradient, "frequency:1", values)
+    assert own["youngs"] + own["density"] == pytest.approx(0.0, abs=1e-8)
+    assert 0.05 < own["youngs"] < 0.4
+    for name in ("youngs", "length"):
+        logarithms = [
+            math.log(
+                ff.find_modes(
+                    blade(**{**values, name: values[name] * math.exp(2e-3 * k)}), options, comm=SELF
+                ).modes.frequencies[0]
+            )
+            for k in (-2, -1, 1, 2)
+        ]
+        a, b, c, d = logarithms
+        assert own[name] == pytest.approx((a - 8.0 * b + 8.0 * c - d) / (12.0 * 2e-3), abs=1e-7)
+
+
 @cache
 def twice_as_wide(area: float, youngs: float) -> ff.Section:
     height = math.sqrt(0.5 * area)
@@ -429,3 +471,23 @@ def test_markers_that_move_with_a_parameter():
     change = (more.value["final:gap"] - found.value["final:gap"]) / 0.1
     assert change < -0.01
     assert by["arm"] == pytest.approx(change, rel=1e-8)
+
+
+@pytest.mark.serial
+def test_minimisation_of_a_static_number():
+    """The spring that holds the bob at a height, by gradients of one equilibrium each."""
+
+    def build(stiffness):
+        model = rigid(stiffness=stiffness)
+        bob = ff.Marker("bob")
+        square = ff.Probe(
+            "miss", bob, ("miss",), lambda t, b: (100.0 * (b.position[2] + 0.05) ** 2,)
+        )
+        model.add(square)
+        return model
+
+    found = ff.minimize(build, "final:miss", {"stiffness": 100.0}, STATICS, comm=SELF)
+    held = ff.solve_static(build(**found.values), STATICS, comm=SELF).history
+    # a gradient that is wrong by a tenth ends elsewhere, or does not end
+    assert found.success
+    assert held["tip_z"][-1] == pytest.approx(-0.05, abs=1e-6)
