@@ -47,6 +47,7 @@ DRAWINGS = {
     "sheet_landing": Drawing("--view=0.3,-1,0.25 --interval 0.02"),
     "blade": Drawing(folder="mode_02"),
     "campbell": Drawing(script="plot_campbell"),
+    "optimal_column": Drawing(folder="modes"),
     "spin_up": Drawing("--columns u2,theta1", script="plot_history"),
     "tuned_damper": Drawing("--columns deflection", script="plot_history"),
     "tutorial_4_rotor": Drawing(script="plot_campbell"),

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Gradients of a motion by its adjoint, and derivatives of its history by the tangent."""
+"""Gradients of motions, equilibria and modes, and derivatives of motions by the tangent."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.motion.functionals import Functional, parse
+from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import Influence, NumberInfluence, Owners, influence_of
 from flexfem.gradients.motion.parameters import Build, Values, parameters, plain
 from flexfem.gradients.motion.runs import backward, forward
 from flexfem.gradients.motion.support import check_columns
 from flexfem.gradients.motion.trajectory import Motion
+from flexfem.gradients.states.analyses import Options, found_at, numbers_of
 from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
 
@@ -49,12 +50,13 @@ _CHAOTIC = (
 
 @dataclass(frozen=True)
 class Gradient:
-    """Values of functionals of a motion and their derivatives.
+    """Values of functionals and their derivatives.
 
     Attributes:
         value: of each functional by its name.
         gradient: its derivatives by the parameters' names, (n,) of arrays.
-        history: columns of the motion, on the first rank.
+        history: columns of the motion or of the load steps, or numbers of the modes, on the first
+            rank.
         wall_seconds_forward, wall_seconds_backward: s.
         factorizations_forward, factorizations_backward: numbers of factorisations of the bodies.
         applications: products with the exact linearised equations backwards.
@@ -92,30 +94,50 @@ class TangentMotion:
 
 
 class Differentiation:
-    """Functionals of motions of models that differ in the values of their parameters alone.
+    """Functionals of an analysis of models that differ in the values of their parameters alone.
 
     What is found out about a model's parameters with some values serves for others as well.
     """
 
     def __init__(
         self, build: Build, of: str | Functional | Sequence[str | Functional],
-        options: RunOptions, *, ks_rho: float | None = None, accuracy: float = SOLVED,
+        options: Options, *, ks_rho: float | None = None, accuracy: float = SOLVED,
         memory: float = MEMORY, comm: MPI.Intracomm | None = None,
     ) -> None:  # fmt: skip
         """Store the arguments of :func:`gradient`."""
-        _checks.instance("gradient", "options", options, RunOptions)
         self._build, self._options, self._comm = build, options, comm
-        self.functionals = _functionals(of, ks_rho)
+        self.functionals = numbers_of(of, ks_rho, options)
         self._accuracy, self._memory = accuracy, memory
         self._owners: Owners = {}
 
     def at(self, values: Values, *, check: bool = False) -> Gradient:
         """Derivatives at values of all parameters (collective)."""
+        made, options = made_of(self._build, values), self._options
+        if isinstance(options, RunOptions):
+            return self._of_motion(made, options, values, check=check)
+        if check:
+            raise ValueError("gradient: check compares adjoint and tangent of motions only")
         begin = time.perf_counter()
-        functionals, build = self.functionals, self._build
-        made = made_of(build, values)
+        comm = self._comm or MPI.COMM_WORLD
+        found = found_at(made, self.functionals, (self._build, values), options, comm)
+        return Gradient(
+            value=found.value, gradient=found.gradient, history=found.history,
+            wall_seconds_forward=found.middle - begin,
+            wall_seconds_backward=time.perf_counter() - found.middle,
+            factorizations_forward=found.factorizations[0],
+            factorizations_backward=found.factorizations[1],
+            applications=0, growth=1.0, check={},
+        )  # fmt: skip
+
+    def _of_motion(
+        self, made: Model, options: RunOptions, values: Values, *, check: bool
+    ) -> Gradient:  # fmt: skip
+        """Derivatives of a motion (collective)."""
+        begin = time.perf_counter()
+        functionals = [one for one in self.functionals if isinstance(one, Functional)]
+        build = self._build
         check_columns(made, [name for one in functionals for name in one.columns])
-        motion = Motion(made, self._options, self._comm, self._memory)
+        motion = Motion(made, options, self._comm, self._memory)
         history = motion.history()
         done, middle = motion.system.counters.factorizations, time.perf_counter()
         influences = {
@@ -147,7 +169,7 @@ def gradient(
     model: Model | Callable[..., Model],
     of: str | Functional | Sequence[str | Functional],
     wrt: Sequence[str] | Mapping[str, npt.ArrayLike],
-    options: RunOptions,
+    options: Options,
     *,
     ks_rho: float | None = None,
     accuracy: float = SOLVED,
@@ -155,35 +177,41 @@ def gradient(
     check: bool = False,
     comm: MPI.Intracomm | None = None,
 ) -> Gradient:
-    """Derivatives of numbers of a motion by any number of parameters (collective).
+    """Derivatives of numbers of an analysis by any number of parameters (collective).
 
-    The motion is computed once, with Newton steps to 1e-9 at least, and its discrete adjoint goes
-    back over the same steps with the same factors::
+    A motion (``RunOptions``) is computed once, with Newton steps to 1e-9 at least, and its discrete
+    adjoint goes back over the same steps with the same factors::
 
         found = ff.gradient(model, "final:tip_z", ["rod.mass", "spring.stiffness"], options)
         found.gradient["final:tip_z"]["spring.stiffness"]
+
+    Equilibria under increasing loads (``StaticOptions``) take one transposed solve for each row of
+    the history on which a number depends; ``buckling:1`` is the first load factor of linearised
+    buckling from the first and the last equilibrium. With ``ModeOptions`` the numbers are
+    ``frequency:1`` (Hz), ``damping:1`` and so on, about the state of the options.
 
     Args:
         model: the model; or a function that builds it from numbers with the names in ``wrt``, such
             as the ``build`` of a case.
         of: functionals, such as "final:tip_x": final, mean, integral, rms, max, min or ks of a
-            column of a :class:`Probe`; or :class:`Functional`.
+            column of a :class:`Probe`, over time or over the load factor; or :class:`Functional`.
         wrt: parameters: paths into a model ("rod.mass", "spring.stiffness", "gravity[2]",
             "rod.velocity[0]"), or values of the arguments of a function by their names: numbers, or
             arrays (n,), such as one stiffness for each element.
-        options: those of the motion.
+        options: those of the motion, the equilibria or the modes.
         ks_rho: of "ks", one over the unit of the column.
-        accuracy: relative accuracy of the linearised equations of a step.
-        check: compare with the tangent along a random direction, which takes as long again.
-        memory: largest number of bytes for states on each rank; with less, states are computed
-            once more.
+        accuracy: relative accuracy of the linearised equations of a step of a motion.
+        check: compare with the tangent of a motion along a random direction, which takes as long
+            again.
+        memory: largest number of bytes for states of a motion on each rank; with less, states are
+            computed once more.
         comm: communicator, all ranks by default.
 
     Raises:
         InputError: a mistake in the model or in a name, or something in it that has no derivative
             yet (a ValueError).
         TypeError: an argument has the wrong type.
-        StoppedError: the motion does not come to its end, or its linearised equations cannot be
+        StoppedError: the analysis does not come to its end, or its linearised equations cannot be
             solved (a RuntimeError).
     """
     build, values = parameters(model, wrt)
@@ -275,16 +303,6 @@ def made_of(build: Build, values: Values) -> Model:
     if not isinstance(model, Model):
         raise TypeError(f"gradient: the function returned {_checks.show(model)}, not a Model")
     return model
-
-
-def _functionals(
-    of: str | Functional | Sequence[str | Functional], ks_rho: float | None
-) -> list[Functional]:
-    every = [of] if isinstance(of, str | Functional) else list(of)
-    found = [parse(one, ks_rho) if isinstance(one, str) else one for one in every]
-    if not found:
-        raise ValueError("gradient: nothing to derive, name functionals")
-    return found
 
 
 def _by_name(

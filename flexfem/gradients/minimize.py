@@ -15,10 +15,10 @@ import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._types import FloatArray
-from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.gradient import Differentiation
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.parameters import Build, Values, checked_values, plain
+from flexfem.gradients.states.analyses import Options
 from flexfem.io.tables.table import write_table
 
 __all__ = ["Optimum", "minimize"]
@@ -54,7 +54,7 @@ def minimize(
     build: Build,
     objective: str | Functional,
     start: Mapping[str, npt.ArrayLike],
-    options: RunOptions,
+    options: Options,
     *,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     constraints: Sequence[Constraint] = (),
@@ -66,7 +66,7 @@ def minimize(
     output: Path | str | None = None,
     comm: MPI.Intracomm | None = None,
 ) -> Optimum:
-    """Minimise a number of a motion with gradients of its adjoint, by ``scipy.optimize``.
+    """Minimise a number of a motion, of equilibria or of modes by ``scipy.optimize``.
 
     All ranks call it; each iteration of the method takes one motion and its adjoint::
 
@@ -76,7 +76,7 @@ def minimize(
         build: model of the parameters' values.
         objective: see :func:`gradient`.
         start: values of all parameters to begin with, numbers or arrays (n,).
-        options: of the motions.
+        options: of the motions, the equilibria or the modes.
         bounds: least and largest value of parameters by name, None for none.
         constraints: functionals with their bounds; they need the method SLSQP.
         cost: a number to be added that depends on the parameters alone: takes them by name and
@@ -115,7 +115,7 @@ class _Problem:
 
     def __init__(
         self, build: Build, wanted: tuple[str | Functional, Sequence[Constraint]], values: Values,
-        options: RunOptions, comm: MPI.Intracomm | None,
+        options: Options, comm: MPI.Intracomm | None,
     ) -> None:  # fmt: skip
         objective, constraints = wanted
         self._start = values

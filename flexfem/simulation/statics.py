@@ -122,7 +122,13 @@ def _too_large(part: float, size: float) -> str:
 
 
 class StaticSteps(Steps):
-    """Steps along a path of equilibria."""
+    """Steps along a path of equilibria.
+
+    Attributes:
+        serial: serial data of the model.
+        equilibrium: its static equations, at the accepted equilibrium between steps.
+        path: the path.
+    """
 
     recorder: Recorder
 
@@ -142,7 +148,7 @@ class StaticSteps(Steps):
         """
         self._options = options
         check = None if restart is None else restart.check
-        self._serial, self.system = set_up(
+        self.serial, self.system = set_up(
             model, comm, options.split_above, check, kernels=options.kernels
         )
         if options.arc_length > 0.0 and self.system.rate_dependent:
@@ -150,20 +156,20 @@ class StaticSteps(Steps):
                 f"StaticOptions: arc_length {options.arc_length:g} has no time for viscoelastic "
                 "solids: use load steps, whose load factor counts as time"
             )
-        self.cautions = Cautions.of_model(self._serial, options, self.system)
-        self._probes = ProbeRecorder(self.system, self._serial, depth=1)
+        self.cautions = Cautions.of_model(self.serial, options, self.system)
+        self._probes = ProbeRecorder(self.system, self.serial, depth=1)
         self._check_column()
         self._targets = Targets(options.output_at, self._probes.columns, options.t_end)
         self._reached: list[tuple[str, float]] = []
         self.equilibrium = rest(
-            self._serial, self.system, TangentSolver(self.system),
+            self.serial, self.system, TangentSolver(self.system),
             Limits(options.tolerance, options.max_iterations),
             span=options.t_end, grow=True, gravity_grows=options.gravity_load == "proportional",
             stabilise=options.stabilise,
         )  # fmt: skip
         if not options.stabilise:
-            check_held(self._serial, self.equilibrium)
-        self._slider_exit = SliderExit(self.system, self._serial)
+            check_held(self.serial, self.equilibrium)
+        self._slider_exit = SliderExit(self.system, self.serial)
         self._inverted = ""
         self._columns = partial(_columns, self._probes, self.equilibrium)
         self.status = self._checked(self._settled(model))
@@ -181,15 +187,15 @@ class StaticSteps(Steps):
                 f'load, but nothing in Model "{model.name}" that moves it grows with t'
             )
         self.checkpoints = Checkpoints(
-            self.followed, self._serial, options, TimeGrid(1.0, 1), restart
+            self.followed, self.serial, options, TimeGrid(1.0, 1), restart
         )
-        self.functions = FunctionsAlike(self.system, self._serial.model)
+        self.functions = FunctionsAlike(self.system, self.serial.model)
         self._stopped = options.stop_column == _NONE
         self._factors: list[float] = []
         self._branched = options.branch == 0.0
         self._width = self._h = 0.0
         self.recorder = Recorder(
-            self.system, self._serial, options, options.every, options.t_end, unit="",
+            self.system, self.serial, options, options.every, options.t_end, unit="",
             varies=True, resume=None if restart is None else restart.state,
         )  # fmt: skip
 
@@ -355,7 +361,7 @@ class StaticSteps(Steps):
             return status
         if self._slider_exit.found():
             return Status.LEFT
-        self._inverted = inside_out(self._serial, self.system)
+        self._inverted = inside_out(self.serial, self.system)
         return Status.INSIDE_OUT if self._inverted else Status.OK
 
     def _accept(self, last: bool) -> None:
@@ -401,7 +407,7 @@ class StaticSteps(Steps):
         if self._options.output is None:
             return
         modes = [(c.t, c.motion) for c in self.followed.critical if c.kind == "bifurcation"] + found
-        fields = FieldOutput(self._options.output / "modes", self.system, self._serial)
+        fields = FieldOutput(self._options.output / "modes", self.system, self.serial)
         base = self.equilibrium.keep()
         for number, (t, motion) in enumerate(modes):
             for part, steps in zip(self.system.parts, motion, strict=True):
@@ -428,10 +434,10 @@ class StaticSteps(Steps):
                 "increase max_steps or arc_length, or choose a stop_value that is reached",
             )
         h = options.t_end / options.load_steps
-        culprit = not_finite(self._serial, t + h * np.array([0.5**_HALVINGS, 0.5, 1.0]))
+        culprit = not_finite(self.serial, t + h * np.array([0.5**_HALVINGS, 0.5, 1.0]))
         if culprit:
             return f"{culprit} after t = {t:.6g}"
-        where = moves_most(self._serial, self.system) if status in ITERATED else ""
+        where = moves_most(self.serial, self.system) if status in ITERATED else ""
         text = self._inverted if status is Status.INSIDE_OUT else status.value
         hints = STABILISED if options.stabilise else STATICS
         return with_hint(f"{text} at t = {t:.6g}{where}", hints.get(status))
@@ -450,8 +456,8 @@ class StaticSteps(Steps):
         """See :class:`Steps`."""
         if reason == "ok":
             self.cautions.say(self._targets.missed)
-        self.cautions.say(locked_shapes(self._serial, self.system))
-        self.cautions.say(doubtful_state(self._serial, self.system))
+        self.cautions.say(locked_shapes(self.serial, self.system))
+        self.cautions.say(doubtful_state(self.serial, self.system))
 
     def summary(self) -> dict[str, Any]:
         """See :class:`Steps`."""

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import Protocol
 
 import numpy as np
 
@@ -19,11 +20,13 @@ from flexfem.core.marker import Ground
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import rotations, transposed
 from flexfem.gradients.motion.adjoint import NodeSeeds
-from flexfem.gradients.motion.trajectory import Motion
 from flexfem.lie import so3
+from flexfem.model.model import Model
 from flexfem.model.probes.base import MarkerState, Probe
+from flexfem.system.measure.probes import ProbeRecorder
+from flexfem.system.system import System
 
-__all__ = ["ColumnDerivatives"]
+__all__ = ["ColumnDerivatives", "Recorded"]
 
 #: Differences, in m, rad, m/s and so on, with their weights.
 _STEP = 1e-3
@@ -32,17 +35,38 @@ _STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0
 _COMPONENTS = 18
 
 
-class ColumnDerivatives:
-    """Derivatives of some columns of a motion, at accepted states."""
+class Recorded(Protocol):
+    """States with a history: a motion, or a path of equilibria.
 
-    def __init__(self, motion: Motion, columns: Sequence[str]) -> None:
+    Attributes:
+        system: at one of the states.
+        recorder: of the columns of the history.
+        columns: names of these.
+        times: (n,) of all states.
+    """
+
+    system: System
+    recorder: ProbeRecorder
+    columns: list[str]
+    times: FloatArray
+
+    @property
+    def model(self) -> Model:
+        """The model with its probes."""
+        ...
+
+
+class ColumnDerivatives:
+    """Derivatives of some columns of a history, at accepted states."""
+
+    def __init__(self, states: Recorded, columns: Sequence[str]) -> None:
         """Find the probes of the columns.
 
         Raises:
             InputError: one is a function of a marker that is not at a node.
         """
-        self._motion, self._columns = motion, list(columns)
-        model = motion.simulation.serial.model
+        self._states, self._columns = states, list(columns)
+        model = states.model
         self._probes: list[tuple[Probe, int, list[tuple[int, int]]]] = []
         at, inside = 0, self._inside()
         for probe in model.probes:
@@ -61,10 +85,10 @@ class ColumnDerivatives:
 
     def _inside(self) -> set[int]:
         """Places of markers that are neither at nodes nor on the ground, on any rank."""
-        comm = self._motion.system.comm
-        own = [k for *_, places in self._motion.recorder.sources for k in places.tolist()]
+        comm = self._states.system.comm
+        own = [k for *_, places in self._states.recorder.sources for k in places.tolist()]
         at_nodes = {k for part in comm.allgather(own) for k in part}
-        model = self._motion.simulation.serial.model
+        model = self._states.model
         markers = [m for p in model.probes if isinstance(p, Probe) for m in p.markers]
         every = [m for p in model.probes for m in p.markers]
         if len(every) != len(markers):
@@ -73,9 +97,9 @@ class ColumnDerivatives:
 
     def every(self, weights: FloatArray) -> FloatArray:
         """Weights (k, all columns of the motion) of those of these columns, (k, columns)."""
-        found = np.zeros((len(weights), len(self._motion.columns)))
+        found = np.zeros((len(weights), len(self._states.columns)))
         for k, name in enumerate(self._columns):
-            found[:, self._motion.columns.index(name)] = weights[:, k]
+            found[:, self._states.columns.index(name)] = weights[:, k]
         return found
 
     def seeds(self, step: int, weights: FloatArray) -> list[NodeSeeds]:
@@ -85,8 +109,8 @@ class ColumnDerivatives:
             step: number of the step, at whose accepted state the system is.
             weights: (columns,) on the first rank.
         """
-        motion, comm = self._motion, self._motion.system.comm
-        states = motion.recorder.states()
+        recorder, comm = self._states.recorder, self._states.system.comm
+        states = recorder.states()
         found = np.zeros((self._count, _COMPONENTS))
         if comm.rank == 0:
             for probe, at, own in self._probes:
@@ -96,12 +120,12 @@ class ColumnDerivatives:
                 if factors.any():
                     markers = states[at : at + len(probe.markers)]
                     found[at : at + len(markers)] = _differences(
-                        probe, motion.times[step], markers, factors
+                        probe, self._states.times[step], markers, factors
                     )
         comm.Bcast(found)
         return [
             _of_nodes(block, nodes, offsets, found[places])
-            for block, nodes, offsets, places in motion.recorder.sources
+            for block, nodes, offsets, places in recorder.sources
         ]
 
 

@@ -38,7 +38,9 @@ from flexfem.simulation.run.setup import set_up
 from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import MASS, Shifts, System
 
-__all__ = ["Factors", "Influence", "NumberInfluence", "influence_of"]
+__all__ = [
+    "Factors", "Influence", "NumberInfluence", "check_layout", "influence_of", "twists",
+]  # fmt: skip
 
 #: Difference of a parameter, relative to it, or itself for one that is zero.
 _STEP = 1e-5
@@ -135,7 +137,7 @@ class NumberInfluence:
             )
             if one.status is not Status.OK:
                 raise StoppedError(f'gradient: the motion with another "{name}" does not start')
-            _check_layout(motion.system, one.system, name)
+            check_layout(motion.system, one.system, name)
             simulations.append(one)
         self._pair = [one.system for one in simulations]
         self.start = self._start()  # later the models are at other states
@@ -149,7 +151,7 @@ class NumberInfluence:
             pair = [one.parts[k].block.state() for one in self._pair]
             own = np.s_[: part.block.owned, : part.block.width]
             moved = [
-                _twists(first["frames"], state["frames"], inertial=part.block.inertial)
+                twists(first["frames"], state["frames"], inertial=part.block.inertial)
                 for state in pair
             ]
             rates = [
@@ -395,7 +397,7 @@ def _steps(values: FloatArray) -> FloatArray:
     return np.where(values == 0.0, _STEP, _STEP * np.abs(values))
 
 
-def _check_layout(system: System, other: System, name: str) -> None:
+def check_layout(system: System, other: System, name: str) -> None:
     """Raise unless blocks and rows of another model are those of the motion's (collective)."""
     same = len(other.parts) == len(system.parts)
     same = same and other.constraints.size == system.constraints.size
@@ -435,7 +437,7 @@ def _evaluated(motion: Motion, system: System, step: int) -> Factors:
 _UNSCALED = Shifts(velocity=0.0, acceleration=0.0, scale=1.0)
 
 
-def _twists(frames: FloatArray, moved: FloatArray, *, inertial: bool) -> FloatArray:
+def twists(frames: FloatArray, moved: FloatArray, *, inertial: bool) -> FloatArray:
     """Local twists (n, 6) from frames to others (n, 12)."""
     if not inertial:
         return se3.log(se3.compose(se3.inverse(frames), moved))
@@ -464,14 +466,14 @@ class _Builder:
             self._model(parts), comm, options.split_above, kernels=options.kernels,
             moving=True,
         )  # fmt: skip
-        _check_layout(self._motion.system, system, self._name)
+        check_layout(self._motion.system, system, self._name)
         return system
 
     def started(self, parts: FloatArray) -> Simulation | None:
         """Its start, None if positions or velocities there differ (collective)."""
         motion = self._motion
         one = Simulation(self._model(parts), motion.options, motion.system.comm)
-        _check_layout(motion.system, one.system, self._name)
+        check_layout(motion.system, one.system, self._name)
         state, worst = motion.state(0), 0.0
         for part in one.system.parts:
             for name in ("frames", "velocity"):

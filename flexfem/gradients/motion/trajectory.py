@@ -81,6 +81,11 @@ class Motion:
         self._run(memory)
 
     @property
+    def model(self) -> Model:
+        """The model with its probes."""
+        return self.simulation.serial.model
+
+    @property
     def policy(self) -> Policy:
         """Policy of the Newton method, with its factors."""
         return self.simulation.policy

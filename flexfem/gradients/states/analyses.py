@@ -1,0 +1,185 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Numbers of statics and of modes with their derivatives."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem import _checks
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.analyses.dynamics import RunOptions
+from flexfem.analyses.modes import ModeOptions
+from flexfem.analyses.statics import StaticOptions
+from flexfem.gradients.motion.functionals import Functional, parse
+from flexfem.gradients.motion.parameters import Build, Values
+from flexfem.gradients.motion.support import check_columns
+from flexfem.gradients.states.buckling import BucklingLoads
+from flexfem.gradients.states.modes import Frequencies
+from flexfem.gradients.states.neighbours import by_name, parameters_of
+from flexfem.gradients.states.path import Equilibria
+from flexfem.gradients.states.statics import gradients_of_columns
+from flexfem.model.model import Model
+from flexfem.simulation.equilibria.targets import LOAD
+
+__all__ = ["Eigenvalue", "Found", "Options", "found_at", "numbers_of"]
+
+#: Options of what has derivatives.
+Options = RunOptions | StaticOptions | ModeOptions
+#: Kinds of eigenvalues.
+_OF_STATICS, _OF_MODES = ("buckling",), ("frequency", "damping")
+
+
+@dataclass(frozen=True)
+class Eigenvalue:
+    """A number such as ``buckling:1``.
+
+    Attributes:
+        name: text in tables.
+        kind: what stands before the colon.
+        number: what stands behind it, from 1.
+    """
+
+    name: str
+    kind: str
+    number: int
+
+
+@dataclass(frozen=True)
+class Found:
+    """Numbers with their derivatives.
+
+    Attributes:
+        value: by name.
+        gradient: by the names of the numbers and of the parameters.
+        history: on the first rank.
+        middle: reading of ``time.perf_counter`` between both halves.
+        factorizations: before and after that.
+    """
+
+    value: Mapping[str, float]
+    gradient: Mapping[str, Mapping[str, float | FloatArray]]
+    history: Mapping[str, FloatArray]
+    middle: float
+    factorizations: tuple[int, int]
+
+
+def numbers_of(
+    of: str | Functional | Sequence[str | Functional], ks_rho: float | None, options: Options
+) -> list[Functional | Eigenvalue]:
+    """The numbers of an analysis by their names.
+
+    Raises:
+        TypeError: the options are those of another one.
+        ValueError: there are none, or one is not of the form of the analysis.
+    """
+    if not isinstance(options, RunOptions) and type(options) not in (StaticOptions, ModeOptions):
+        raise TypeError(
+            "gradient: options must be RunOptions, StaticOptions or ModeOptions, got "
+            f"{_checks.show(options)}"
+        )
+    every = [of] if isinstance(of, str | Functional) else list(of)
+    if not every:
+        raise ValueError("gradient: nothing to derive, name functionals")
+    return [_number(one, ks_rho, options) for one in every]
+
+
+def _number(
+    one: str | Functional, ks_rho: float | None, options: Options
+) -> Functional | Eigenvalue:  # fmt: skip
+    name = one.strip() if isinstance(one, str) else one.name
+    kind, _, text = name.partition(":")
+    statics, modes = isinstance(options, StaticOptions), isinstance(options, ModeOptions)
+    if isinstance(one, str) and kind in (_OF_MODES if modes else _OF_STATICS if statics else ()):
+        if not text.isdecimal() or int(text) < 1:
+            raise ValueError(f"gradient: '{name}' must end with a number from 1, as in {kind}:1")
+        return Eigenvalue(name, kind, int(text))
+    if modes:
+        raise ValueError(
+            f"gradient: with ModeOptions numbers are frequency:1, damping:1 and so on, got {name}"
+        )
+    return parse(one, ks_rho) if isinstance(one, str) else one
+
+
+def found_at(
+    model: Model, numbers: Sequence[Functional | Eigenvalue], wrt: tuple[Build, Values],
+    options: StaticOptions | ModeOptions, comm: MPI.Intracomm,
+) -> Found:  # fmt: skip
+    """Numbers of equilibria or of modes with their derivatives (collective).
+
+    Args:
+        model: at the values of the parameters.
+        numbers: see :func:`numbers_of`.
+        wrt: function that builds the model, and these values.
+        options: of the analysis.
+        comm: communicator.
+    """
+    eigenvalues = [one for one in numbers if isinstance(one, Eigenvalue)]
+    if isinstance(options, ModeOptions):
+        return _of_modes(model, eigenvalues, wrt, options, comm)
+    functionals = [one for one in numbers if isinstance(one, Functional)]
+    return _of_equilibria(model, (functionals, eigenvalues), wrt, options, comm)
+
+
+def _of_equilibria(
+    model: Model, numbers: tuple[Sequence[Functional], Sequence[Eigenvalue]],
+    wrt: tuple[Build, Values], options: StaticOptions, comm: MPI.Intracomm,
+) -> Found:  # fmt: skip
+    """Columns, and buckling loads (collective)."""
+    functionals, loads = numbers
+    names = [name for one in functionals for name in one.columns]
+    check_columns(model, [name for name in names if name != LOAD])
+    if options.stop_column != "none" and loads:
+        raise InputError(
+            f"gradient: {loads[0].name} is not differentiated with a stop_column, on which the "
+            "last equilibrium depends"
+        )
+    path = Equilibria(model, options, comm)
+    done, middle = path.system.counters.factorizations, time.perf_counter()
+    chosen = parameters_of(*wrt)
+    found = gradients_of_columns(path, functionals, chosen)
+    rows = {one.name: row for one, row in zip(functionals, found, strict=True)}
+    own = {one.name: one.value(path.history) for one in functionals if path.history}
+    value: dict[str, float] = comm.bcast(own)
+    if loads:
+        buckling = BucklingLoads(path, [one.number for one in loads])
+        found = buckling.gradients(chosen)
+        rows |= {one.name: row for one, row in zip(loads, found, strict=True)}
+        value |= {one.name: buckling.loads[one.number - 1] for one in loads}
+    more = path.system.counters.factorizations - done
+    gradient = {name: by_name(row, wrt[1]) for name, row in rows.items()}
+    return Found(value, gradient, path.history, middle, (done, more))
+
+
+def _of_modes(
+    model: Model, numbers: Sequence[Eigenvalue], wrt: tuple[Build, Values], options: ModeOptions,
+    comm: MPI.Intracomm,
+) -> Found:  # fmt: skip
+    """Frequencies and damping ratios (collective)."""
+    found = Frequencies(model, options, comm, sorted({one.number for one in numbers}))
+    middle = time.perf_counter()
+    changes = found.gradients(parameters_of(*wrt))
+    value, rows = {}, {}
+    for one in numbers:
+        k, change = one.number, changes[one.number]
+        own = complex(found.modes.eigenvalues[k - 1])
+        if one.kind == "frequency":
+            value[one.name] = float(found.modes.frequencies[k - 1])
+            rows[one.name] = change.imag / (2.0 * np.pi)
+        else:  # - Re lambda / |lambda|
+            value[one.name] = float(found.modes.damping[k - 1])
+            size = abs(own)
+            by_size = own.real * (np.conj(own) * change).real / size**3
+            rows[one.name] = by_size - change.real / size
+    history = {} if comm.rank else {
+        "t": np.arange(1.0, len(found.modes) + 1.0), "frequency": found.modes.frequencies,
+        "damping_ratio": found.modes.damping,
+    }  # fmt: skip
+    gradient = {name: by_name(row, wrt[1]) for name, row in rows.items()}
+    return Found(value, gradient, history, middle, (0, 0))

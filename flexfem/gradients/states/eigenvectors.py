@@ -1,0 +1,99 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Right and left eigenvectors of a simple eigenvalue, and its derivative.
+
+With ``P(lambda) x = 0`` and ``P(lambda)^H y = 0`` a simple eigenvalue changes with a parameter by
+``dlambda = - y^H dP x / (y^H P' x)``, P' the derivative by lambda and dP the change of the matrix
+at fixed lambda (Lancaster, Numer. Math. 6 (1964) 377-387). Rows of constraints are a part of P, and
+so are their changes of dP.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+from petsc4py import PETSc
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem.la.direct import DirectSolver
+from flexfem.solvers.modal.shifted_inverse import real_form
+
+__all__ = ["ComplexArray", "Inverse", "eigenvectors", "times"]
+
+ComplexArray = npt.NDArray[np.complex128]
+
+#: Sweeps of inverse iteration, each of which gains the digits by which the shift is nearer to this
+#: eigenvalue than to others.
+_SWEEPS = 3
+
+
+def times(matrix: PETSc.Mat, x: ComplexArray, *, transposed: bool = False) -> ComplexArray:
+    """A real matrix, or its transpose, times this rank's part of a complex vector (collective)."""
+    a, b = matrix.createVecs()
+    act = matrix.multTranspose if transposed else matrix.mult
+    parts = []
+    for values in (x.real, x.imag):
+        a.setArray(values)
+        act(a, b)
+        parts.append(b.getArray(readonly=True).copy())
+    return np.asarray(parts[0] + 1j * parts[1], dtype=np.complex128)
+
+
+class Inverse:
+    """Inverse of a complex matrix and of its Hermitian transpose, both from factors.
+
+    With an imaginary part the matrix is factorised as a real one of twice the size, whose transpose
+    is that of the Hermitian transpose.
+    """
+
+    def __init__(self, real: PETSc.Mat, imaginary: PETSc.Mat | None = None) -> None:
+        """Factorise (collective)."""
+        self._paired = imaginary is not None
+        matrix = real if imaginary is None else real_form(real, imaginary, 1.0)
+        turned = matrix.transpose(PETSc.Mat())
+        self._solvers = [DirectSolver(one, "modes_") for one in (matrix, turned)]
+        self.regular = all(
+            own.factor(one) for own, one in zip(self._solvers, (matrix, turned), strict=True)
+        )
+        self._x, self._y = matrix.createVecs()
+
+    def solve(self, right: ComplexArray, *, transposed: bool = False) -> ComplexArray:
+        """Solution, or that with the Hermitian transpose, on this rank's range (collective)."""
+        if self._paired:
+            return self._solved(np.concatenate([right.real, right.imag]), transposed, len(right))
+        real, imaginary = (
+            self._solved(part, transposed, len(right)) for part in (right.real, right.imag)
+        )
+        return real + 1j * imaginary
+
+    def _solved(self, right: npt.NDArray[np.float64], transposed: bool, size: int) -> ComplexArray:
+        self._x.setArray(right)
+        self._solvers[int(transposed)].solve(self._x, self._y)
+        found = np.array(self._y.getArray(readonly=True))
+        if not self._paired:
+            return np.asarray(found, dtype=np.complex128)
+        return np.asarray(found[:size] + 1j * found[size:], dtype=np.complex128)
+
+
+def eigenvectors(
+    inverse: Inverse, start: ComplexArray, total: Callable[[ComplexArray], ComplexArray],
+    weigh: Callable[[ComplexArray, bool], ComplexArray],
+) -> tuple[ComplexArray, ComplexArray]:  # fmt: skip
+    """Right and left eigenvectors by inverse iteration (collective).
+
+    Args:
+        inverse: of P at a value much nearer to the eigenvalue than to others.
+        start: right vector to begin with; its part of the constraints need not be known.
+        total: sums over the ranks.
+        weigh: P' times a vector, or its Hermitian transpose.
+    """
+    found = []
+    for transposed in (False, True):
+        vector = start
+        for _ in range(_SWEEPS):
+            vector = inverse.solve(weigh(vector, transposed), transposed=transposed)
+            size = float(total(np.array([np.vdot(vector, vector)]))[0].real) ** 0.5
+            vector = vector / size
+        found.append(vector)
+    return found[0], found[1]

@@ -1,0 +1,220 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Models that differ from another one in one parameter, at the same state.
+
+Derivatives by a parameter at a fixed state are central differences of high order (Fornberg, Math.
+Comp. 51 (1988) 699-706), with a step h:
+
+- of residuals ``(f(-2) - 8 f(-1) + 8 f(1) - f(2)) / (12 h)``, error ``h^4 f^(5) / 30``;
+- of matrices ``(-f(-3) + 9 f(-2) - 45 f(-1) + 45 f(1) - 9 f(2) + f(3)) / (60 h)``, error
+  ``h^6 f^(7) / 140``. Entries of stiff bodies are 1e6 to 1e10 times what a slow mode feels of them:
+  so much are rounding over h, and errors of the differences by lengths, enlarged. With the step
+  taken both are about 1e-13 of the entries, and derivatives of frequencies and of buckling loads of
+  slender bodies good to 1e-6 or 1e-7.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.gradients.equations.node_maps import rotations
+from flexfem.gradients.motion.influence import check_layout, twists
+from flexfem.gradients.motion.parameters import Build, Values, plain
+from flexfem.lie import se3, so3
+from flexfem.model.model import Model
+from flexfem.system.system import System
+
+__all__ = [
+    "MATRICES", "RESIDUALS", "Neighbour", "Parameter", "Stencil", "by_name",
+    "check_path_independent", "check_without_sliders", "parameters_of", "place",
+]  # fmt: skip
+
+
+@dataclass(frozen=True)
+class Stencil:
+    """Places of differences.
+
+    Attributes:
+        step: of a parameter, relative to it; a tenth of it for one that is zero.
+        weights: by place, in steps.
+    """
+
+    step: float
+    weights: Mapping[int, float]
+
+
+RESIDUALS = Stencil(3e-4, {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12})
+MATRICES = Stencil(2e-3, {-3: -1 / 60, -2: 9 / 60, -1: -45 / 60, 1: 45 / 60, 2: -9 / 60, 3: 1 / 60})
+
+
+@dataclass(frozen=True)
+class Neighbour:
+    """A model with another value of one parameter.
+
+    Attributes:
+        model: the model.
+        offset: difference of the parameter.
+        weight: of a value there in the derivative.
+    """
+
+    model: Model
+    offset: float
+    weight: float
+
+
+@dataclass(frozen=True)
+class Parameter:
+    """One number among the parameters.
+
+    Attributes:
+        build: a model of all values.
+        values: of all parameters.
+        name: of this one.
+        entry: number of the entry of an array, None for a number.
+    """
+
+    build: Build
+    values: Values
+    name: str
+    entry: int | None = None
+
+    @property
+    def value(self) -> float:
+        """Its value."""
+        given = self.values[self.name]
+        return float(given if self.entry is None else given[self.entry])
+
+    @property
+    def text(self) -> str:
+        """Its name in messages."""
+        return self.name if self.entry is None else f"{self.name}[{self.entry}]"
+
+    def neighbours(self, stencil: Stencil) -> Iterator[Neighbour]:
+        """The models of the differences, one after the other.
+
+        Args:
+            stencil: ``RESIDUALS`` or ``MATRICES``.
+
+        Raises:
+            InputError: there is none with such a value.
+        """
+        step = stencil.step * (abs(self.value) or 0.1)
+        for place, weight in stencil.weights.items():
+            moved: FloatArray = np.array(self.values[self.name])
+            moved[() if self.entry is None else self.entry] = self.value + place * step
+            try:
+                model = self.build(**plain({**self.values, self.name: moved}))
+            except ValueError as error:
+                raise InputError(
+                    f'gradient: "{self.text}" = {self.value + place * step:g} beside '
+                    f"{self.value:g} is refused: {error}"
+                ) from error
+            yield Neighbour(model, place * step, weight / step)
+
+
+def parameters_of(build: Build, values: Values) -> list[Parameter]:
+    """All numbers among the parameters."""
+    return [
+        Parameter(build, values, name, entry)
+        for name, given in values.items()
+        for entry in (range(len(given)) if given.ndim else (None,))
+    ]
+
+
+def by_name(row: FloatArray, values: Values) -> dict[str, float | FloatArray]:
+    """Derivatives by the names of parameters, numbers or arrays.
+
+    Args:
+        row: in the order of :func:`parameters_of`.
+        values: of all parameters.
+    """
+    found: dict[str, float | FloatArray] = {}
+    at = 0
+    for name, given in values.items():
+        found[name] = row[at : at + given.size].copy() if given.ndim else float(row[at])
+        at += given.size
+    return found
+
+
+def place(base: System, other: System, name: str) -> None:
+    """Bring the system of a neighbour to the state of another one (collective).
+
+    Fixed unknowns stay at the neighbour's own start.
+
+    Raises:
+        InputError: it has another number of nodes or joints.
+    """
+    check_layout(base, other, name)
+    for part, own in zip(base.parts, other.parts, strict=True):
+        own.block.frames0[:] = _held_apart(part.block, own.block)
+        own.block.reset()
+    rows, own_rows = base.constraints, other.constraints
+    own_rows.angles[:] = rows.angles
+    own_rows.lines.restore_places(rows.lines.accepted_places())
+    own_rows.lines.angles[:] = rows.lines.angles
+    other.interface.update()
+
+
+def _held_apart(block: FrameBlock, other: FrameBlock) -> FloatArray:
+    """Frames (n, 12) of a block, whose fixed unknowns move with the start of another one."""
+    frames = block.frames.copy()
+    if block.dirichlet is None:
+        return frames
+    moves = twists(block.start_frames, other.start_frames, inertial=block.inertial)
+    moves[:, : block.width][~block.dirichlet] = 0.0
+    moves[:, block.width :] = 0.0
+    if not block.inertial:
+        return se3.retract(frames, moves)
+    R = rotations(frames)
+    frames[:, :3] += np.einsum("nij,nj->ni", R, moves[:, :3])
+    frames[:, 3:] = (R @ so3.exp(moves[:, 3:])).reshape(-1, 9)
+    return frames
+
+
+def check_path_independent(model: Model, system: System) -> None:
+    """Refuse what has a memory, and what has no derivatives yet (collective).
+
+    Raises:
+        InputError: naming it.
+    """
+    kinds: Sequence[tuple[str, Sequence[object]]] = (
+        ("Contact", model.contacts), ("Controller", model.controllers),
+        ("ModalDamping", model.modal_dampings),
+    )  # fmt: skip
+    for kind, things in kinds:
+        for thing in things:
+            raise InputError(
+                f'gradient: {kind} "{getattr(thing, "name", "")}" has no derivatives yet; leave '
+                "it out"
+            )
+    rows = system.constraints
+    found: dict[str, Callable[[], bool]] = {
+        "force elements": lambda: bool(rows.elements.groups),
+        "friction": lambda: (
+            bool(len(rows.coupled) or len(rows.wrapped_rows)) or bool(rows.frictional.any())
+        ),
+        "stops and other unilateral forces": lambda: bool(rows.unilateral.any()),
+        "redundant constraints": lambda: rows.relaxation != 0.0,
+        "internal variables of elements": lambda: system.remembering,
+    }
+    for name, present in found.items():
+        if any(system.comm.allgather(present())):
+            raise InputError(f"gradient: there are no derivatives of {name} yet; leave them out")
+
+
+def check_without_sliders(system: System) -> None:
+    """Refuse sliders on lines, whose rows change from element to element (collective).
+
+    Raises:
+        InputError: there are some.
+    """
+    if any(system.comm.allgather(bool(system.constraints.lines.joints))):
+        raise InputError(
+            "gradient: there are no derivatives of frequencies and buckling loads with sliders on "
+            "lines yet; leave them out"
+        )

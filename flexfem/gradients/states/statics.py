@@ -1,0 +1,218 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Gradients of equilibria under increasing loads by their adjoints.
+
+Every row of the history is an equilibrium ``F(q, L; t, p) = 0`` at a given load factor t, which
+has no memory of those before. With the exact matrix A of Newton's method and a functional J of the
+history each row takes one transposed solve, whatever the number of parameters:
+
+``A^T z = dJ/d(q, L)``,  ``dJ/dp = J_p - z . F_p``
+
+with J_p and F_p at the fixed state (Arora, Haug, AIAA J. 17 (1979) 970-974). q are local twists;
+parameters that change the shape at the start act through the strains of the elements, the markers
+of joints and of probes, and the places of fixed nodes.
+
+Where the path ends at a value of a column c, its load factor depends on p: the last row has one
+more unknown and one more equation. With ``D(J) = J_t - z_J . F_t``, the change of J with the load
+factor along the path, ``dt/dp = - (c_p - z_c . F_p)/D(c)``, so that J has the adjoint
+``z_J - D(J)/D(c) z_c`` there, and J_p loses ``D(J)/D(c) c_p``. Load factors of other rows count as
+given.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+
+from mpi4py import MPI
+from petsc4py import PETSc
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.gradients.motion.columns import ColumnDerivatives
+from flexfem.gradients.motion.functionals import Functional
+from flexfem.gradients.motion.trajectory import StoppedError
+from flexfem.gradients.states.neighbours import RESIDUALS, Parameter
+from flexfem.gradients.states.path import SINGULAR, Equilibria, NearPath
+from flexfem.la.direct import DirectSolver
+from flexfem.simulation.equilibria.targets import LOAD
+
+__all__ = ["gradients_of_columns"]
+
+#: Second differences over first ones, and over what an equilibrium leaves, from which on equations
+#: are no smooth functions of a parameter.
+_ROUGH, _SEEN = 0.1, 1e3
+#: Step of the load factor for what depends on it at a fixed state, relative to its end.
+_TIME = 1e-4
+
+
+def gradients_of_columns(
+    path: Equilibria, functionals: Sequence[Functional], parameters: Sequence[Parameter]
+) -> FloatArray:
+    """Derivatives (functionals, parameters) of functionals of the history (collective).
+
+    Raises:
+        InputError: a column has no derivatives, or the model has none by a parameter.
+        StoppedError: an equilibrium is singular.
+    """
+    found = np.zeros((len(functionals), len(parameters)))
+    if not functionals:
+        return found
+    names = {name for one in functionals for name in one.columns if name != LOAD}
+    chosen = sorted(names | {path.stop} if path.stop else names)
+    columns = ColumnDerivatives(path, chosen)
+    weights = _weights(path, functionals, chosen)
+    used = np.flatnonzero(weights.any(axis=(0, 1))).tolist()
+    last = path.rows - 1
+    if path.stop is not None:
+        used = sorted({*used, last})
+    _check_rows(path, used)
+    adjoints = {row: _adjoints(path, columns, weights[:, :, row], row) for row in used}
+    places = [path.columns.index(name) for name in chosen]
+    if path.stop is not None:
+        own = _of_stop(path, columns, functionals, (weights[:, :, last], adjoints[last], places))
+        weights[:, :, last], adjoints[last] = own
+    for p, parameter in enumerate(parameters):
+        residuals = []
+        for neighbour in parameter.neighbours(RESIDUALS):
+            near = NearPath(path, neighbour.model, parameter.text)
+            for row in used:
+                path.go_to(row)
+                near.go_to_present()
+                residual = path.vector(*near.residual())
+                found[:, p] -= neighbour.weight * (adjoints[row] @ residual)
+                values = near.columns()
+                if len(values):  # on the first rank
+                    found[:, p] += neighbour.weight * _direct(weights[:, :, row], values[places])
+            residuals.append(residual)
+        _check_smooth(path, residuals, parameter.text)
+    path.system.comm.Allreduce(MPI.IN_PLACE, found)
+    return found
+
+
+def _check_rows(path: Equilibria, used: Sequence[int]) -> None:
+    """Refuse rows whose load factors depend on parameters, but the last one."""
+    if not path.fixed[[row for row in used if row != path.rows - 1]].all():
+        raise InputError(
+            "gradient: along arc lengths only the end of the path has derivatives; take final:…, "
+            "or load steps"
+        )
+
+
+def _of_stop(
+    path: Equilibria, columns: ColumnDerivatives, functionals: Sequence[Functional],
+    of: tuple[FloatArray, FloatArray, Sequence[int]],
+) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+    """Weights and adjoints of the last row at a value of a column, see the module (collective).
+
+    Args:
+        path: the path.
+        columns: derivatives of the columns.
+        functionals: those that are differentiated.
+        of: weights (functionals, columns) and adjoints at its load factor, places of the columns.
+    """
+    weights, adjoints, places = of
+    row, comm = path.rows - 1, path.system.comm
+    stop = np.zeros((1, weights.shape[1]))
+    stop[0, [path.columns[k] for k in places].index(str(path.stop))] = 1.0
+    z = np.vstack([adjoints, _adjoints(path, columns, stop, row)])
+    every = np.vstack([weights, stop])
+    changes = -(z @ path.by_load())
+    t, step = float(path.times[row]), _TIME * path.options.t_end
+    before, after = path.columns_at(t - step), path.columns_at(t + step)
+    if len(before):  # on the first rank
+        changes += _direct(every, ((after - before) / (2.0 * step))[list(places)])
+        for k, one in enumerate(functionals):
+            moved = [
+                dict(path.history, t=path.times + by * (path.times == t)) for by in (-step, step)
+            ]
+            low, high = (one.value(history) for history in moved)
+            changes[k] += (high - low) / (2.0 * step)
+    comm.Allreduce(MPI.IN_PLACE, changes)
+    if changes[-1] == 0.0:
+        raise StoppedError(f"gradient: {path.stop} does not change with the load factor at the end")
+    ratio = (changes[:-1] / changes[-1])[:, np.newaxis]
+    return weights - ratio * stop, adjoints - ratio * z[-1:]
+
+
+def _weights(
+    path: Equilibria, functionals: Sequence[Functional], names: Sequence[str]
+) -> FloatArray:
+    """Derivatives (functionals, columns, rows) by the history, on all ranks (collective)."""
+    found = np.zeros((len(functionals), len(names), path.rows))
+    history: Mapping[str, FloatArray] = path.history
+    if history:
+        for own, one in zip(found, functionals, strict=True):
+            for name, row in zip(one.columns, one.derivative(history), strict=True):
+                if name != LOAD:
+                    own[names.index(name)] += row
+    path.system.comm.Bcast(found)
+    return found
+
+
+def _adjoints(
+    path: Equilibria, columns: ColumnDerivatives, weights: FloatArray, row: int
+) -> FloatArray:
+    """(functionals, n) this rank's part of z at a row of the history (collective)."""
+    path.go_to(row)
+    matrix = path.matrix()
+    turned = matrix.transpose(PETSc.Mat())
+    solver = DirectSolver(turned, "tangent_")
+    path.system.counters.factorizations += 1
+    if not solver.factor(turned):
+        raise StoppedError(SINGULAR)
+    x, b = turned.createVecs()
+    found = np.zeros((len(weights), path.size))
+    for own, weight in zip(found, weights, strict=True):
+        right = _seed(path, columns, row, weight)
+        left = right.copy()
+        for _ in range(2):  # the second time for what rounding has left
+            b.setArray(left)
+            if not solver.solve(b, x):
+                raise StoppedError(SINGULAR)
+            own[:] += x.getArray(readonly=True)
+            x.setArray(own)
+            turned.mult(x, b)
+            left = right - b.getArray(readonly=True)
+    matrix.destroy()
+    turned.destroy()
+    return found
+
+
+def _seed(
+    path: Equilibria, columns: ColumnDerivatives, row: int, weights: FloatArray
+) -> FloatArray:
+    """This rank's part of the derivative of a functional by the state of a row (collective)."""
+    blocks = []
+    for part, seeds in zip(path.system.parts, columns.seeds(row, weights), strict=True):
+        blocks.append(np.zeros_like(part.block.owned_step))
+        np.add.at(blocks[-1], seeds.nodes, seeds.twists[:, : part.block.width])
+    return path.vector(blocks, np.zeros(path.system.constraints.size))
+
+
+def _check_smooth(path: Equilibria, residuals: Sequence[FloatArray], name: str) -> None:
+    """Refuse equations that jump with a parameter, by those at the present state (collective).
+
+    Args:
+        path: at the state.
+        residuals: this rank's part of them for two smaller values of the parameter and two larger
+            ones.
+        name: of the parameter.
+    """
+    still = path.residual()
+    before, after = residuals[1:3]
+    squares = np.array(
+        [float((x**2).sum()) for x in (after + before - 2.0 * still, after - before, still)]
+    )
+    path.system.comm.Allreduce(MPI.IN_PLACE, squares)
+    bent, moved, left = np.sqrt(squares)
+    if bent > _ROUGH * moved and bent > _SEEN * left:
+        raise InputError(
+            f'gradient: the equations jump where "{name}" changes, and have no derivative'
+        )
+
+
+def _direct(weights: FloatArray, values: FloatArray) -> FloatArray:
+    """Sums of columns with weights (functionals, columns) that are not zero."""
+    found: FloatArray = np.where(weights == 0.0, 0.0, weights * values).sum(axis=1)
+    return found

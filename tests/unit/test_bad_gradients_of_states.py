@@ -1,0 +1,108 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What gradients of equilibria, frequencies and buckling loads refuse: in one line of the page."""
+
+import pytest
+
+import flexfem as ff
+from tests.unit.refusals import assert_on_page
+
+pytestmark = pytest.mark.serial
+
+RUBBER = ff.Material(5e6, 0.3, 1100.0)
+STATICS, MODES = {"load_steps": 1, "quiet": True}, {"modes": 2, "frames": 0, "quiet": True}
+
+
+def rod(*more, height: float = 0.01) -> ff.Model:
+    mesh = ff.LineMesh.straight({"rod": [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)]}, elements=2)
+    end = ff.Marker("rod", "end")
+    model = ff.Model("rod", mesh=mesh)
+    model.add(
+        ff.Beam("rod", ff.Section.rectangle(0.02, height, RUBBER)),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("rod", "start")),
+        ff.PointForce("push", end, (0.0, 0.0, -0.01)),
+        ff.PositionProbe("tip", end),
+        *more,
+    )
+    return model
+
+
+def free() -> ff.Model:
+    model = ff.Model("free")
+    model.add(ff.RigidBody("body", 1.0, (1.0, 1.0, 1.0)))
+    return model
+
+
+def statics(**more) -> ff.StaticOptions:
+    return ff.StaticOptions(**STATICS, **more)
+
+
+def modes(**more) -> ff.ModeOptions:
+    return ff.ModeOptions(**{**MODES, **more})
+
+
+END = ff.Marker("rod", "end")
+STOP = ff.LimitStop("stop", ff.Ground(), END, axis=(0, 0, 1), upper=5.0, stiffness=10.0)
+OTHER = ff.CampbellOptions(spin_end=1.0)
+WRONG = [
+    ("along arc lengths only the end of the path", {
+        "of": "mean:tip_z", "options": statics(arc_length=0.1)}),
+    ("buckling:1 is not differentiated with a stop_column", {
+        "of": "buckling:1", "options": statics(stop_column="tip_z", stop_value=-0.01)}),
+    ("equilibria with critical_points True have no", {"options": statics(critical_points=True)}),
+    ("equilibria with linear True have no", {"options": statics(linear=True)}),
+    ("output_at names the column tip_z", {"options": statics(output_at="tip_z=-0.1")}),
+    ("'frequency:1' is not of the form", {"of": "frequency:1"}),
+    ("'buckling:x' must end with a number from 1", {"of": "buckling:x"}),
+    ("'frequency:0' must end with a number from 1", {"of": "frequency:0", "options": modes()}),
+    ("numbers are frequency:1, damping:1 and so on, got final:tip_z", {"options": modes()}),
+    ("modes must not exceed the 12 degrees", {"of": "frequency:99", "options": modes()}),
+    ("there is no column \"tip_w\", did you mean", {"of": "final:tip_w"}),
+    ("modes 1 and 2 have one frequency", {
+        "of": "frequency:1", "options": modes(), "model": rod(height=0.02)}),
+    ("mode 1 does not oscillate", {
+        "of": "frequency:1", "options": modes(), "model": free(), "wrt": ["body.mass"]}),
+    ("there is no buckling:1, 0 buckling loads", {
+        "of": "buckling:1", "options": statics(t_end=1e-20)}),
+    ("options must be RunOptions, StaticOptions or ModeOptions, got Campbell", {"options": OTHER}),
+    ("check compares adjoint and tangent", {"check": True}),
+    ("modes about a checkpoint's state", {"of": "frequency:1", "options": modes(state="a.h5")}),
+    ("no derivatives of stops and other unilateral", {"model": rod(STOP)}),
+    ("nothing to derive, name functionals", {"of": []}),
+]  # fmt: skip
+
+
+@pytest.mark.parametrize(("text", "given"), WRONG, ids=[text[:24] for text, _ in WRONG])
+def test_wrong_arguments(text, given):
+    chosen = {"model": rod(), "of": "final:tip_z", "wrt": ["rod.damping"], "options": statics()}
+    with pytest.raises((ValueError, TypeError)) as raised:
+        ff.gradient(**{**chosen, **given})
+    message = str(raised.value)
+    assert "\n" not in message
+    assert text in message
+    assert_on_page(message)
+
+
+def _refused(build, values, text):
+    with pytest.raises(ValueError, match=text) as raised:
+        ff.gradient(build, "final:tip_z", values, statics())
+    assert_on_page(str(raised.value))
+
+
+def test_parameters_without_derivatives():
+    """A model that jumps beside a value, and one that ends there."""
+    _refused(lambda h: rod(height=0.01 if h > 1.0 else 0.02), {"h": 1.0}, "the equations jump")
+
+    def build(part: float) -> ff.Model:
+        if part > 1.0:
+            raise ValueError("more than the whole")
+        return rod(height=0.01 * part)
+
+    _refused(build, {"part": 1.0}, '"part" = 1.0003 beside 1 is refused: more than the whole')
+
+
+def test_a_mechanism_has_no_derivative():
+    """Equilibria that are searched with help are differentiated without."""
+    body = ff.RigidBody("bob", 1.0, (1.0, 1.0, 1.0), position=(0.0, 0.0, 1.0))
+    with pytest.raises(RuntimeError, match="can move without stiffness") as raised:
+        ff.gradient(rod(body), "final:tip_z", ["bob.mass"], statics(stabilise=True))
+    assert_on_page(str(raised.value))
