@@ -19,16 +19,17 @@ from flexfem.options import Option
 if TYPE_CHECKING:
     from flexfem.gradients.gradient import Gradient
 
-SUMMARY = "derivatives of a motion by its adjoint: flexfem gradient NAME --of final:x --wrt mass"
+SUMMARY = "derivatives by the adjoint of an analysis: flexfem gradient NAME --of final:x --wrt mass"
 _TEXT = """\
-Differentiates numbers of a motion by options of the case, or by numbers in its model, whatever
-their number: the motion is computed once, and its discrete adjoint goes back over the same steps
-with the same factors. The table is written to gradient.json. Put "mpirun -n N" in front to run on
-N MPI ranks. "flexfem sensitivities" takes differences of runs instead, for everything.
+Differentiates numbers of a motion, of equilibria or of modes by options of the case, or by numbers
+in its model, whatever their number: a motion is computed once, and its discrete adjoint goes back
+over the same steps with the same factors. The table is written to gradient.json. Put "mpirun -n N"
+in front to run on N MPI ranks. "flexfem sensitivities" takes differences of runs instead, for
+everything.
 """
 _MORE = """\
 All other options are those of the case: see "flexfem run NAME --help". Exit codes: 0 done, 1 the
-motion or its adjoint failed, 2 wrong input, or something in the model has no derivative.
+analysis or its adjoint failed, 2 wrong input, or something in the model has no derivative.
 """
 
 
@@ -65,7 +66,8 @@ def _parser(prog: str) -> Parser:
     parser = Parser(prog=f"{prog} NAME", description=_TEXT, epilog=_MORE)
     parser.add_argument(
         "--of", action="append", default=[], metavar="HOW:COLUMN,...",
-        help="numbers, such as final:tip_x: final, mean, integral, rms, max, min, ks of a column",
+        help="numbers, such as final:tip_x: final, mean, integral, rms, max, min, ks of a column; "
+        "frequency:1, damping:1 of modes, buckling:1 of statics",
     )  # fmt: skip
     parser.add_argument(
         "--wrt", action="append", default=[], metavar="NAME,...",
@@ -102,6 +104,8 @@ def _prepared(case: Case, given: dict[str, Any], output: Path) -> tuple[dict[str
         UsageError: A value is not admissible, or the analysis is none in time.
     """
     from flexfem.analyses.dynamics import RunOptions
+    from flexfem.analyses.modes import ModeOptions
+    from flexfem.analyses.statics import StaticOptions
 
     smoke = given.pop("smoke")
     given = {name: value for name, value in given.items() if name not in ("quiet", "progress")}
@@ -112,9 +116,10 @@ def _prepared(case: Case, given: dict[str, Any], output: Path) -> tuple[dict[str
         parameters, settings = case.prepare(given, smoke=smoke)
     except (OSError, ValueError) as error:
         raise UsageError(str(error)) from error
-    if not isinstance(settings, RunOptions):
+    if type(settings) not in (RunOptions, StaticOptions, ModeOptions):  # and no kind of them
+        name = case.analysis.name
         raise UsageError(
-            f"gradient is for motions in time, not for the analysis {case.analysis.name}"
+            f"gradient is for dynamics, statics and modes, not for the analysis {name}"
         )
     return parameters, settings
 
@@ -124,13 +129,15 @@ def _gradient(
     own: argparse.Namespace,
 ) -> "tuple[Gradient, Mapping[str, Any]]":  # fmt: skip
     """The gradient, and the values of the parameters."""
+    from flexfem.analyses.dynamics import RunOptions
     from flexfem.gradients.gradient import gradient
     from flexfem.gradients.motion.parameters import build_with_options
 
     (parameters, settings), (of, wrt) = prepared, names
     build, values = build_with_options(case.build, parameters, wrt)
+    checked = isinstance(settings, RunOptions) and not own.unchecked
     found = gradient(
-        build, of, values, settings, ks_rho=own.ks_rho, memory=own.memory, check=not own.unchecked
+        build, of, values, settings, ks_rho=own.ks_rho, memory=own.memory, check=checked
     )
     return found, values
 
