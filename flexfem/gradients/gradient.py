@@ -17,12 +17,13 @@ from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.motion.functionals import Functional
-from flexfem.gradients.motion.influence import Influence, NumberInfluence, Owners, influence_of
+from flexfem.gradients.motion.influence import NumberInfluence, Owners, influence_of
 from flexfem.gradients.motion.parameters import Build, Values, parameters, plain
 from flexfem.gradients.motion.runs import backward, forward
 from flexfem.gradients.motion.support import check_columns
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.states.analyses import Options, found_at, numbers_of
+from flexfem.gradients.states.neighbours import by_name
 from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
 
@@ -145,7 +146,7 @@ class Differentiation:
         }
         linear = LinearizedStep(motion.system, motion.policy, self._accuracy)
         sums, growth = backward(motion, linear, functionals, influences)
-        found = [_by_name(row, influences, values) for row in sums]
+        found = [by_name(row, values) for row in sums]
         numbers = {n: one for n, one in influences.items() if isinstance(one, NumberInfluence)}
         differences = _check(motion, linear, (functionals, found), numbers) if check else {}
         return Gradient(
@@ -303,17 +304,6 @@ def made_of(build: Build, values: Values) -> Model:
     if not isinstance(model, Model):
         raise TypeError(f"gradient: the function returned {_checks.show(model)}, not a Model")
     return model
-
-
-def _by_name(
-    row: FloatArray, influences: Mapping[str, Influence], values: Values
-) -> dict[str, float | FloatArray]:
-    """Derivatives by the names of parameters, numbers or arrays."""
-    found: dict[str, float | FloatArray] = {}
-    ends = np.cumsum([one.count for one in influences.values()])
-    for (name, value), own in zip(values.items(), np.split(row, ends[:-1]), strict=True):
-        found[name] = own.copy() if value.ndim else float(own[0])
-    return found
 
 
 def _entries(name: str, value: FloatArray, given: npt.ArrayLike) -> list[tuple[int | None, float]]:
