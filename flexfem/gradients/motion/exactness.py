@@ -1,0 +1,105 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Check of the linearised equations against differences of the equations themselves.
+
+Elements may compute an approximate tangent, with which Newton's method converges as well. The
+derivatives of a motion would be wrong with it, unnoticed: adjoint and tangent agree all the same.
+"""
+
+from __future__ import annotations
+
+from itertools import product
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.gradients.equations.linearized import LinearizedStep
+from flexfem.gradients.equations.step_tangent import POSITIONS, STEP, BlockVectors
+from flexfem.gradients.motion.trajectory import Motion
+from flexfem.system.mechanics import END_POINT
+
+__all__ = ["check_exact"]
+
+#: Largest relative difference. Exact tangents have 1e-9 to 3e-7 with changes that suit them, the
+#: ones of shells with damping 1e-5 and more.
+_EXACT = 3e-6
+#: Changes of differences, in m and rad, for bodies of all sizes.
+_CHANGES = (1e-5, 1e-7, 1e-9)
+
+
+def check_exact(motion: Motion, linear: LinearizedStep) -> None:
+    """Compare both along a random direction, at the ends of some steps (collective).
+
+    These are the first one, one in the middle and the last one: what is missing may be proportional
+    to rates, which may be zero at one of them. The motion is at another state after it.
+
+    Raises:
+        InputError: they differ, naming the body.
+    """
+    differences = _Differences(motion, linear)
+    for step, matrix in product({1, (motion.steps + 1) // 2, motion.steps}, (POSITIONS, STEP)):
+        off = differences.smallest(step, matrix)
+        worst = int(np.argmax(off))
+        if not off[worst] <= _EXACT:
+            parts = motion.system.parts
+            name = parts[worst].owner if worst < len(parts) else "the joints"
+            raise InputError(
+                f"gradient: the linearised equations of {name}, or of a body of its kind, are not "
+                f"exact (off by {off[worst]:.1e}), as those of shells with damping; leave it out"
+            )
+
+
+class _Differences:
+    """Differences of the equations along a direction."""
+
+    def __init__(self, motion: Motion, linear: LinearizedStep) -> None:
+        self._motion, self._tangent = motion, linear.tangent
+        random, self._direction = np.random.default_rng(2), []
+        for part in motion.system.parts:
+            block = part.block
+            # the same on any number of ranks
+            every = random.standard_normal((block.size_global, block.width))
+            self._direction.append(block.hold(every[block.global_ids[: block.owned]]))
+
+    def smallest(self, step: int, matrix: int) -> FloatArray:
+        """Relative errors of the blocks, and of all rows, each with the change that suits it."""
+        self._motion.go_to_end(step)
+        self._tangent.take(self._motion.laws.shifts)
+        rows = np.zeros(self._motion.system.constraints.size)
+        exact = self._tangent.apply(self._direction, rows, matrix)
+        sizes, found = self._sizes(exact), np.full(len(self._direction) + 1, np.inf)
+        for by in _CHANGES:
+            ahead, behind = (self._moved(step, matrix, sign * by) for sign in (1.0, -1.0))
+            missed = [
+                (a - b) / (2.0 * by) - c
+                for a, b, c in zip(ahead[0], behind[0], exact[0], strict=True)
+            ]
+            left = (ahead[1] - behind[1]) / (2.0 * by) - exact[1]
+            off = self._sizes((missed, left))
+            found = np.fmin(found, np.divide(off, sizes, out=off, where=sizes > 0.0))
+            if found.max() <= _EXACT:
+                break
+        return found
+
+    def _moved(self, step: int, matrix: int, by: float) -> tuple[BlockVectors, FloatArray]:
+        """Equations of blocks and rows beside the end of a step."""
+        self._motion.go_to_end(step)
+        system = self._motion.system
+        for part, own in zip(system.parts, self._direction, strict=True):
+            part.block.owned_step[:] = by * own
+            if matrix == STEP:
+                part.block.correct(1.0)
+            else:
+                part.block.shift(1.0)
+        END_POINT.evaluate(system, self._motion.laws.shifts)
+        blocks = [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
+        return blocks, system.constraints.values.copy()
+
+    def _sizes(self, equations: tuple[BlockVectors, FloatArray]) -> FloatArray:
+        """Norms of the equations of each block, and of the rows, on all ranks."""
+        squares = np.array([float((one**2).sum()) for one in (*equations[0], equations[1])])
+        self._motion.system.comm.Allreduce(MPI.IN_PLACE, squares)
+        sizes: FloatArray = np.sqrt(squares)
+        return sizes
