@@ -159,3 +159,28 @@ def rubbing(*, coefficient, mass, gravity, spin) -> ff.Model:
         ff.PositionProbe("tip", ff.Marker("bob", offset=(0.1, 0.1, 0.0))),
     )  # fmt: skip
     return model
+
+
+#: Sizes of a strip, and its fixed edge that grows with its width.
+STRIP = {"length": 0.5, "width": 0.1}
+
+
+def strip(element: str, *, length, width) -> ff.Model:
+    """A strip of solid elements or of a shell, clamped at one end."""
+    model = ff.Model("strip")
+    rubber = ff.Material(5e6, 0.3, 1100.0)
+    if element == "solid":
+        mesh = ff.SolidMesh.box((length, width, 0.02), (4, 2, 1))
+        mesh = mesh.with_surfaces(left=lambda x: x[:, 0] == 0.0)
+        law = ff.laws.NeoHookean(2e6, 4e6)
+        thing = ff.Solid("rod", law, mesh, density=1100.0, degree=1, fixed={"left": "xyz"})
+        tip, root = (ff.Marker("rod", (x, width, 0.02)) for x in (length, 0.0))
+    else:
+        surface = ff.SurfaceMesh.rectangle("rod", (length, width), (4, 2))
+        model = ff.Model("strip", surface=surface)
+        section = ff.ShellSection.isotropic(0.01, rubber)
+        thing = ff.Shell("rod", section, element=element, edges={"rod_left": "clamped"})
+        tip, root = (ff.Marker("rod", f"rod_top_{side}") for side in ("right", "left"))
+    model.add(ff.Gravity((0.0, 3.0, -9.81)), thing)
+    model.add(ff.PositionProbe("tip", tip), ff.PositionProbe("root", root))
+    return model

@@ -15,10 +15,12 @@ from tests.contract.gradient_examples import (
     NUMBERS,
     PARTS,
     RUBBING,
+    STRIP,
     body,
     jointed,
     mechanism,
     rubbing,
+    strip,
 )
 from tests.contract.joint_examples import EXAMPLES
 from tests.histories import columns
@@ -66,6 +68,33 @@ def test_families(kind):
     """Differences have noise of 1e-9: motions end with Newton steps of 1e-13 m or rad."""
     options = ff.RunOptions(dt=1e-3, t_end=8e-3, tolerance=1e-13)
     compare(partial(body, kind), NUMBERS, ["final:tip_z", "mean:speed"], options, 2e-7)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("element", ["solid", "director", "rotation_free"])
+def test_shapes_that_move_fixed_nodes(element):
+    """A clamped edge that stayed where it was would stretch: wrong by the whole derivative."""
+    options = ff.RunOptions(dt=1e-3, t_end=8e-3, tolerance=1e-13)
+    of = ["final:tip_x", "final:tip_y", "final:tip_z", "mean:root_y"]
+    compare(partial(strip, element), STRIP, of, options, 2e-6)
+
+
+@pytest.mark.serial
+def test_columns_near_a_kink():
+    """A deflection of 1e-5 m: with differences of 1e-3 m its derivative is a tenth of it."""
+
+    def build(pull):
+        model = mechanism(**{**PARTS, "sideways": pull})
+        model.add(
+            ff.Probe(
+                "aside", ff.Marker("second"), ("aside",),
+                lambda t, body: (float(np.linalg.norm(body.position - (1.2, 0.0, 0.0))),),
+            )
+        )  # fmt: skip
+        return model
+
+    options = ff.RunOptions(dt=1e-3, t_end=5e-3, tolerance=1e-13)
+    compare(build, {"pull": 0.4}, ["final:aside"], options, 1e-6)
 
 
 @pytest.mark.serial
@@ -151,6 +180,15 @@ def test_arrays_of_elements_take_few_models():
     expected = MPI.COMM_WORLD.bcast(tangent.derivative.get("tip_z"))[-1]
     # an entry given to its neighbour changes the sum by a tenth
     assert sums == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("element", ["solid", "director", "rotation_free"])
+def test_fixed_corners_move_as_their_edge_grows(element):
+    """The corner of a clamped edge that begins at y = 0 is at y = width, on any rank."""
+    options = ff.RunOptions(dt=1e-3, t_end=4e-3, tolerance=1e-12)
+    found = ff.gradient(partial(strip, element), "final:root_y", STRIP, options).gradient
+    assert found["final:root_y"]["width"] == pytest.approx(1.0, abs=1e-9)
+    assert found["final:root_y"]["length"] == pytest.approx(0.0, abs=1e-9)
 
 
 def test_states_that_do_not_fit_are_computed_again():

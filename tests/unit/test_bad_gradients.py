@@ -103,6 +103,35 @@ def test_approximate_tangents(element):
     )  # fmt: skip
 
 
+def test_columns_without_derivatives():
+    probe = ff.Probe("noise", BOB, ("noise",), lambda t, bob: (np.sin(1e12 * bob.position[2]),))
+    _refused(
+        'a column of Probe "noise" has a kink or jumps at t =', model=_model(probe),
+        of="final:noise",
+    )  # fmt: skip
+
+
+def test_meshes_that_jump():
+    """Nodes inside move by some 1e-9 with each change of the parameter."""
+
+    def build(length):
+        random = np.random.default_rng(int(1e12 * length) % 2**32)
+        mesh = ff.SolidMesh.box((length, 0.03, 0.02), (4, 2, 2))
+        inside = (mesh.points[:, 0] > 1e-3) & (mesh.points[:, 0] < length - 1e-3)
+        points = mesh.points + 1e-5 * inside[:, np.newaxis] * random.standard_normal((1, 3))
+        mesh = replace(mesh, points=points).with_surfaces(left=lambda x: x[:, 0] == 0.0)
+        law = ff.laws.NeoHookean(2e6, 4e6)
+        model = ff.Model("bar")
+        model.add(
+            ff.Gravity((0.0, 0.0, -9.81)),
+            ff.Solid("rod", law, mesh, density=1100.0, degree=1, fixed={"left": "xyz"}),
+            ff.PositionProbe("tip", ff.Marker("rod", (length, 0.03, 0.02))),
+        )
+        return model
+
+    _refused('the equations jump where "length" changes by', model=build, wrt={"length": 0.5})
+
+
 def test_columns_that_are_measured():
     _refused(
         'column "all_kinetic" of EnergyProbe "all" has no derivatives yet',

@@ -26,6 +26,16 @@ def rotations(frames: FloatArray) -> FloatArray:
     return frames[:, 3:].reshape(-1, 3, 3)
 
 
+def twists(frames: FloatArray, moved: FloatArray, *, inertial: bool) -> FloatArray:
+    """Local twists (n, 6) from frames to others (n, 12)."""
+    if not inertial:
+        return se3.log(se3.compose(se3.inverse(frames), moved))
+    R = rotations(frames)
+    turns = np.einsum("nji,njk->nik", R, rotations(moved))
+    way = np.einsum("nji,nj->ni", R, moved[:, :3] - frames[:, :3])
+    return np.concatenate([way, so3.log(turns)], axis=1)
+
+
 def applied(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
     """``matrices[i] vectors[i]``, (n, k)."""
     found: FloatArray = np.einsum("nij,nj->ni", matrices, vectors)

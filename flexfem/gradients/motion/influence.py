@@ -25,13 +25,12 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.status import Status
-from flexfem.gradients.equations.node_maps import RateMaps, applied, rotations
+from flexfem.gradients.equations.node_maps import RateMaps, applied, twists
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.motion.adjoint import CARRIED, Carried
-from flexfem.gradients.motion.direct import DirectEffect, copy_state, disturb
+from flexfem.gradients.motion.direct import DirectEffect, HeldNodes, copy_state, disturb
 from flexfem.gradients.motion.parameters import Build, Values, plain
 from flexfem.gradients.motion.trajectory import Motion, StoppedError
-from flexfem.lie import se3, so3
 from flexfem.model.model import Model
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.simulation.run.setup import set_up
@@ -39,7 +38,7 @@ from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import MASS, Shifts, System
 
 __all__ = [
-    "Factors", "Influence", "NumberInfluence", "check_layout", "influence_of", "twists",
+    "Factors", "Influence", "NumberInfluence", "check_layout", "influence_of",
 ]  # fmt: skip
 
 #: Difference of a parameter, relative to it, or itself for one that is zero.
@@ -55,7 +54,7 @@ _NOTHING, _ALIKE = 1e-12, 1e-3
 _SAME_START = 1e-13
 #: Second differences over first ones, and first ones over rounding, from which on the equations
 #: are no smooth functions of a parameter.
-_ROUGH, _SEEN = 0.1, 1e3
+_ROUGH, _SEEN = 3e-3, 1e3
 
 #: Factors of the equations of blocks and of rows (r,).
 Factors = tuple[BlockVectors, FloatArray]
@@ -140,8 +139,10 @@ class NumberInfluence:
             check_layout(motion.system, one.system, name)
             simulations.append(one)
         self._pair = [one.system for one in simulations]
-        self.start = self._start()  # later the models are at other states
-        self._direct = DirectEffect(motion, simulations)
+        # later the models are at other states
+        self._held = [HeldNodes(motion, one, self._name) for one in self._pair]
+        self.start = self._start()
+        self._direct = DirectEffect(motion, simulations, self._held)
         self._checked = False
 
     def _start(self) -> list[Carried]:
@@ -158,7 +159,8 @@ class NumberInfluence:
                 (pair[0][name] - pair[1][name])[own] / (2.0 * self._step)
                 for name in ("velocity", "auxiliary", "acceleration")
             ]
-            found.append(Carried((moved[0] - moved[1])[own] / (2.0 * self._step), *rates))
+            moves = part.block.hold((moved[0] - moved[1])[own] / (2.0 * self._step))
+            found.append(Carried(moves, *rates))
         return found
 
     def equations(self, step: int) -> Factors:
@@ -170,7 +172,10 @@ class NumberInfluence:
         Raises:
             InputError: they are no smooth functions of the parameter.
         """
-        first, second = (_evaluated(self._motion, one, step) for one in self._pair)
+        first, second = (
+            _evaluated(self._motion, one, step, held)
+            for one, held in zip(self._pair, self._held, strict=True)
+        )
         if not self._checked:
             self._check_smooth(first, second)
         blocks = [
@@ -183,7 +188,11 @@ class NumberInfluence:
         """Refuse equations that jump with the parameter, as those with other modes (collective)."""
         self._checked = True
         system, squares = self._motion.system, np.zeros((2, 3))
-        still = [part.block.owned_residual for part in system.parts]
+        END_POINT.evaluate(system, self._motion.laws.shifts)
+        still = [part.block.owned_residual.copy() for part in system.parts]
+        for part, *values in zip(system.parts, first[0], second[0], still, strict=True):
+            for own in values:
+                part.block.hold(own)  # reactions of what is fixed
         owned = system.constraints.owned
         rows = (owned * first[1], owned * second[1], owned * system.constraints.values)
         for kind, pairs in enumerate([zip(first[0], second[0], still, strict=True), [rows]]):
@@ -411,10 +420,10 @@ def check_layout(system: System, other: System, name: str) -> None:
         )
 
 
-def _evaluated(motion: Motion, system: System, step: int) -> Factors:
+def _evaluated(motion: Motion, system: System, step: int, held: HeldNodes | None = None) -> Factors:
     """Residuals of another model at the trial state of the motion, after a step, or at the start.
 
-    Those of the start are not scaled (collective).
+    Those of the start are not scaled. Fixed nodes are where the other model has them (collective).
     """
     state = motion.state(max(step - 1, 0))
     for part in system.parts:
@@ -427,6 +436,8 @@ def _evaluated(motion: Motion, system: System, step: int) -> Factors:
     system.interface.update()
     system.set_time(motion.times[step])
     copy_state(motion.system, system)
+    if held is not None:
+        held.move(system)
     END_POINT.evaluate(system, motion.laws.shifts if step else _UNSCALED)
     return [part.block.owned_residual.copy() for part in system.parts], (
         system.constraints.values.copy()
@@ -435,16 +446,6 @@ def _evaluated(motion: Motion, system: System, step: int) -> Factors:
 
 #: Equations without scale.
 _UNSCALED = Shifts(velocity=0.0, acceleration=0.0, scale=1.0)
-
-
-def twists(frames: FloatArray, moved: FloatArray, *, inertial: bool) -> FloatArray:
-    """Local twists (n, 6) from frames to others (n, 12)."""
-    if not inertial:
-        return se3.log(se3.compose(se3.inverse(frames), moved))
-    R = rotations(frames)
-    turns = np.einsum("nji,njk->nik", R, rotations(moved))
-    way = np.einsum("nji,nj->ni", R, moved[:, :3] - frames[:, :3])
-    return np.concatenate([way, so3.log(turns)], axis=1)
 
 
 class _Builder:

@@ -22,8 +22,8 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.gradients.equations.node_maps import rotations
-from flexfem.gradients.motion.influence import check_layout, twists
+from flexfem.gradients.equations.node_maps import rotations, twists
+from flexfem.gradients.motion.influence import check_layout
 from flexfem.gradients.motion.parameters import Build, Values, plain
 from flexfem.lie import se3, so3
 from flexfem.model.model import Model
