@@ -16,7 +16,7 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.motion.exactness import check_exact
+from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import NumberInfluence, Owners, influence_of
 from flexfem.gradients.motion.parameters import Build, Values, parameters, plain
@@ -145,8 +145,7 @@ class Differentiation:
         influences = {
             name: influence_of(motion, build, values, name, self._owners) for name in values
         }
-        linear = LinearizedStep(motion.system, motion.policy, self._accuracy)
-        check_exact(motion, linear)
+        linear = linearized(motion, self._accuracy)
         sums, growth = backward(motion, linear, functionals, influences)
         found = [by_name(row, values) for row in sums]
         numbers = {n: one for n, one in influences.items() if isinstance(one, NumberInfluence)}
@@ -264,8 +263,7 @@ def tangent_motion(
         for name, given in direction.items()
         for entry, change in _entries(name, values[name], given)
     ]
-    linear = LinearizedStep(motion.system, motion.policy, accuracy)
-    check_exact(motion, linear)
+    linear = linearized(motion, accuracy)
     (found,) = forward(motion, linear, chosen, [along])
     derivative = dict(zip(chosen, found.T, strict=True)) if motion.system.comm.rank == 0 else {}
     return TangentMotion(motion.history(), derivative)

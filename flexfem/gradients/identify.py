@@ -14,8 +14,8 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.gradient import MEMORY, SOLVED, made_of
+from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.influence import NumberInfluence
 from flexfem.gradients.motion.parameters import Build, Values, checked_values, plain
 from flexfem.gradients.motion.runs import forward
@@ -185,8 +185,7 @@ class _Fit:
             for name, value in values.items()
             for entry in ((None,) if value.ndim == 0 else range(value.size))
         ]
-        linear = LinearizedStep(motion.system, motion.policy, SOLVED)
-        changes = forward(motion, linear, names, directions)
+        changes = forward(motion, linearized(motion, SOLVED), names, directions)
         columns = motion.on_all_ranks(motion.history())
         differences, rows = [], []
         for k, (name, wanted) in enumerate(self._measured.items()):

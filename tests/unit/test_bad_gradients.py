@@ -103,6 +103,18 @@ def test_approximate_tangents(element):
     )  # fmt: skip
 
 
+def test_fits_with_approximate_tangents():
+    def build(damping):
+        strip = body("director", **NUMBERS)
+        model = ff.Model("damped", surface=strip.surface)
+        shell = replace(strip.of(ff.Shell)[0], damping=damping)
+        model.add(ff.Gravity((0.0, 0.0, -9.81)), shell, *strip.of(ff.Probe))
+        return model
+
+    with pytest.raises(ValueError, match="are not exact"):
+        ff.identify(build, {"tip_z": np.zeros(9)}, {"damping": 1e-3}, replace(OPTIONS, t_end=8e-3))
+
+
 def test_columns_without_derivatives():
     probe = ff.Probe("noise", BOB, ("noise",), lambda t, bob: (np.sin(1e12 * bob.position[2]),))
     _refused(

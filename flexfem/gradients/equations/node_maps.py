@@ -18,7 +18,12 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.frame_kernels import step_rates
 from flexfem.lie import se3, so3
 
-__all__ = ["RateMaps", "StepMaps", "applied", "rotations", "transposed"]
+__all__ = [
+    "RateMaps", "StepMaps", "applied", "fixed_apart", "rotations", "transposed", "twists",
+]  # fmt: skip
+
+#: Distance of fixed unknowns at the starts of two models, m or 1, up to which it is rounding.
+_ROUNDING = 1e-13
 
 
 def rotations(frames: FloatArray) -> FloatArray:
@@ -34,6 +39,28 @@ def twists(frames: FloatArray, moved: FloatArray, *, inertial: bool) -> FloatArr
     turns = np.einsum("nji,njk->nik", R, rotations(moved))
     way = np.einsum("nji,nj->ni", R, moved[:, :3] - frames[:, :3])
     return np.concatenate([way, so3.log(turns)], axis=1)
+
+
+def fixed_apart(block: FrameBlock, other: FrameBlock) -> FloatArray:
+    """Frames (n, 12) of a block, whose fixed unknowns move with the start of another one.
+
+    A parameter may move them, as the width of a plate does those of its clamped edge.
+    """
+    frames = block.frames.copy()
+    if block.dirichlet is None:
+        return frames
+    apart = np.abs(block.start_frames - other.start_frames).max(axis=1, initial=0.0) > _ROUNDING
+    at = np.flatnonzero(apart & block.dirichlet.any(axis=1))
+    moves = twists(block.start_frames[at], other.start_frames[at], inertial=block.inertial)
+    moves[:, : block.width][~block.dirichlet[at]] = 0.0
+    moves[:, block.width :] = 0.0
+    if not block.inertial:
+        frames[at] = se3.retract(frames[at], moves)
+        return frames
+    R = rotations(frames[at])
+    frames[at, :3] += np.einsum("nij,nj->ni", R, moves[:, :3])
+    frames[at, 3:] = (R @ so3.exp(moves[:, 3:])).reshape(-1, 9)
+    return frames
 
 
 def applied(matrices: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -8,10 +8,12 @@ a norm with a kink nearby. From the markers to their nodes all is exact.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from math import inf
 from typing import Protocol
+
+from mpi4py import MPI
 
 import numpy as np
 
@@ -21,13 +23,14 @@ from flexfem.core.marker import Ground
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import rotations, transposed
 from flexfem.gradients.motion.adjoint import NodeSeeds
+from flexfem.gradients.motion.functionals import Functional
 from flexfem.lie import so3
 from flexfem.model.model import Model
 from flexfem.model.probes.base import MarkerState, Probe
 from flexfem.system.measure.probes import ProbeRecorder
 from flexfem.system.system import System
 
-__all__ = ["ColumnDerivatives", "Recorded"]
+__all__ = ["ColumnDerivatives", "Recorded", "history_weights"]
 
 #: Differences, in m, rad, m/s and so on, the longest first.
 _STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
@@ -59,6 +62,28 @@ class Recorded(Protocol):
     def model(self) -> Model:
         """The model with its probes."""
         ...
+
+
+def history_weights(
+    functionals: Sequence[Functional], names: Sequence[str], rows: int,
+    history: Mapping[str, FloatArray], comm: MPI.Intracomm,
+) -> FloatArray:  # fmt: skip
+    """Derivatives (functionals, columns, rows) by the columns of a history (collective).
+
+    Args:
+        functionals: the functionals.
+        names: of the columns; others count as given.
+        rows: number of rows.
+        history: columns by name on the first rank, none on the others.
+        comm: communicator.
+    """
+    found = np.zeros((len(functionals), len(names), rows))
+    for own, one in zip(found, functionals, strict=True) if history else ():
+        for name, row in zip(one.columns, one.derivative(history), strict=True):
+            if name in names:
+                own[names.index(name)] += row
+    comm.Bcast(found)
+    return found
 
 
 class ColumnDerivatives:

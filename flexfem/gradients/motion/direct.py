@@ -9,26 +9,20 @@ from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
 
-from mpi4py import MPI
-
 import numpy as np
 
-from flexfem._checks import InputError
-from flexfem._types import FloatArray, IntArray
-from flexfem.gradients.equations.node_maps import rotations, twists
+from flexfem._types import FloatArray
+from flexfem.gradients.equations.node_maps import fixed_apart
 from flexfem.gradients.motion.trajectory import Motion
-from flexfem.lie import so3
 from flexfem.model.probes.base import Probe
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.measure.probes import ProbeRecorder
 from flexfem.system.system import System
 
-__all__ = ["DirectEffect", "HeldNodes", "copy_state", "disturb"]
+__all__ = ["DirectEffect", "copy_state", "disturb"]
 
 #: Difference of columns, relative to their size, from which on they depend on the parameter.
 _SEEN = 1e-13
-#: Motion of fixed nodes, m and rad, up to which it is none.
-_ROUNDING = 1e-13
 
 
 class DirectEffect:
@@ -38,19 +32,12 @@ class DirectEffect:
         present: True if they differ from those of the motion at a fixed state.
     """
 
-    def __init__(
-        self, motion: Motion, others: Sequence[Simulation], held: Sequence[HeldNodes] | None = None
-    ) -> None:
+    def __init__(self, motion: Motion, others: Sequence[Simulation]) -> None:
         """Compare the columns at a state at random, at both ends of time (collective).
 
         The motion is at another state after it.
-
-        Args:
-            motion: the motion.
-            others: the models at their starts.
-            held: what each of them moves; None if that is nothing.
         """
-        self._motion, self._held = motion, held
+        self._motion = motion
         self._others = [_Columns(one) for one in others]
         own = _Columns(motion.simulation)
         motion.go_to(0)
@@ -78,10 +65,8 @@ class DirectEffect:
 
     def _values(self, t: float) -> Iterator[FloatArray]:
         """Columns of the models at the present state."""
-        for k, one in enumerate(self._others):
+        for one in self._others:
             copy_state(self._motion.system, one.simulation.system)
-            if self._held is not None:
-                self._held[k].move(one.simulation.system)
             yield one.values(t)
 
 
@@ -106,56 +91,14 @@ class _Columns:
         return np.concatenate(found) if found else np.zeros(0)
 
 
-class HeldNodes:
-    """Fixed unknowns that a parameter moves, such as those of the edge of a plate by its width.
-
-    They are no unknowns of the motion: each state of a model with another value of the parameter
-    has them elsewhere. This is no part of the change of the start.
-    """
-
-    def __init__(self, motion: Motion, system: System, name: str) -> None:
-        """Take the change from the start of the motion to that of another model (collective).
-
-        Raises:
-            InputError: nodes with rotations are moved that are fixed in part.
-        """
-        self._changes: list[tuple[IntArray, FloatArray]] = []
-        partly = False
-        for part, other in zip(motion.system.parts, system.parts, strict=True):
-            first = motion.state(0).rows[part.block.name]["frames"]
-            change = np.zeros((len(first), 6))
-            if (held := part.block.dirichlet) is not None:
-                change = twists(first, other.block.state()["frames"], inertial=part.block.inertial)
-                change[:, part.block.width :] = 0.0
-                change[:, : part.block.width][~held] = 0.0
-                # the axes of others are fixed where something is
-                some = np.abs(change).max(axis=1, initial=0.0) > _ROUNDING
-                partly = partly or bool(part.block.width == 6 and (some & ~held.all(axis=1)).any())
-            nodes = np.flatnonzero(change.any(axis=1))
-            self._changes.append((nodes, change[nodes]))
-        if motion.system.comm.allreduce(partly, op=MPI.LOR):
-            raise InputError(
-                f'gradient: "{name}" moves nodes that are fixed in part, and has no derivative yet'
-            )
-
-    def move(self, system: System) -> None:
-        """Move these of a state that was copied from the motion."""
-        for part, (nodes, change) in zip(system.parts, self._changes, strict=True):
-            if len(nodes):
-                frames = part.block.frames
-                R = rotations(frames[nodes])
-                frames[nodes, :3] += np.einsum("nij,nj->ni", R, change[:, :3])
-                turned = np.einsum("nij,njk->nik", R, so3.exp(change[:, 3:]))
-                frames[nodes, 3:] = turned.reshape(len(nodes), 9)
-        system.interface.update()
-
-
 def copy_state(source: System, target: System) -> None:
-    """Copy a trial state to another model."""
+    """Copy a trial state to another model, whose fixed unknowns stay at its own start."""
     for part, other in zip(source.parts, target.parts, strict=True):
         trial = other.block.trial()
         for name, values in part.block.trial().items():
             trial[name][:] = values
+        if part.block.dirichlet is not None:
+            other.block.frames[:] = fixed_apart(part.block, other.block)
     target.constraints.multipliers[:] = source.constraints.multipliers
 
 

@@ -7,8 +7,6 @@ derivatives of a motion would be wrong with it, unnoticed: adjoint and tangent a
 
 from __future__ import annotations
 
-from itertools import product
-
 from mpi4py import MPI
 
 import numpy as np
@@ -16,11 +14,11 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.equations.step_tangent import POSITIONS, STEP, BlockVectors
+from flexfem.gradients.equations.step_tangent import POSITIONS, STEP
+from flexfem.gradients.equations.values import Equations, equations_at
 from flexfem.gradients.motion.trajectory import Motion
-from flexfem.system.mechanics import END_POINT
 
-__all__ = ["check_exact"]
+__all__ = ["linearized"]
 
 #: Largest relative difference. Exact tangents have 1e-9 to 3e-7 with changes that suit them, the
 #: ones of shells with damping 1e-5 and more.
@@ -29,18 +27,30 @@ _EXACT = 3e-6
 _CHANGES = (1e-5, 1e-7, 1e-9)
 
 
-def check_exact(motion: Motion, linear: LinearizedStep) -> None:
+def linearized(motion: Motion, accuracy: float) -> LinearizedStep:
+    """Checked linearised equations of a motion, which is at another state after it (collective).
+
+    Args:
+        motion: the motion.
+        accuracy: relative one of solutions.
+
+    Raises:
+        InputError: they are not exact, naming the body.
+    """
+    linear = LinearizedStep(motion.system, motion.policy, accuracy)
+    _check_exact(motion, linear)
+    return linear
+
+
+def _check_exact(motion: Motion, linear: LinearizedStep) -> None:
     """Compare both along a random direction, at the ends of some steps (collective).
 
     These are the first one, one in the middle and the last one: what is missing may be proportional
-    to rates, which may be zero at one of them. The motion is at another state after it.
-
-    Raises:
-        InputError: they differ, naming the body.
+    to rates, which may be zero at one of them.
     """
     differences = _Differences(motion, linear)
-    for step, matrix in product({1, (motion.steps + 1) // 2, motion.steps}, (POSITIONS, STEP)):
-        off = differences.smallest(step, matrix)
+    for step in sorted({1, (motion.steps + 1) // 2, motion.steps}):
+        off = differences.smallest(step)
         worst = int(np.argmax(off))
         if not off[worst] <= _EXACT:
             parts = motion.system.parts
@@ -63,12 +73,19 @@ class _Differences:
             every = random.standard_normal((block.size_global, block.width))
             self._direction.append(block.hold(every[block.global_ids[: block.owned]]))
 
-    def smallest(self, step: int, matrix: int) -> FloatArray:
+    def smallest(self, step: int) -> FloatArray:
         """Relative errors of the blocks, and of all rows, each with the change that suits it."""
         self._motion.go_to_end(step)
         self._tangent.take(self._motion.laws.shifts)
         rows = np.zeros(self._motion.system.constraints.size)
-        exact = self._tangent.apply(self._direction, rows, matrix)
+        exact = {by: self._tangent.apply(self._direction, rows, by) for by in (POSITIONS, STEP)}
+        found = np.zeros(len(self._direction) + 1)
+        for matrix, own in exact.items():
+            np.maximum(found, self._errors(step, matrix, own), out=found)
+        return found
+
+    def _errors(self, step: int, matrix: int, exact: Equations) -> FloatArray:
+        """The same of one matrix, whose products with the direction are known."""
         sizes, found = self._sizes(exact), np.full(len(self._direction) + 1, np.inf)
         for by in _CHANGES:
             ahead, behind = (self._moved(step, matrix, sign * by) for sign in (1.0, -1.0))
@@ -83,7 +100,7 @@ class _Differences:
                 break
         return found
 
-    def _moved(self, step: int, matrix: int, by: float) -> tuple[BlockVectors, FloatArray]:
+    def _moved(self, step: int, matrix: int, by: float) -> Equations:
         """Equations of blocks and rows beside the end of a step."""
         self._motion.go_to_end(step)
         system = self._motion.system
@@ -93,11 +110,9 @@ class _Differences:
                 part.block.correct(1.0)
             else:
                 part.block.shift(1.0)
-        END_POINT.evaluate(system, self._motion.laws.shifts)
-        blocks = [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
-        return blocks, system.constraints.values.copy()
+        return equations_at(system, self._motion.laws.shifts)
 
-    def _sizes(self, equations: tuple[BlockVectors, FloatArray]) -> FloatArray:
+    def _sizes(self, equations: Equations) -> FloatArray:
         """Norms of the equations of each block, and of the rows, on all ranks."""
         squares = np.array([float((one**2).sum()) for one in (*equations[0], equations[1])])
         self._motion.system.comm.Allreduce(MPI.IN_PLACE, squares)

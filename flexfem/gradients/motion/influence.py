@@ -27,14 +27,14 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.status import Status
 from flexfem.gradients.equations.node_maps import RateMaps, applied, twists
 from flexfem.gradients.equations.step_tangent import BlockVectors
+from flexfem.gradients.equations.values import Equations, equations_at, jump
 from flexfem.gradients.motion.adjoint import CARRIED, Carried
-from flexfem.gradients.motion.direct import DirectEffect, HeldNodes, copy_state, disturb
+from flexfem.gradients.motion.direct import DirectEffect, copy_state, disturb
 from flexfem.gradients.motion.parameters import Build, Values, plain
 from flexfem.gradients.motion.trajectory import Motion, StoppedError
 from flexfem.model.model import Model
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.simulation.run.setup import set_up
-from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import MASS, Shifts, System
 
 __all__ = [
@@ -52,12 +52,14 @@ _BASE = 64
 _NOTHING, _ALIKE = 1e-12, 1e-3
 #: Largest change of positions and velocities of a start that is the same, m and so on.
 _SAME_START = 1e-13
-#: Second differences over first ones, and first ones over rounding, from which on the equations
-#: are no smooth functions of a parameter.
-_ROUGH, _SEEN = 3e-3, 1e3
+#: Second differences of the equations over first ones, from which on they are no smooth functions
+#: of a parameter.
+_ROUGH = 3e-3
+#: Motion of fixed nodes, m and rad, up to which it is none.
+_ROUNDING = 1e-13
 
 #: Factors of the equations of blocks and of rows (r,).
-Factors = tuple[BlockVectors, FloatArray]
+Factors = Equations
 
 
 class Influence(Protocol):
@@ -140,9 +142,10 @@ class NumberInfluence:
             simulations.append(one)
         self._pair = [one.system for one in simulations]
         # later the models are at other states
-        self._held = [HeldNodes(motion, one, self._name) for one in self._pair]
+        for other in self._pair:
+            _check_fixed(motion.system, other, self._name)
         self.start = self._start()
-        self._direct = DirectEffect(motion, simulations, self._held)
+        self._direct = DirectEffect(motion, simulations)
         self._checked = False
 
     def _start(self) -> list[Carried]:
@@ -172,40 +175,25 @@ class NumberInfluence:
         Raises:
             InputError: they are no smooth functions of the parameter.
         """
-        first, second = (
-            _evaluated(self._motion, one, step, held)
-            for one, held in zip(self._pair, self._held, strict=True)
-        )
+        first, second = (_evaluated(self._motion, one, step) for one in self._pair)
         if not self._checked:
             self._check_smooth(first, second)
-        blocks = [
-            part.block.hold(a - b) / (2.0 * self._step)
-            for part, a, b in zip(self._motion.system.parts, first[0], second[0], strict=True)
-        ]
+        blocks = [(a - b) / (2.0 * self._step) for a, b in zip(first[0], second[0], strict=True)]
         return blocks, (first[1] - second[1]) / (2.0 * self._step)
 
     def _check_smooth(self, first: Factors, second: Factors) -> None:
         """Refuse equations that jump with the parameter, as those with other modes (collective)."""
         self._checked = True
-        system, squares = self._motion.system, np.zeros((2, 3))
-        END_POINT.evaluate(system, self._motion.laws.shifts)
-        still = [part.block.owned_residual.copy() for part in system.parts]
-        for part, *values in zip(system.parts, first[0], second[0], still, strict=True):
-            for own in values:
-                part.block.hold(own)  # reactions of what is fixed
+        system = self._motion.system
         owned = system.constraints.owned
-        rows = (owned * first[1], owned * second[1], owned * system.constraints.values)
-        for kind, pairs in enumerate([zip(first[0], second[0], still, strict=True), [rows]]):
-            for a, b, c in pairs:
-                changes = a + b - 2.0 * c, a - b, c
-                squares[kind] += [float((change**2).sum()) for change in changes]
-        system.comm.Allreduce(MPI.IN_PLACE, squares)
-        for bent, moved, left in np.sqrt(squares):
-            if bent > _ROUGH * moved and bent > _SEEN * left:
-                raise InputError(
-                    f'gradient: the equations jump where "{self._name}" changes by '
-                    f"{self._step:.2g}, and have no derivative"
-                )
+        still = equations_at(system, self._motion.laws.shifts)
+        blocks = [np.concatenate([x.ravel() for x in one[0]]) for one in (second, first, still)]
+        rows = [owned * one[1] for one in (second, first, still)]
+        if any(jump(system.comm, (a, b), c, _ROUGH) for a, b, c in (blocks, rows)):
+            raise InputError(
+                f'gradient: the equations jump where "{self._name}" changes by '
+                f"{self._step:.2g}, and have no derivative"
+            )
 
     def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
         """See :class:`Influence`."""
@@ -420,10 +408,25 @@ def check_layout(system: System, other: System, name: str) -> None:
         )
 
 
-def _evaluated(motion: Motion, system: System, step: int, held: HeldNodes | None = None) -> Factors:
+def _check_fixed(system: System, other: System, name: str) -> None:
+    """Refuse parameters that move nodes with rotations that are fixed in part (collective)."""
+    partly = False
+    for part, moved in zip(system.parts, other.parts, strict=True):
+        if (fixed := part.block.dirichlet) is not None and part.block.width == 6:
+            frames = part.block.start_frames, moved.block.start_frames
+            change = np.abs(twists(*frames, inertial=part.block.inertial)) * fixed
+            some = change.max(axis=1, initial=0.0) > _ROUNDING
+            partly = partly or bool((some & ~fixed.all(axis=1)).any())
+    if system.comm.allreduce(partly, op=MPI.LOR):
+        raise InputError(
+            f'gradient: "{name}" moves nodes that are fixed in part, and has no derivative yet'
+        )
+
+
+def _evaluated(motion: Motion, system: System, step: int) -> Factors:
     """Residuals of another model at the trial state of the motion, after a step, or at the start.
 
-    Those of the start are not scaled. Fixed nodes are where the other model has them (collective).
+    Those of the start are not scaled (collective).
     """
     state = motion.state(max(step - 1, 0))
     for part in system.parts:
@@ -436,12 +439,7 @@ def _evaluated(motion: Motion, system: System, step: int, held: HeldNodes | None
     system.interface.update()
     system.set_time(motion.times[step])
     copy_state(motion.system, system)
-    if held is not None:
-        held.move(system)
-    END_POINT.evaluate(system, motion.laws.shifts if step else _UNSCALED)
-    return [part.block.owned_residual.copy() for part in system.parts], (
-        system.constraints.values.copy()
-    )
+    return equations_at(system, motion.laws.shifts if step else _UNSCALED)
 
 
 #: Equations without scale.
@@ -499,7 +497,7 @@ def _grouped(
         if other is None or DirectEffect(motion, [other]).present:
             return None
         disturb(motion)
-        still = _at_trial(motion.system)
+        still = equations_at(motion.system, _UNSCALED)
         whole = _changes(motion.system, other.system, still)
         if whole is None:
             return None
@@ -518,18 +516,11 @@ def _grouped(
     return found
 
 
-def _at_trial(system: System) -> Factors:
-    END_POINT.evaluate(system, _UNSCALED)
-    return [part.block.owned_residual.copy() for part in system.parts], (
-        system.constraints.values.copy()
-    )
-
-
 def _changes(source: System, system: System, still: Factors) -> BlockVectors | None:
     """Changes of the equations of blocks in another model; None if rows change (collective)."""
     system.set_time(source.time)
     copy_state(source, system)
-    blocks, rows = _at_trial(system)
+    blocks, rows = equations_at(system, _UNSCALED)
     changed = float(np.abs(rows - still[1]).max(initial=0.0))
     if source.comm.allreduce(changed, op=MPI.MAX) != 0.0:
         return None

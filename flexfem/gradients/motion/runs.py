@@ -12,7 +12,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.motion.adjoint import CARRIED, Adjoint, Carried, Tangent, maps_of
-from flexfem.gradients.motion.columns import ColumnDerivatives
+from flexfem.gradients.motion.columns import ColumnDerivatives, history_weights
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence
 from flexfem.gradients.motion.trajectory import Motion
@@ -38,7 +38,11 @@ def backward(
     """
     names = sorted({name for one in functionals for name in one.columns})
     columns = ColumnDerivatives(motion, names)
-    weights = _weights(motion, functionals, names)
+    weights = np.zeros((len(functionals) + 1, len(names), motion.steps + 1))
+    weights[:-1] = history_weights(
+        functionals, names, motion.steps + 1, motion.history(), motion.system.comm
+    )
+    weights[-1, :, -1] = 1.0  # the sum of all columns at the end
     adjoints = [*(Adjoint(motion) for _ in functionals), Adjoint(motion, _ROUGHLY)]
     total = sum(one.count for one in influences.values())
     sums, sizes = np.zeros((len(functionals), total)), np.zeros(motion.steps + 1)
@@ -132,19 +136,3 @@ def _combined(motion: Motion, direction: Direction, equations: Mapping[int, Fact
         blocks = [a + factor * b for a, b in zip(blocks, own, strict=True)]
         rows = rows + factor * own_rows
     return blocks, rows
-
-
-def _weights(motion: Motion, functionals: Sequence[Functional], names: Sequence[str]) -> FloatArray:
-    """Derivatives (functionals + 1, columns, rows) by the history, on all ranks (collective).
-
-    The last ones are those of the sum of all columns at the end.
-    """
-    found = np.zeros((len(functionals) + 1, len(names), motion.steps + 1))
-    found[-1, :, -1] = 1.0
-    if motion.system.comm.rank == 0:
-        history = motion.history()
-        for own, one in zip(found[:-1], functionals, strict=True):
-            for name, row in zip(one.columns, one.derivative(history), strict=True):
-                own[names.index(name)] += row
-    motion.system.comm.Bcast(found)
-    return found

@@ -28,7 +28,6 @@ from flexfem.simulation.run.time_grid import TimeGrid
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.newton.policy import Policy
 from flexfem.system.measure.probes import ProbeRecorder
-from flexfem.system.mechanics import END_POINT
 
 __all__ = ["TOLERANCE", "Motion", "StoppedError"]
 
@@ -171,13 +170,6 @@ class Motion:
     def state(self, step: int) -> State:
         """The accepted state after a step."""
         return self._records.state(step)
-
-    def residual(self) -> float:
-        """Largest entry of the equations of blocks at the trial state, scaled (collective)."""
-        END_POINT.evaluate(self.system, self.laws.shifts)
-        own = [np.abs(p.block.owned_residual).max(initial=0.0) for p in self.system.parts]
-        largest: float = self.system.comm.allreduce(float(max(own)), op=MPI.MAX)
-        return largest
 
 
 def check_supported_system(motion: Motion) -> None:

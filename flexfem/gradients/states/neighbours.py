@@ -21,11 +21,9 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.gradients.equations.node_maps import rotations, twists
+from flexfem.gradients.equations.node_maps import fixed_apart
 from flexfem.gradients.motion.influence import check_layout
 from flexfem.gradients.motion.parameters import Build, Values, plain
-from flexfem.lie import se3, so3
 from flexfem.model.model import Model
 from flexfem.system.system import System
 
@@ -151,29 +149,13 @@ def place(base: System, other: System, name: str) -> None:
     """
     check_layout(base, other, name)
     for part, own in zip(base.parts, other.parts, strict=True):
-        own.block.frames0[:] = _held_apart(part.block, own.block)
+        own.block.frames0[:] = fixed_apart(part.block, own.block)
         own.block.reset()
     rows, own_rows = base.constraints, other.constraints
     own_rows.angles[:] = rows.angles
     own_rows.lines.restore_places(rows.lines.accepted_places())
     own_rows.lines.angles[:] = rows.lines.angles
     other.interface.update()
-
-
-def _held_apart(block: FrameBlock, other: FrameBlock) -> FloatArray:
-    """Frames (n, 12) of a block, whose fixed unknowns move with the start of another one."""
-    frames = block.frames.copy()
-    if block.dirichlet is None:
-        return frames
-    moves = twists(block.start_frames, other.start_frames, inertial=block.inertial)
-    moves[:, : block.width][~block.dirichlet] = 0.0
-    moves[:, block.width :] = 0.0
-    if not block.inertial:
-        return se3.retract(frames, moves)
-    R = rotations(frames)
-    frames[:, :3] += np.einsum("nij,nj->ni", R, moves[:, :3])
-    frames[:, 3:] = (R @ so3.exp(moves[:, 3:])).reshape(-1, 9)
-    return frames
 
 
 def check_path_independent(model: Model, system: System) -> None:

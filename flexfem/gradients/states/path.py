@@ -16,6 +16,7 @@ from flexfem._types import BoolArray, FloatArray
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
 from flexfem.gradients.equations.step_tangent import BlockVectors
+from flexfem.gradients.equations.values import equations_at
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.neighbours import check_path_independent, place
 from flexfem.layout.numbered_model import NumberedModel
@@ -151,10 +152,7 @@ class Equilibria:
 
         On the first rank; the others have none.
         """
-        self.recorder.record(t)
-        for _, values in self.recorder.flush():
-            return values
-        return np.zeros(0)
+        return _columns(self.recorder, t)
 
     @property
     def shifts(self) -> Shifts:
@@ -198,9 +196,7 @@ class Equilibria:
 
     def residual(self) -> FloatArray:
         """This rank's part of the equations at the present state, scaled (collective)."""
-        END_POINT.evaluate(self.system, self.shifts)
-        blocks = [part.block.owned_residual for part in self.system.parts]
-        return self.vector(blocks, self.system.constraints.values)
+        return self.vector(*equations_at(self.system, self.shifts))
 
     def direction(self, blocks: BlockVectors, values: FloatArray) -> Direction:
         """Change of the present equilibrium for that of its equations (collective).
@@ -264,9 +260,7 @@ class NearPath:
 
         At the state to which the neighbour was brought.
         """
-        END_POINT.evaluate(self.system, self._path.shifts)
-        blocks = [part.block.hold(part.block.owned_residual.copy()) for part in self.system.parts]
-        return blocks, self.system.constraints.values.copy()
+        return equations_at(self.system, self._path.shifts)
 
     def move(self, direction: Direction, factor: float) -> None:
         """Move along a multiple of the change of the equilibrium (collective)."""
@@ -286,10 +280,15 @@ class NearPath:
         """Columns of the history, on the first rank; the others have none (collective)."""
         rows = self.system.constraints
         rows.forces[:] = rows.multipliers / self._path.shifts.scale
-        self.recorder.record(self._path.equilibrium.loading.t)
-        for _, values in self.recorder.flush():
-            return values
-        return np.zeros(0)
+        return _columns(self.recorder, self._path.equilibrium.loading.t)
+
+
+def _columns(recorder: ProbeRecorder, t: float) -> FloatArray:
+    """Columns at a time, on the first rank; the others have none (collective)."""
+    recorder.record(t)
+    for _, values in recorder.flush():
+        return values
+    return np.zeros(0)
 
 
 def _check_options(options: StaticOptions) -> None:

@@ -20,7 +20,7 @@ given.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -29,7 +29,8 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.gradients.motion.columns import ColumnDerivatives
+from flexfem.gradients.equations.values import jump
+from flexfem.gradients.motion.columns import ColumnDerivatives, history_weights
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.neighbours import RESIDUALS, Parameter
@@ -39,9 +40,9 @@ from flexfem.simulation.equilibria.targets import LOAD
 
 __all__ = ["gradients_of_columns"]
 
-#: Second differences over first ones, and over what an equilibrium leaves, from which on equations
-#: are no smooth functions of a parameter.
-_ROUGH, _SEEN = 0.1, 1e3
+#: Second differences of the equations over first ones, from which on they are no smooth functions
+#: of a parameter.
+_ROUGH = 0.1
 #: Step of the load factor for what depends on it at a fixed state, relative to its end.
 _TIME = 1e-4
 
@@ -61,7 +62,7 @@ def gradients_of_columns(
     names = {name for one in functionals for name in one.columns if name != LOAD}
     chosen = sorted(names | {path.stop} if path.stop else names)
     columns = ColumnDerivatives(path, chosen)
-    weights = _weights(path, functionals, chosen)
+    weights = history_weights(functionals, chosen, path.rows, path.history, path.system.comm)
     used = np.flatnonzero(weights.any(axis=(0, 1))).tolist()
     last = path.rows - 1
     if path.stop is not None:
@@ -135,21 +136,6 @@ def _of_stop(
     return weights - ratio * stop, adjoints - ratio * z[-1:]
 
 
-def _weights(
-    path: Equilibria, functionals: Sequence[Functional], names: Sequence[str]
-) -> FloatArray:
-    """Derivatives (functionals, columns, rows) by the history, on all ranks (collective)."""
-    found = np.zeros((len(functionals), len(names), path.rows))
-    history: Mapping[str, FloatArray] = path.history
-    if history:
-        for own, one in zip(found, functionals, strict=True):
-            for name, row in zip(one.columns, one.derivative(history), strict=True):
-                if name != LOAD:
-                    own[names.index(name)] += row
-    path.system.comm.Bcast(found)
-    return found
-
-
 def _adjoints(
     path: Equilibria, columns: ColumnDerivatives, weights: FloatArray, row: int
 ) -> FloatArray:
@@ -201,12 +187,7 @@ def _check_smooth(path: Equilibria, residuals: Sequence[FloatArray], name: str) 
     """
     still = path.residual()
     before, after = residuals[1:3]
-    squares = np.array(
-        [float((x**2).sum()) for x in (after + before - 2.0 * still, after - before, still)]
-    )
-    path.system.comm.Allreduce(MPI.IN_PLACE, squares)
-    bent, moved, left = np.sqrt(squares)
-    if bent > _ROUGH * moved and bent > _SEEN * left:
+    if jump(path.system.comm, (before, after), still, _ROUGH):
         raise InputError(
             f'gradient: the equations jump where "{name}" changes, and have no derivative'
         )

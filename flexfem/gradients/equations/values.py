@@ -1,0 +1,47 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Values of the equations at a trial state, and whether they jump with a parameter."""
+
+from __future__ import annotations
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.gradients.equations.step_tangent import BlockVectors
+from flexfem.system.mechanics import END_POINT
+from flexfem.system.system import Shifts, System
+
+__all__ = ["Equations", "equations_at", "jump"]
+
+#: Of blocks, (n_owned, width) each, and of all rows of this rank, (r,).
+Equations = tuple[BlockVectors, FloatArray]
+
+#: First differences over rounding, from which on equations may be found to jump.
+_SEEN = 1e3
+
+
+def equations_at(system: System, shifts: Shifts) -> Equations:
+    """Equations of blocks, without reactions of what is fixed, and of all rows (collective)."""
+    END_POINT.evaluate(system, shifts)
+    blocks = [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
+    return blocks, system.constraints.values.copy()
+
+
+def jump(
+    comm: MPI.Intracomm, sides: tuple[FloatArray, FloatArray], still: FloatArray, rough: float
+) -> bool:
+    """True if second differences are too large for a smooth function (collective).
+
+    Args:
+        comm: communicator.
+        sides: this rank's part of the equations for a smaller and a larger value of a parameter.
+        still: that of the solution, of which rounding is left.
+        rough: second differences over first ones from which on they are.
+    """
+    before, after = sides
+    changes = after + before - 2.0 * still, after - before, still
+    squares = np.array([float((change**2).sum()) for change in changes])
+    comm.Allreduce(MPI.IN_PLACE, squares)
+    bent, moved, left = np.sqrt(squares)
+    return bool(bent > rough * moved and bent > _SEEN * left)
