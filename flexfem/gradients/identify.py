@@ -17,7 +17,7 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.gradient import MEMORY, SOLVED, made_of
 from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.influence import NumberInfluence
-from flexfem.gradients.motion.parameters import Build, Values, checked_values, plain
+from flexfem.gradients.motion.parameters import Build, Values, checked_values, named, plain
 from flexfem.gradients.motion.runs import forward
 from flexfem.gradients.motion.support import check_columns
 from flexfem.gradients.motion.trajectory import Motion
@@ -201,12 +201,7 @@ class _Fit:
 
     def _named(self, x: FloatArray) -> Values:
         """Values by name of scaled numbers."""
-        ends = np.cumsum([value.size for value in self._start.values()])
-        parts = np.split(np.asarray(x) * self._scale, ends[:-1])
-        return {
-            name: part.reshape(value.shape)
-            for (name, value), part in zip(self._start.items(), parts, strict=True)
-        }
+        return named(self._start, np.asarray(x) * self._scale)
 
 
 def _noises(measured: Mapping[str, npt.ArrayLike], given: Mapping[str, float]) -> dict[str, float]:

@@ -17,7 +17,7 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.gradients.gradient import Differentiation
 from flexfem.gradients.motion.functionals import Functional
-from flexfem.gradients.motion.parameters import Build, Values, checked_values, plain
+from flexfem.gradients.motion.parameters import Build, Values, checked_values, named, plain
 from flexfem.gradients.states.analyses import Options
 from flexfem.io.tables.table import write_table
 
@@ -179,13 +179,13 @@ class _Problem:
             return self._last[1:]
         if len(self.history) >= self.most and not again:
             raise _EnoughError
-        named = self._named(x)
-        found = self._differentiation.at(named)
+        current = self._named(x)
+        found = self._differentiation.at(current)
         names = [one.name for one in self._differentiation.functionals]
         values = np.array([found.value[name] for name in names])
         slopes = np.array([self._scaled(found.gradient[name]) for name in names])
         if self.cost is not None:
-            more, by = self.cost(**plain(named))
+            more, by = self.cost(**plain(current))
             values[0] += more
             slopes[0] += self._scaled(by)
         self._last = key, values, slopes
@@ -205,12 +205,8 @@ class _Problem:
 
     def _named(self, x: FloatArray) -> Values:
         """Values by name of scaled parameters."""
-        ends = np.cumsum([value.size for value in self._start.values()])
-        parts = np.split(np.asarray(x, dtype=np.float64), ends[:-1])
-        return {
-            name: (part * self.scale[name].ravel()).reshape(value.shape)
-            for (name, value), part in zip(self._start.items(), parts, strict=True)
-        }
+        found = named(self._start, np.asarray(x, dtype=np.float64))
+        return {name: value * self.scale[name] for name, value in found.items()}
 
     def _scaled(self, by: Mapping[str, npt.ArrayLike]) -> FloatArray:
         """Derivatives by scaled parameters, (n,); those that are missing are zero."""

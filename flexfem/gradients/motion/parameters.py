@@ -19,7 +19,7 @@ from flexfem.options import meant
 
 __all__ = [
     "Build", "Values", "build_of", "build_with_options", "checked_values", "model_with",
-    "parameters", "plain",
+    "named", "parameters", "plain",
 ]  # fmt: skip
 
 #: A model of values by name.
@@ -69,6 +69,16 @@ def checked_values(values: Mapping[str, npt.ArrayLike]) -> Values:
 def plain(values: Values) -> dict[str, float | FloatArray]:
     """Numbers for arrays without axes."""
     return {name: value if value.ndim else float(value) for name, value in values.items()}
+
+
+def named(like: Values, flat: FloatArray) -> Values:
+    """Values by name of all numbers (n,), of the shapes and in the order of others."""
+    ends = np.cumsum([value.size for value in like.values()])
+    parts = np.split(flat, ends[:-1])
+    return {
+        name: part.reshape(value.shape)
+        for (name, value), part in zip(like.items(), parts, strict=True)
+    }
 
 
 def build_of(model: Model, names: list[str]) -> tuple[Build, Values]:
