@@ -49,8 +49,6 @@ WRONG = [
     ('"bob.name" is no real number', {"wrt": ["bob.name"]}),
     ("integrator must be 'generalized_alpha', got 'energy_momentum'", {
         "options": ff.RunOptions(dt=1e-3, t_end=3e-3, integrator="energy_momentum")}),
-    ("adaptive must be False, got True", {
-        "options": ff.RunOptions(dt=1e-3, t_end=3e-3, adaptive=True)}),
     ("the states of 3 steps need", {"memory": 10.0}),
 ]  # fmt: skip
 
@@ -70,13 +68,13 @@ def _unsupported():
         [ff.LimitStop("end", ff.Ground(), BOB, axis=(1, 0, 0), upper=5.0, stiffness=10.0)],
     )
     yield (
-        "a load or drive jumps or has a kink in the step to t = 0.002 s",
+        "a load jumps, or has a kink just behind the end of a step",
         [
             ff.PointForce(
                 "push",
                 BOB,
                 (0.0, 1.0, 0.0),
-                amplitude=ff.Table([0.0, 0.0015, 1.0], [0.0, 1.0, 1.0]),
+                amplitude=ff.TimeFunction(lambda t: float(t < 0.0015), [0.0015]),
             )
         ],
     )
@@ -174,6 +172,20 @@ def test_parameters_that_make_another_model():
         return model
 
     _refused("changes the number of nodes or joints", model=build, wrt={"length": 0.5})
+
+
+def test_times_of_kinks():
+    def build(time):
+        model = _model()
+        force = ff.Table([0.0, time, 1.0], [0.0, 1.0, 1.0])
+        model.add(ff.PointForce("push", BOB, (0.0, 1.0, 0.0), amplitude=force))
+        return model
+
+    # that of a kink at the end of a step, too
+    for time in (0.0015, 0.002):
+        _refused(
+            '"time" moves the time of a jump or kink', model=build, wrt={"time": time}
+        )  # fmt: skip
 
 
 def test_equations_that_jump():

@@ -69,7 +69,7 @@ class LinearizedStep:
         system = self._system
         self.tangent.take(shifts)
         if self._frozen.shifts != shifts:
-            self.factor(shifts)
+            self._use(shifts)
         self._prepare(shifts)
         self._frozen.again(system.constraints.values)
         missed = system.largest_step()
@@ -78,6 +78,12 @@ class LinearizedStep:
                 f"gradient: the step to t = {system.time:.6g} s cannot be recovered from the "
                 f"states at its ends, its equations are off by {missed:.2g} (m or rad)"
             )
+
+    def _use(self, shifts: Shifts) -> None:
+        """Use the kept factors of a step size, or factorise (collective)."""
+        before = self._system.counters.factorizations
+        self._frozen.use(shifts, self._system.present)
+        self.factorizations += self._system.counters.factorizations - before
 
     def factor(self, shifts: Shifts) -> None:
         """Factorise the bodies at the trial state (collective)."""

@@ -16,6 +16,9 @@ and the maps E and F of ``gradients.equations.node_maps``:
    ``ab = h^2 (1/2 - beta) nb + h (1 - gamma) v' + alpha_m/(1 - alpha_f) w'``,
    ``wb = -alpha_f/(1 - alpha_f) w'``.
 
+Where steps begin or end parts of a whole step, ``a`` becomes ``w + c (w - w_before)`` with the
+accelerations at an earlier state: ``w += (1 + c) ab``, ``wb_before -= c ab``, ``ab = 0``.
+
 Stationarity in the acceleration-like variable takes the place of products with the stiffness in
 step 5; the residual e, divided by ``beta h^2`` there, must be carried, else solutions to 1e-6 give
 gradients to 1e-3 only. Compare Sonneville, Brüls, Multibody Syst. Dyn. 31 (2014) 47-67, and Lauss,
@@ -37,6 +40,7 @@ from flexfem.gradients.equations.step_tangent import (
     VELOCITIES,
     BlockVectors,
 )
+from flexfem.gradients.equations.values import Equations
 from flexfem.gradients.motion.trajectory import Motion
 
 __all__ = ["CARRIED", "Adjoint", "Carried", "NodeSeeds", "Scheme", "Tangent", "maps_of"]
@@ -73,10 +77,11 @@ class Scheme:
         return self.share / self.square
 
     @classmethod
-    def of(cls, motion: Motion) -> Scheme:
-        """Those of a motion."""
-        one = motion.integrator
-        return cls(motion.h, one.beta, one.gamma, one.alpha_m, one.alpha_f)
+    def of(cls, motion: Motion, step: int) -> Scheme:
+        """Those of a step of a motion."""
+        taken = motion.grid.steps[step - 1]
+        one = taken.scheme
+        return cls(taken.h, one.beta, one.gamma, one.alpha_m, one.alpha_f)
 
 
 @dataclass(frozen=True)
@@ -140,10 +145,12 @@ class Adjoint:
             motion: the motion.
             accuracy: relative one of its equations, None for that of all others.
         """
-        self._motion, self._scheme, self._accuracy = motion, Scheme.of(motion), accuracy
+        self._motion, self._accuracy = motion, accuracy
         shapes = [part.block.owned_step.shape for part in motion.system.parts]
         self.carried = [Carried.nothing(shape) for shape in shapes]
         self._last: FloatArray | None = None
+        # of accelerations at earlier states, by their numbers
+        self._early: dict[int, BlockVectors] = {}
 
     def add(self, seeds: list[NodeSeeds]) -> None:
         """Add the functional's own derivatives at the accepted state at which the system is."""
@@ -160,9 +167,23 @@ class Adjoint:
             for sums, values in ((own.q, q), (own.v, v), (own.w, w)):
                 np.add.at(sums, at, values[:, :width])
 
-    def step(self, linear: LinearizedStep, maps: list[StepMaps]) -> None:
+    def to_step(self, state: int) -> None:
+        """Go from a state back to the end of the step to it, or to the start of the motion."""
+        if early := self._early.pop(state, None):
+            for own, more in zip(self.carried, early, strict=True):
+                own.w += more
+        if lead := self._motion.grid.leads.get(state):
+            for own in self.carried:
+                own.w += (1.0 + lead.part) * own.a
+            if lead.part:
+                self._early[lead.before] = [-lead.part * own.a for own in self.carried]
+            for own in self.carried:
+                own.a = np.zeros_like(own.a)
+
+    def step(self, step: int, linear: LinearizedStep, maps: list[StepMaps]) -> None:
         """Go back over a step, at whose end the equations are linearised (collective)."""
-        one, right = self._scheme, []
+        self.to_step(step)
+        one, right = Scheme.of(self._motion, step), []
         for own, by in zip(self.carried, maps, strict=True):
             own.q = by.hold(transposed(by.axes, own.q))
             own.v, own.a, own.w = (by.hold_rates(x) for x in (own.v, own.a, own.w))
@@ -180,13 +201,15 @@ class Adjoint:
         for own, by, e, dv, dw in zip(
             self.carried, maps, missed, by_velocity, by_acceleration, strict=True
         ):
-            self._back(own, by, e, (dv, dw))
+            self._back(own, (one, by), e, (dv, dw))
 
     def _back(
-        self, own: Carried, by: StepMaps, missed: FloatArray, changes: tuple[FloatArray, ...]
-    ) -> None:
+        self, own: Carried, scheme: tuple[Scheme, StepMaps], missed: FloatArray,
+        changes: tuple[FloatArray, ...],
+    ) -> None:  # fmt: skip
         """Carry the sums of one block over a step."""
-        one, F = self._scheme, by.by_increment
+        one, by = scheme
+        F = by.by_increment
         v = own.v - transposed(F, changes[0]) / one.by_velocity
         w = own.w - transposed(F, changes[1]) / one.by_acceleration
         n = transposed(F, missed)
@@ -209,22 +232,34 @@ class Tangent:
 
     def __init__(self, motion: Motion, start: list[Carried]) -> None:
         """Begin with changes of the start."""
-        self._motion, self._scheme = motion, Scheme.of(motion)
+        self._motion = motion
         self.carried = start
         self.multipliers = np.zeros(motion.system.constraints.size)
+        self._accelerations: dict[int, BlockVectors] = {}
+        self._lead(0)
+
+    def _lead(self, state: int) -> None:
+        """Change the acceleration-like variables after a state."""
+        self._accelerations[state] = [own.w for own in self.carried]
+        if lead := self._motion.grid.leads.get(state):
+            before = self._accelerations[lead.before]
+            for own, w in zip(self.carried, before, strict=True):
+                own.a = own.w + lead.part * (own.w - w)
+        self._accelerations = {state: self._accelerations[state]}
 
     def step(
-        self, linear: LinearizedStep, maps: list[StepMaps], forces: BlockVectors, rows: FloatArray
+        self, step: int, linear: LinearizedStep, maps: list[StepMaps], changes: Equations
     ) -> None:
         """Go over a step, at whose end the equations are linearised (collective).
 
         Args:
+            step: its number.
             linear: the linearised equations.
             maps: those of all blocks.
-            forces: changes of the blocks' equations at a fixed state.
-            rows: (r,) those of the rows.
+            changes: of the equations of blocks and of rows, at a fixed state.
         """
-        one, over = self._scheme, 1.0 / (1.0 - self._scheme.alpha_f)
+        one = Scheme.of(self._motion, step)
+        over, (forces, rows) = 1.0 / (1.0 - one.alpha_f), changes
         predicted: list[Carried] = []
         for own, by in zip(self.carried, maps, strict=True):
             n = one.h * own.v + one.h**2 * (0.5 - one.beta) * own.a
@@ -233,7 +268,7 @@ class Tangent:
             w = over * (one.alpha_m * own.a - one.alpha_f * own.w)
             predicted.append(Carried(q, v, own.a, w))
         nothing = np.zeros_like(rows)
-        total, changes = [-f for f in forces], -rows
+        total, left = [-f for f in forces], -rows
         for matrix, vectors in (
             (POSITIONS, [own.q for own in predicted]),
             (VELOCITIES, [
@@ -247,8 +282,8 @@ class Tangent:
         ):  # fmt: skip
             blocks, own_rows = linear.tangent.apply(vectors, nothing, matrix)
             total = [a - b for a, b in zip(total, blocks, strict=True)]
-            changes = changes - own_rows
-        solution, _ = linear.solve(total, changes)
+            left = left - own_rows
+        solution, _ = linear.solve(total, left)
         found, self.multipliers = linear.parts(solution)
         self.carried = []
         for own, by, x in zip(predicted, maps, found, strict=True):
@@ -256,3 +291,4 @@ class Tangent:
             q = applied(by.axes, own.q + x)
             v, w = own.v + one.h * one.gamma * a, own.w + one.share * a
             self.carried.append(Carried(q, *(by.hold_rates(y) for y in (v, a, w))))
+        self._lead(step)

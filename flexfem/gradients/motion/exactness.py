@@ -76,7 +76,7 @@ class _Differences:
     def smallest(self, step: int) -> FloatArray:
         """Relative errors of the blocks, and of all rows, each with the change that suits it."""
         self._motion.go_to_end(step)
-        self._tangent.take(self._motion.laws.shifts)
+        self._tangent.take(self._motion.laws(step).shifts)
         rows = np.zeros(self._motion.system.constraints.size)
         exact = {by: self._tangent.apply(self._direction, rows, by) for by in (POSITIONS, STEP)}
         found = np.zeros(len(self._direction) + 1)
@@ -110,7 +110,7 @@ class _Differences:
                 part.block.correct(1.0)
             else:
                 part.block.shift(1.0)
-        return equations_at(system, self._motion.laws.shifts)
+        return equations_at(system, self._motion.laws(step).shifts)
 
     def _sizes(self, equations: Equations) -> FloatArray:
         """Norms of the equations of each block, and of the rows, on all ranks."""

@@ -139,6 +139,7 @@ class NumberInfluence:
             if one.status is not Status.OK:
                 raise StoppedError(f'gradient: the motion with another "{name}" does not start')
             check_layout(motion.system, one.system, name)
+            _check_times(motion, one, name)
             simulations.append(one)
         self._pair = [one.system for one in simulations]
         # later the models are at other states
@@ -177,16 +178,16 @@ class NumberInfluence:
         """
         first, second = (_evaluated(self._motion, one, step) for one in self._pair)
         if not self._checked:
-            self._check_smooth(first, second)
+            self._check_smooth(first, second, step)
         blocks = [(a - b) / (2.0 * self._step) for a, b in zip(first[0], second[0], strict=True)]
         return blocks, (first[1] - second[1]) / (2.0 * self._step)
 
-    def _check_smooth(self, first: Factors, second: Factors) -> None:
+    def _check_smooth(self, first: Factors, second: Factors, step: int) -> None:
         """Refuse equations that jump with the parameter, as those with other modes (collective)."""
         self._checked = True
         system = self._motion.system
         owned = system.constraints.owned
-        still = equations_at(system, self._motion.laws.shifts)
+        still = equations_at(system, self._motion.laws(step).shifts)
         blocks = [np.concatenate([x.ravel() for x in one[0]]) for one in (second, first, still)]
         rows = [owned * one[1] for one in (second, first, still)]
         if any(jump(system.comm, (a, b), c, _ROUGH) for a, b, c in (blocks, rows)):
@@ -408,6 +409,15 @@ def check_layout(system: System, other: System, name: str) -> None:
         )
 
 
+def _check_times(motion: Motion, other: Simulation, name: str) -> None:
+    """Refuse parameters that move jumps and kinks at which steps end (same on all ranks)."""
+    if not other.breakpoints.same(motion.simulation.breakpoints):
+        raise InputError(
+            f'gradient: "{name}" moves the time of a jump or kink of a load or drive, at which a '
+            "step ends, and has no derivative yet"
+        )
+
+
 def _check_fixed(system: System, other: System, name: str) -> None:
     """Refuse parameters that move nodes with rotations that are fixed in part (collective)."""
     partly = False
@@ -437,9 +447,10 @@ def _evaluated(motion: Motion, system: System, step: int) -> Factors:
     rows.lines.restore_places(state.rows["places"]["places"])
     rows.lines.angles[:] = state.rows["line_terms"]["line_angles"]
     system.interface.update()
+    system.lead = motion.system.lead
     system.set_time(motion.times[step])
     copy_state(motion.system, system)
-    return equations_at(system, motion.laws.shifts if step else _UNSCALED)
+    return equations_at(system, motion.laws(step).shifts if step else _UNSCALED)
 
 
 #: Equations without scale.
@@ -473,6 +484,7 @@ class _Builder:
         motion = self._motion
         one = Simulation(self._model(parts), motion.options, motion.system.comm)
         check_layout(motion.system, one.system, self._name)
+        _check_times(motion, one, self._name)
         state, worst = motion.state(0), 0.0
         for part in one.system.parts:
             for name in ("frames", "velocity"):

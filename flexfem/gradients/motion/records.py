@@ -3,8 +3,9 @@
 
 If all of them do not fit, those at the starts of about ``sqrt(steps)`` blocks are kept, and the
 states within a block are computed again when they are needed: going back once costs one motion
-more, and ``3 sqrt(steps)`` states. Binomial schedules (Griewank, Walther, ACM Trans. Math. Softw.
-26 (2000) 19-45) need fewer states, and 2.5 to 3.5 motions.
+more, and ``3 sqrt(steps)`` states. Blocks grow where there are more steps than expected. Binomial
+schedules (Griewank, Walther, ACM Trans. Math. Softw. 26 (2000) 19-45) need fewer states, and 2.5 to
+3.5 motions.
 """
 
 from __future__ import annotations
@@ -43,23 +44,44 @@ class Records:
             InputError: the memory does not suffice.
         """
         self._system, self._advance = system, advance
-        size = system.comm.allreduce(_bytes(system.state()), op=MPI.MAX)
-        self._length = 1 if (steps + 1) * size <= memory else ceil(sqrt(steps))
-        if self._length > 1 and (least := 3 * self._length * size) > memory:
-            raise InputError(
-                f"gradient: the states of {steps} steps need {least / 1e9:.2g} GB of memory on a "
-                f"rank, got {memory / 1e9:.2g} GB"
-            )
+        self._size = system.comm.allreduce(_bytes(system.state()), op=MPI.MAX)
+        self._memory = memory
+        self._length = 1 if (steps + 1) * self._size <= memory else ceil(sqrt(steps))
+        self._check(steps)
         self.times: list[float] = []
         self._starts: dict[int, State] = {}
         self._near: dict[int, dict[int, State]] = {}
 
+    def _check(self, steps: int) -> None:
+        """Raise if blocks of these steps need too much."""
+        if self._length > 1 and (least := 3 * self._length * self._size) > self._memory:
+            raise InputError(
+                f"gradient: the states of {steps} steps need {least / 1e9:.2g} GB of memory on a "
+                f"rank, got {self._memory / 1e9:.2g} GB"
+            )
+
     def add(self, state: State, time: float) -> None:
-        """Add the state after the next step."""
+        """Add the state after the next step.
+
+        Raises:
+            InputError: the memory does not suffice.
+        """
         step = len(self.times)
         self.times.append(time)
-        if step % self._length == 0:
-            self._starts[step] = _copied(state)
+        if step % self._length:
+            return
+        self._starts[step] = _copied(state)
+        most = self._memory / self._size
+        while len(self._starts) > (most if self._length == 1 else most / 3.0):
+            self._length *= 2
+            self._check(step)
+            self._starts = {k: one for k, one in self._starts.items() if k % self._length == 0}
+
+    def change(self, state: State) -> None:
+        """Replace the state that was added last."""
+        last = len(self.times) - 1
+        if last in self._starts:
+            self._starts[last] = _copied(state)
 
     def load(self, *steps: int) -> None:
         """Make states available, those of few blocks at a time (collective).

@@ -39,8 +39,8 @@ def backward(
     names = sorted({name for one in functionals for name in one.columns})
     columns = ColumnDerivatives(motion, names)
     weights = np.zeros((len(functionals) + 1, len(names), motion.steps + 1))
-    weights[:-1] = history_weights(
-        functionals, names, motion.steps + 1, motion.history(), motion.system.comm
+    weights[:-1, :, motion.rows_at] = history_weights(
+        functionals, names, len(motion.rows_at), motion.history(), motion.system.comm
     )
     weights[-1, :, -1] = 1.0  # the sum of all columns at the end
     adjoints = [*(Adjoint(motion) for _ in functionals), Adjoint(motion, _ROUGHLY)]
@@ -48,6 +48,8 @@ def backward(
     sums, sizes = np.zeros((len(functionals), total)), np.zeros(motion.steps + 1)
 
     def seed(step: int) -> None:
+        if not weights[:, :, step].any():
+            return
         motion.go_to(step)
         every = columns.every(weights[:-1, :, step])
         direct = [one.direct_products(step, every) for one in influences.values()]
@@ -59,14 +61,17 @@ def backward(
     seed(motion.steps)
     for step in range(motion.steps, 0, -1):
         motion.go_to_end(step)
-        linear.take(motion.laws.shifts)
+        linear.take(motion.laws(step).shifts)
         maps = maps_of(motion, step)
         for adjoint in adjoints:
-            adjoint.step(linear, maps)
+            adjoint.step(step, linear, maps)
         sizes[step] = sum(float((z**2).sum()) for z in adjoints[-1].z)
         factors = [(one.z, one.mu) for one in adjoints[:-1]]
         sums -= np.hstack([one.products(step, factors) for one in influences.values()])
         seed(step - 1)
+    motion.go_to(0)
+    for adjoint in adjoints:
+        adjoint.to_step(0)
     carried = [one.carried for one in adjoints[:-1]]
     sums += np.hstack([one.start_products(carried) for one in influences.values()])
     for values in (sums, sizes):
@@ -77,7 +82,7 @@ def backward(
 def forward(
     motion: Motion, linear: LinearizedStep, columns: Sequence[str], directions: Sequence[Direction]
 ) -> FloatArray:
-    """Derivatives (directions, steps + 1, columns) of columns (collective).
+    """Derivatives (directions, rows, columns) of columns of a history (collective).
 
     Args:
         motion: the motion.
@@ -87,28 +92,31 @@ def forward(
     """
     derivatives = ColumnDerivatives(motion, columns)
     tangents = [Tangent(motion, _start(motion, own)) for own in directions]
-    found = np.zeros((len(directions), motion.steps + 1, len(columns)))
+    found = np.zeros((len(directions), len(motion.rows_at), len(columns)))
+    row_of = {int(step): row for row, step in enumerate(motion.rows_at)}
     for step in range(motion.steps + 1):
         if step:
             motion.go_to_end(step)
-            linear.take(motion.laws.shifts)
+            linear.take(motion.laws(step).shifts)
             maps = maps_of(motion, step)
             once = {
                 id(one): one.equations(step) for own in directions for one, _ in own
             }  # each parameter's
             for tangent, own in zip(tangents, directions, strict=True):
-                tangent.step(linear, maps, *_combined(motion, own, once))
+                tangent.step(step, linear, maps, _combined(motion, own, once))
+        if step not in row_of:
+            continue
         motion.go_to(step)
-        places = [motion.columns.index(name) for name in columns]
+        row, places = row_of[step], [motion.columns.index(name) for name in columns]
         for values, own in zip(found, directions, strict=True):
             for influence, factor in own:
                 if influence.depends_directly:
-                    values[step] += factor * influence.columns(step)[places]
+                    values[row] += factor * influence.columns(step)[places]
         for k in range(len(columns)):
             one = Adjoint(motion)
             one.add(derivatives.seeds(step, np.eye(1, len(columns), k)[0]))
             for values, tangent in zip(found, tangents, strict=True):
-                values[step, k] += sum(
+                values[row, k] += sum(
                     float((getattr(a, name) * getattr(b, name)).sum())
                     for a, b in zip(one.carried, tangent.carried, strict=True)
                     for name in CARRIED

@@ -46,7 +46,7 @@ def check_supported(model: Model, options: RunOptions) -> None:
                 f'gradient: {kind} "{things[0].name}" has no derivatives yet; leave it out'
             )
     chosen = {
-        "integrator": "generalized_alpha", "adaptive": False, "linear_solver": "direct",
+        "integrator": "generalized_alpha", "linear_solver": "direct",
         "redundant_constraints": "refuse",
     }  # fmt: skip
     for name, value in chosen.items():

@@ -11,13 +11,14 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.gradients.equations.node_maps import rotations
+from flexfem.gradients.motion.grid import Grid
 from flexfem.gradients.motion.records import Records
 from flexfem.gradients.motion.support import check_supported
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
@@ -47,10 +48,11 @@ class Motion:
         simulation: after the last step.
         recorder: of the columns of the history.
         columns: names of the columns.
-        times: (steps + 1,) s.
-        values: (steps + 1, columns) of the history, on the first rank; zero on the others.
-        steps: number of steps.
-        laws: coefficients of a step.
+        grid: all steps, those between rows of the history among them.
+        steps: number of these.
+        times: (steps + 1,) of the states, s.
+        rows_at: (rows,) numbers of the states that are rows of the history.
+        values: (rows, columns) of the history, on the first rank; zero on the others.
     """
 
     def __init__(
@@ -68,16 +70,11 @@ class Motion:
         check_supported(model, self.options)
         self.simulation = Simulation(model, self.options, comm)
         self.system = self.simulation.system
-        self.integrator = GeneralizedAlpha(options.rho_inf)
-        self.integrator.prepare(self.system)
         check_supported_system(self)
-        grid = TimeGrid.of(options.dt, options.t_end)
-        self.steps, self.h = grid.steps(options.t_end), grid.h
-        self.laws: StepLaws = step_laws(options.rho_inf, self.h)
         self.recorder = ProbeRecorder(self.system, self.simulation.serial)
         self.columns = self.recorder.columns
-        self._grid = grid
-        self._run(memory)
+        self.grid = Grid(self._add, self._change, GeneralizedAlpha(options.rho_inf))
+        self._run(TimeGrid.of(options.dt, options.t_end), memory)
 
     @property
     def model(self) -> Model:
@@ -94,49 +91,80 @@ class Motion:
         """Solver of the exact matrix."""
         return self.simulation.tangent
 
-    def _run(self, memory: float) -> None:
+    def _run(self, grid: TimeGrid, memory: float) -> None:
         """Take all steps."""
-        simulation, values = self.simulation, []
+        simulation, options = self.simulation, self.options
         if simulation.status is not Status.OK:
             raise StoppedError(f"gradient: the motion did not start: {simulation.status.value}")
-        self._records = Records(self.system, self.steps, memory, self._advance)
-        for step in range(self.steps + 1):
-            if step:
-                self._advance(step)
-            self._records.add(self.system.state(), simulation.time)
+        simulation.journal, count = self.grid, grid.steps(options.t_end)
+        self._records = Records(self.system, count, memory, self._repeat)
+        self._add()
+        rows_at, values = list[int](), list[FloatArray]()
+
+        def record() -> None:
+            rows_at.append(len(self.grid.steps))
             self.recorder.record(simulation.time)
-            values += [row for _, row in self.recorder.flush()]
-        self.times = np.array(self._records.times)
-        self.values = np.zeros((self.steps + 1, len(self.columns)))
+            values.extend(found for _, found in self.recorder.flush())
+
+        if options.adaptive:  # whose histories have all steps
+            simulation.observe = record
+        record()
+        for step in range(1, count + 1):
+            self._advance(grid.rest(simulation.time, step), grid.time(step))
+            record()
+        self.rows_at: IntArray = np.array(rows_at, dtype=np.int64)
+        self.steps, self.times = len(self.grid.steps), np.array(self._records.times)
+        self.values = np.zeros((len(rows_at), len(self.columns)))
         if self.system.comm.rank == 0:
             self.values[:] = values
 
-    def _advance(self, step: int) -> None:
-        """Take a step from the state before it."""
-        simulation, end = self.simulation, self._grid.time(step)
-        breakpoints = simulation.breakpoints
-        if breakpoints.within(simulation.time, end) or breakpoints.lead(end, before=True):
-            raise InputError(
-                f"gradient: a load or drive jumps or has a kink in the step to t = {end:.6g} s, "
-                "which has no derivatives yet; take a smooth one"
-            )
-        status = simulation.advance(self._grid.rest(simulation.time, step), end)
-        if status is not Status.OK or simulation.rejected:
-            why = status.value if status is not Status.OK else "it was cut"
+    def _advance(self, h: float, end: float) -> None:
+        """Take a step of the size ``dt``, or all parts of it."""
+        status = self.simulation.advance(h, end)
+        if status is not Status.OK:
             raise StoppedError(
-                f"gradient: the step to t = {end:.6g} s failed ({why}); take smaller steps"
+                f"gradient: the step to t = {end:.6g} s failed ({status.value}); take smaller steps"
             )
+
+    def _add(self) -> None:
+        """Record the accepted state."""
+        self._records.add(self.system.state(), self.simulation.time)
+
+    def _change(self) -> None:
+        """Record it again."""
+        self._records.change(self.system.state())
+
+    def _repeat(self, step: int) -> None:
+        """Take a step again from the state before it."""
+        taken, end = self.grid.steps[step - 1], float(self.times[step])
+        status = self.simulation.repeat(taken.scheme, taken.h, end)
+        if status is not Status.OK:
+            raise StoppedError(
+                f"gradient: the step to t = {end:.6g} s failed when it was taken again; allow "
+                "more memory"
+            )
+        if lead := self.grid.leads.get(step):
+            for part in self.system.parts:
+                before = self.state(lead.before).rows[part.block.name]["acceleration"]
+                part.block.lead_auxiliary(before, lead.part)
+
+    def laws(self, step: int) -> StepLaws:
+        """Coefficients of a step."""
+        taken = self.grid.steps[step - 1]
+        return step_laws(taken.scheme.rho_inf, taken.h)
 
     def go_to(self, step: int) -> None:
         """Return to the accepted state after a step (collective)."""
         self._records.load(step)
+        self._set_lead(step, before=False)
         self.system.restore(self._records.state(step))
 
     def go_to_end(self, step: int) -> None:
         """Return to the trial state at the end of a step (collective)."""
-        system, laws = self.system, self.laws
+        system, laws = self.system, self.laws(step)
         self._records.load(step - 1, step)
         self.go_to(step - 1)
+        self._set_lead(step, before=True)
         system.set_time(self.times[step])
         system.predict(laws.predict[Prediction.REST], laws.rates)
         for part in system.parts:
@@ -148,11 +176,17 @@ class Motion:
         rows.multipliers[:] = laws.shifts.scale * self.rows(step)["forces"]
         system.interface.update()
 
+    def _set_lead(self, step: int, *, before: bool) -> None:
+        """Let loads be those just before or after a jump at a state."""
+        lead = self.simulation.breakpoints.lead(float(self.times[step]), before=before)
+        self.system.lead = lead
+
     def history(self) -> dict[str, FloatArray]:
         """Columns by name, on the first rank; the others have none."""
         if self.system.comm.rank:
             return {}
-        return {"t": self.times, **dict(zip(self.columns, self.values.T, strict=True))}
+        found = dict(zip(self.columns, self.values.T, strict=True))
+        return {"t": self.times[self.rows_at], **found}
 
     def on_all_ranks[Value](self, value: Value) -> Value:
         """The first rank's value (collective)."""

@@ -111,6 +111,10 @@ class Breakpoints:
         beside = self._beside.get(self._at(t))
         return 0.0 if beside is None else beside[0 if before else 1] - t
 
+    def same(self, other: "Breakpoints") -> bool:
+        """Return True if steps of another model end at the same times."""
+        return self.times == other.times and self._beside == other._beside
+
     def next(self, start: float, end: float) -> float:
         """The first breakpoint after ``start`` and before ``end``, else ``end`` (s)."""
         tolerance = _SAME * self._h

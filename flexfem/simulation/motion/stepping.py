@@ -16,7 +16,7 @@ from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State, counts
 from flexfem.core.status import Status
 from flexfem.integrators.accepted_forces import AcceptedForces
-from flexfem.integrators.integrator import create_integrator, discard
+from flexfem.integrators.integrator import Integrator, create_integrator, discard
 from flexfem.integrators.start import make_consistent, start_consistently
 from flexfem.la.linear_solver import LinearSolver
 from flexfem.model.model import Model
@@ -24,6 +24,7 @@ from flexfem.simulation.control.controls import Controls
 from flexfem.simulation.equilibria.equilibrium import start_in_equilibrium
 from flexfem.simulation.motion.breakpoints import Breakpoints
 from flexfem.simulation.motion.events import Events
+from flexfem.simulation.motion.journal import Journal
 from flexfem.simulation.motion.slider_exit import SliderExit
 from flexfem.simulation.motion.start_velocities import StartVelocities
 from flexfem.simulation.motion.step_control import HALVINGS, StepControl
@@ -66,6 +67,7 @@ class Simulation:
         observe: called after every accepted step that does not end a call of :meth:`advance`.
         follow: called at accepted states within a step and before and after jumps of loads, to sum
             up work.
+        journal: is told of every change of the accepted state.
     """
 
     def __init__(
@@ -120,6 +122,7 @@ class Simulation:
         self.step_seconds: list[float] = []
         self.observe: Callable[[], None] = _nothing
         self.follow: Callable[[], None] = _nothing
+        self.journal = Journal()
         self._error, self._limit = 0.0, _MOST_EVENTS
         # scheme of the steps, and True if the next one is the first after a jump
         self._scheme, self._behind_jump = self._integrator, False
@@ -232,6 +235,22 @@ class Simulation:
         self.step_seconds.append(time.perf_counter() - begin)
         return status
 
+    def repeat(self, scheme: Integrator, h: float, end: float) -> Status:
+        """Take a step again that was accepted before, from the same state (collective).
+
+        Args:
+            scheme: of the step.
+            h: its size, s.
+            end: time at its end, s.
+        """
+        self._aim(end)
+        status = scheme.solve(self.system, self._policy, h)
+        self.system.lead = 0.0
+        if status is Status.OK:
+            scheme.accept(self.system, h)
+            self.system.time = end
+        return status
+
     def _failed(self) -> bool:
         """Return True if a user-defined function failed on a rank, with any step (collective)."""
         return agreed(current(), self.system.comm) is not None
@@ -279,6 +298,7 @@ class Simulation:
         self._scheme.accept(self.system, size)
         self.system.time = end
         self.steps += 1
+        self.journal.stepped(self._scheme, size)
         self.controls.accepted()
         if values is not None:
             self.events.passed(values)
@@ -311,21 +331,29 @@ class Simulation:
         system.reset()
         system.set_time(system.time)
         system.interface.update()
-        status = make_consistent(system, self._tangent, self.options.dt)
+        status = self._renewed()
         system.lead, system.prediction = 0.0, Prediction.VELOCITY
         self._behind_jump = True
         self.controls.accepted(jumped=True)
         self.follow()
         return status
 
+    def _renewed(self) -> Status:
+        """Make the accepted state consistent with its positions, at which the system is."""
+        status = make_consistent(self.system, self._tangent, self.options.dt)
+        self.journal.renewed()
+        return status
+
     def _through_breakpoints(self, whole: float, end: float) -> Status:
         """Step to time ``end`` in parts between jumps and kinks; restore the usual scheme."""
         self._scheme = self._integrator.begin_parts(self.system)
+        self.journal.began_parts()
         self._last_part = [part.block.accelerations.copy() for part in self.system.parts], 0.0
         status = self._through_events(whole, end)
         before, size = self._last_part
         ratio = whole / size if size > _SHORT * whole and not self._behind_jump else 0.0
         self._integrator.end_parts(self.system, before, ratio)
+        self.journal.ended_parts(ratio)
         self._scheme = self._integrator
         return status
 
@@ -344,7 +372,7 @@ class Simulation:
             status = self._to_event(start, size, stop)
             short = 0.0 < system.time - start < _SHORT * whole
             if status is Status.OK and short and not self._behind_jump:
-                status = make_consistent(system, self._tangent, self.options.dt)
+                status = self._renewed()
             if status is Status.OK and system.time < end:
                 self.follow()
             if status is Status.OK and len(events.fired) > self._limit:

@@ -1,0 +1,22 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What a simulation does with its state, for those who follow a motion step by step."""
+
+from flexfem.integrators.integrator import Integrator
+
+__all__ = ["Journal"]
+
+
+class Journal:
+    """Is told of every change of the accepted state, after it; does nothing by itself."""
+
+    def stepped(self, scheme: Integrator, h: float) -> None:
+        """A step of size ``h`` (s) was accepted."""
+
+    def renewed(self) -> None:
+        """Velocities, accelerations and multipliers were made consistent at the same positions."""
+
+    def began_parts(self) -> None:
+        """``Integrator.begin_parts`` was called."""
+
+    def ended_parts(self, ratio: float) -> None:
+        """``Integrator.end_parts`` was called with this ratio."""
