@@ -4,16 +4,23 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from math import inf
 
 import numpy as np
 
+from flexfem._faults import FAILURES
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.laws import ElementLaw, ElementMotion
 
-__all__ = ["law_derivatives"]
+__all__ = ["exact_derivatives", "law_derivatives"]
 
 #: Steps of one-sided and of central differences, relative where a size is known.
 _STEP, _CENTRAL = 1e-7, 1e-5
+#: Steps of central differences of fourth order, the longest first, and the relative change of the
+#: derivatives with a tenth of a step up to which it suits.
+_FINE, _SUITS = (1e-3, 1e-4, 1e-5, 1e-6), 1e-9
+#: Places of these in steps, with weights.
+_STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
 
 
 def law_derivatives(
@@ -37,10 +44,7 @@ def law_derivatives(
     own = law.derivatives(elements, motion, z)
     if own is not None:
         return own[:, :, first:]
-    count = motion.twists[0].size
-    faster = np.maximum(1.0, np.abs(motion.twists).max(axis=0, initial=0.0)).ravel()
-    steps = np.concatenate([np.ones(count), faster, sizes])[first:]
-    steps *= _CENTRAL if values is None else _STEP
+    steps = _units(motion, sizes)[first:] * (_CENTRAL if values is None else _STEP)
     columns: list[FloatArray] = []
     for k, step in enumerate(steps.tolist()):
         after = _moved(law, elements, motion, z, first + k, step)
@@ -50,6 +54,59 @@ def law_derivatives(
         else:
             columns.append((after - values) / step)
     return np.stack(columns, axis=2)
+
+
+def exact_derivatives(
+    law: ElementLaw, elements: IntArray, motion: ElementMotion, z: FloatArray, sizes: FloatArray,
+    step: float | None,
+) -> tuple[FloatArray, float]:  # fmt: skip
+    """The same by central differences of fourth order, and the step that suits the law.
+
+    Args:
+        law: the law.
+        elements: (e,) numbers of the elements.
+        motion: their motion.
+        z: (e, n) their states.
+        sizes: (n,) magnitudes of states.
+        step: one that was found before, None to look for one.
+    """
+    own = law.derivatives(elements, motion, z)
+    if own is not None:
+        return own, 0.0
+    units = _units(motion, sizes)
+
+    def found(step: float) -> FloatArray:
+        columns: list[FloatArray] = []
+        for k, unit in enumerate((step * units).tolist()):
+            parts = [
+                weight / unit * _moved(law, elements, motion, z, k, part * unit)
+                for part, weight in _STENCIL
+            ]
+            columns.append(np.sum(parts, axis=0))
+        return np.stack(columns, axis=2)
+
+    if step is not None:
+        return found(step), step
+    least, chosen, longer = inf, _FINE[-1], None
+    for shorter in (*_FINE, 0.1 * _FINE[-1]):
+        try:
+            values = found(shorter)
+        except FAILURES:  # the law may not exist so far away
+            continue
+        if longer is not None:
+            off = float(np.abs(values - longer).max()) / (float(np.abs(values).max()) or 1.0)
+            if off < least:
+                least, chosen = off, 10.0 * shorter
+            if off <= _SUITS:
+                break
+        longer = values
+    return found(chosen), chosen
+
+
+def _units(motion: ElementMotion, sizes: FloatArray) -> FloatArray:
+    """(12 m + n,) magnitudes of displacements, twists and states."""
+    faster = np.maximum(1.0, np.abs(motion.twists).max(axis=0, initial=0.0)).ravel()
+    return np.concatenate([np.ones(motion.twists[0].size), faster, sizes])
 
 
 def _moved(

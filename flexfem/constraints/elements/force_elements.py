@@ -99,11 +99,17 @@ class ForceElements:
         """Number of laws."""
         return len(self.groups)
 
-    def begin(self, step: StateStep) -> None:
-        """Begin a step of the states, or begin it again."""
+    def begin(self, step: StateStep, *, exact: bool = False) -> None:
+        """Begin a step of the states, or begin it again; ``exact``: see ``ElementGroup``."""
         self.step = step
         for group in self.groups:
+            group.exact = exact
             group.begin(step)
+
+    def forget(self) -> None:
+        """Drop the derivatives of the laws: the next evaluation computes them."""
+        for group in self.groups:
+            group.kept[:] = 0.0
 
     def reset(self) -> None:
         """Return to the accepted states."""
@@ -111,13 +117,13 @@ class ForceElements:
 
     def accept(self, rows: Rows) -> None:
         """Accept the states at the accepted motion."""
-        for group, motion in self._motions(rows):
+        for group, motion in self.motions(rows):
             group.accept(motion, self.step)
         self.step = AT_REST
 
     def start(self, rows: Rows) -> None:
         """Begin a motion at the accepted state."""
-        for group, motion in self._motions(rows):
+        for group, motion in self.motions(rows):
             group.start(motion)
 
     def settle(self, rows: Rows, *, still: bool) -> None:
@@ -125,7 +131,7 @@ class ForceElements:
 
         ``still``: of a model at rest, whatever its velocities.
         """
-        for group, motion in self._motions(rows):
+        for group, motion in self.motions(rows):
             group.accept(_at_rest(motion) if still else motion, None)
 
     def evaluate(self, rows: Rows, dynamics: FloatArray) -> None:
@@ -133,13 +139,14 @@ class ForceElements:
 
         Args:
             rows: all rows, evaluated but for these.
-            dynamics: (2,) ``gamma/(beta h)``, zero for equilibrium, and ``beta h^2``.
+            dynamics: (2,) ``gamma/(beta h)``, zero for equilibrium or derivatives at fixed rates,
+                and ``beta h^2``.
         """
-        steady = dynamics[0] == 0.0
+        steady = dynamics[0] == 0.0 and self.step is AT_REST
         step = None if steady else self.step
         wanted = steady or step is not AT_REST
         changes = rows.velocity_changes(dynamics[0]) if wanted else None
-        for (group, motion), sets in zip(self._motions(rows), self.sets, strict=True):
+        for (group, motion), sets in zip(self.motions(rows), self.sets, strict=True):
             slopes = group.evaluate(motion, step, slopes=wanted)
             place, twist, scale = slopes.by_place, slopes.by_twist, np.empty(group.rows.shape)
             write_rows(rows.own.memory, group.rows, group.forces, place, twist, dynamics, scale)
@@ -157,7 +164,7 @@ class ForceElements:
         """
         position, velocity = np.zeros((2, *rows.force_jacobian.shape))
         states, unchanged = [], 0.0 * rows.velocity_changes(1.0)
-        for (group, motion), sets in zip(self._motions(rows), self.sets, strict=True):
+        for (group, motion), sets in zip(self.motions(rows), self.sets, strict=True):
             r, count, whole = group.rows.shape[1], 6 * group.law.size, group.linearized(motion)
             place = np.ascontiguousarray(whole[:, :, :count])
             twist = np.ascontiguousarray(whole[:, :, count : 2 * count])
@@ -169,6 +176,24 @@ class ForceElements:
                 position[some.terms], velocity[some.terms] = by_place[:, :r], by_twist[:, :r]
                 states.append((by_place[:, r:], by_twist[:, r:], every[:, :, 2 * count :]))
         return ElementSlopes(position, velocity, states)
+
+    def along(
+        self, rows: Rows, place: FloatArray, twist: FloatArray, some: MarkerChanges,
+        dynamics: FloatArray,
+    ) -> FloatArray:  # fmt: skip
+        """(k, a, t, 2, 6) changes of some numbers of elements along steps of the nodes.
+
+        Args:
+            rows: all rows, at the state evaluated last.
+            place: (e, a, 6 m) derivatives of the numbers of all elements of a group by
+                displacements of the markers.
+            twist: (e, a, 6 m) those by their twists.
+            some: a set of these elements.
+            dynamics: see :meth:`evaluate`.
+        """
+        changes = rows.velocity_changes(dynamics[0])
+        rates = self._rate_changes(rows, some, dynamics)
+        return some.along(place, twist, rows.force_jacobian, changes, rates)
 
     def _rate_changes(
         self, rows: Rows, some: MarkerChanges, dynamics: FloatArray | None = None
@@ -186,12 +211,12 @@ class ForceElements:
 
     def static_forces(self, rows: Rows, out: FloatArray) -> None:
         """Forces at rest in ``out`` (r, 2), and the sizes of their derivatives."""
-        for group, motion in self._motions(rows):
+        for group, motion in self.motions(rows):
             slopes = group.evaluate(_at_rest(motion), None, slopes=True)
             out[group.rows, 0] = group.forces
             out[group.rows, 1] = np.abs(slopes.by_place).sum(axis=2)
 
-    def _motions(self, rows: Rows) -> list[tuple[ElementGroup, ElementMotion]]:
+    def motions(self, rows: Rows) -> list[tuple[ElementGroup, ElementMotion]]:
         """Motions of all groups at the interface's state; markers are placed."""
         found, velocities = [], rows.node_velocities()
         for group, sets in zip(self.groups, self.sets, strict=True):

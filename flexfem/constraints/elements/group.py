@@ -10,7 +10,7 @@ import numpy as np
 from flexfem import _checks
 from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import FloatArray, IntArray
-from flexfem.constraints.elements.differences import law_derivatives
+from flexfem.constraints.elements.differences import exact_derivatives, law_derivatives
 from flexfem.constraints.elements.kernels import correct_states, finite
 from flexfem.constraints.elements.states import AT_REST, StateStep
 from flexfem.core.laws import ElementLaw, ElementMotion
@@ -57,6 +57,8 @@ class ElementGroup:
         forces: (e, r) of the rows at the last evaluation, N or N m.
         kept: (e, 1 + k) the derivatives of the law that steps use, after the number of their steps;
             zero if they are to be computed at the next evaluation.
+        exact: True if states are found to round-off, and derivatives to about ten digits where they
+            are computed; the iteration of a motion needs less.
     """
 
     def __init__(
@@ -73,6 +75,8 @@ class ElementGroup:
         self.kept = np.zeros((e, 1 + (r + n) * (2 * self._columns + n)))
         self._slopes, self._count = self._nothing, 0
         self._inverse: FloatArray | None = None
+        self.exact = False
+        self._suited: float | None = None
 
     def begin(self, step: StateStep = AT_REST) -> None:
         """A step begins, or begins again: its states are looked for with the accepted rates."""
@@ -129,6 +133,21 @@ class ElementGroup:
         self.held[:] = self.forces
         self.begin()
 
+    def arrived(self, motion: ElementMotion, step: StateStep) -> tuple[FloatArray, ...]:
+        """What a step carries on if it ends with this motion.
+
+        States, their rates and rate-like variables (e, n), and forces (e, r) of explicit laws.
+        """
+        self._settle(motion, step)
+        return self.z, self.g, step.auxiliary(self.z, self.z0, self.w0), self.forces
+
+    def exactly(self, motion: ElementMotion, step: StateStep) -> FloatArray:
+        """(e, r + n, 12 m + n) exact derivatives of the law at the end of a step."""
+        if self.law.explicit:  # whose steps need none
+            self._settle(motion, step)
+            self._differentiate(motion, step)
+        return self.derivatives
+
     def _age(self) -> None:
         """Derivatives serve as many steps as they have columns: differences cost a call a step."""
         age = self.kept[:, 0]
@@ -165,7 +184,7 @@ class ElementGroup:
         if step is AT_REST or not self.z.size:
             return
         begin = None if step is None else step.begin(self.z0, self.w0, self.g0)
-        before, fresh = np.inf, False
+        before, fresh, small = np.inf, False, 0.0 if self.exact else _SMALL
         sizes = np.abs(self.z) + np.abs((1.0 if step is None else step.gain) * self.g)
         sizes[sizes == 0.0] = 1.0
         change = np.empty_like(sizes)
@@ -178,11 +197,11 @@ class ElementGroup:
                 self._inverse = self._inverted(motion, step, fresh=fresh)
             size = correct_states(missed, self._inverse, sizes, change)
             slow = iteration > 0 and not size < _SLOW * before
-            if size <= _SMALL or (slow and size <= _ROUND_OFF):
+            if size <= small or (slow and size <= _ROUND_OFF):
                 if step is None:
                     self._check_steady()
                 return
-            if iteration > 0 and not slow and step is not None and size * size <= _SMALL * before:
+            if iteration > 0 and not slow and step is not None and size * size <= small * before:
                 self._finish(change)
                 return
             if slow:
@@ -199,7 +218,7 @@ class ElementGroup:
         error of the derivatives is of the size of this contraction.
         """
         r = self.rows.shape[1]
-        by_state = self._derivatives[:, :, 2 * self._columns :] @ change[:, :, np.newaxis]
+        by_state = self.derivatives[:, :, 2 * self._columns :] @ change[:, :, np.newaxis]
         self.z += change
         self.forces += by_state[:, :r, 0]
         self.g += by_state[:, r:, 0]
@@ -230,7 +249,7 @@ class ElementGroup:
         """(e, n, n) inverse of the equations of the states; ``fresh``: not with those kept."""
         r, gain = self.rows.shape[1], 1.0 if step is None else step.gain
         if self.kept[:, 0].all() and not fresh:
-            return _inverse(self._derivatives[:, r:, 2 * self._columns :], step)
+            return _inverse(self.derivatives[:, r:, 2 * self._columns :], step)
         values, sizes = np.concatenate([self.forces, self.g], axis=1), self._sizes(gain)
         found = law_derivatives(
             self.law, self.elements, motion, self.z, sizes, values, 2 * self._columns
@@ -238,7 +257,7 @@ class ElementGroup:
         return _inverse(found[:, r:], step)
 
     @property
-    def _derivatives(self) -> FloatArray:
+    def derivatives(self) -> FloatArray:
         """(e, r + n, 12 m + n) derivatives of the law that are kept."""
         (e, r), n = self.rows.shape, self.law.states
         return self.kept[:, 1:].reshape(e, r + n, 2 * self._columns + n)
@@ -246,13 +265,16 @@ class ElementGroup:
     def _differentiate(self, motion: ElementMotion, step: StateStep | None) -> None:
         """Compute the derivatives of the law that are kept."""
         gain = 1.0 if step is None else step.gain
-        values = np.concatenate([self.forces, self.g], axis=1)
-        every = law_derivatives(self.law, self.elements, motion, self.z, self._sizes(gain), values)
+        given = self.law, self.elements, motion, self.z, self._sizes(gain)
+        if self.exact:
+            every, self._suited = exact_derivatives(*given, self._suited)
+        else:
+            every = law_derivatives(*given, np.concatenate([self.forces, self.g], axis=1))
         self.kept[:, 0], self.kept[:, 1:] = 1.0, every.reshape(len(every), -1)
 
     def _condensed(self, step: StateStep | None) -> Slopes:
         """Derivatives of the forces with states that satisfy their equations."""
-        r, every, count = self.rows.shape[1], self._derivatives, self._columns
+        r, every, count = self.rows.shape[1], self.derivatives, self._columns
         total = every[:, :r, : 2 * count]
         if self.z.size:
             gain = 1.0 if step is None else step.gain

@@ -22,7 +22,7 @@ from flexfem.solvers.linear.tangent import part_values
 from flexfem.system.mechanics import END_POINT, EndPoint
 from flexfem.system.system import BlockPart, Shifts, System
 
-__all__ = ["STEP", "BlockVectors", "StepTangent"]
+__all__ = ["STEP", "BlockVectors", "StepTangent", "forces_on_blocks", "put_steps"]
 
 #: (n_owned, width) for each part.
 BlockVectors = list[FloatArray]
@@ -99,15 +99,14 @@ class StepTangent:
             matrix: one of those of the step, or their sum.
         """
         system, rows = self._system, self._system.constraints
-        self._put(blocks)
-        system.interface.update_steps()
+        put_steps(system, blocks)
         self._multiply(matrix, transposed=False)
         if matrix in _WITH_POSITIONS:
             self._turn(self._hessians)
             system.add_constraint_forces(multipliers)
         steps = np.append(system.interface.steps, np.zeros((1, 6)), axis=0)
         sides = np.einsum("tsi,tsi->ts", self._rows[matrix], steps[rows.term_nodes])
-        return self._collected(), rows.of_rows(sides) - rows.yielding(multipliers)
+        return _collected(system), rows.of_rows(sides) - rows.yielding(multipliers)
 
     def apply_transposed(
         self, blocks: BlockVectors, multipliers: FloatArray, matrix: int = STEP
@@ -120,26 +119,18 @@ class StepTangent:
             matrix: one of those of the step, or their sum.
         """
         system, rows = self._system, self._system.constraints
-        self._put(blocks)
-        system.interface.update_steps()
+        put_steps(system, blocks)
         self._multiply(matrix, transposed=True)
         if matrix in _WITH_POSITIONS:
             self._turn(np.ascontiguousarray(self._hessians.transpose(0, 2, 1)))
         forces = np.zeros((len(system.interface.keys) + 1, 6))
         factors = multipliers[rows.row_of_term][:, np.newaxis, np.newaxis]
         np.add.at(forces, rows.term_nodes, factors * self._rows[matrix])
-        self._subtract(-forces[:-1])
+        _subtract(system, -forces[:-1])
         if matrix not in _WITH_POSITIONS:
-            return self._collected(), np.zeros(rows.size)
+            return _collected(system), np.zeros(rows.size)
         changes = rows.changes(system.interface.steps)
-        return self._collected(), changes - rows.yielding(multipliers, transposed=True)
-
-    def _put(self, blocks: BlockVectors) -> None:
-        """Write vectors to the steps of the blocks, ghosts included, and clear the residuals."""
-        for part, values in zip(self._system.parts, blocks, strict=True):
-            part.block.owned_step[:] = values
-            part.block.spread_step()
-            part.block.residual[:] = 0.0
+        return _collected(system), changes - rows.yielding(multipliers, transposed=True)
 
     def _multiply(self, matrix: int, *, transposed: bool) -> None:
         """Add the products of the blocks' own matrices and steps to the residuals."""
@@ -157,16 +148,36 @@ class StepTangent:
         """Add the change of the constraint forces along the steps."""
         system = self._system
         steps = system.interface.steps
-        self._subtract(-system.constraints.turning_forces(hessians, steps))
+        _subtract(system, -system.constraints.turning_forces(hessians, steps))
 
-    def _subtract(self, forces: FloatArray) -> None:
-        """Subtract forces (n, 6) at interface nodes from the residuals of their owners."""
-        for part in self._system.parts:
-            if len(part.interface_nodes):
-                subtract_forces(forces, part.interface_nodes, part.block.residual)
 
-    def _collected(self) -> BlockVectors:
-        return [part.block.hold(part.block.owned_residual.copy()) for part in self._system.parts]
+def put_steps(system: System, blocks: BlockVectors) -> None:
+    """Write vectors to the steps of blocks and interface, and clear the residuals (collective)."""
+    for part, values in zip(system.parts, blocks, strict=True):
+        part.block.owned_step[:] = values
+        part.block.spread_step()
+        part.block.residual[:] = 0.0
+    system.interface.update_steps()
+
+
+def forces_on_blocks(system: System, forces: FloatArray) -> BlockVectors:
+    """Forces (n, 6) at interface nodes on the blocks that own these."""
+    for part in system.parts:
+        part.block.residual[:] = 0.0
+    _subtract(system, -forces)
+    return _collected(system)
+
+
+def _subtract(system: System, forces: FloatArray) -> None:
+    """Subtract forces (n, 6) at interface nodes from the residuals of their owners."""
+    for part in system.parts:
+        if len(part.interface_nodes):
+            subtract_forces(forces, part.interface_nodes, part.block.residual)
+
+
+def _collected(system: System) -> BlockVectors:
+    """Residuals of the blocks, without those of what is fixed."""
+    return [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
 
 
 class _Together(EndPoint):

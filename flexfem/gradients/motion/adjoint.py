@@ -31,7 +31,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.equations.node_maps import RateMaps, StepMaps, applied, transposed
 from flexfem.gradients.equations.step_tangent import (
@@ -41,9 +41,10 @@ from flexfem.gradients.equations.step_tangent import (
     BlockVectors,
 )
 from flexfem.gradients.equations.values import Equations
+from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.trajectory import Motion
 
-__all__ = ["CARRIED", "Adjoint", "Carried", "NodeSeeds", "Scheme", "Tangent", "maps_of"]
+__all__ = ["CARRIED", "Adjoint", "Carried", "Scheme", "Tangent", "maps_of"]
 
 
 @dataclass(frozen=True)
@@ -84,22 +85,6 @@ class Scheme:
         return cls(taken.h, one.beta, one.gamma, one.alpha_m, one.alpha_f)
 
 
-@dataclass(frozen=True)
-class NodeSeeds:
-    """Derivatives of a functional by the motion of nodes of a block at an accepted state.
-
-    Attributes:
-        nodes: (k,) owned nodes.
-        twists, velocities, accelerations: (k, 6) by local twists of the configuration, by local
-            velocities and by their rates.
-    """
-
-    nodes: IntArray
-    twists: FloatArray
-    velocities: FloatArray
-    accelerations: FloatArray
-
-
 #: Names of what is carried from step to step.
 CARRIED = ("q", "v", "a", "w")
 
@@ -132,11 +117,14 @@ class Adjoint:
 
     Attributes:
         z, mu: factors of the equations of blocks and rows of the step done last.
+        arrived: sums of influences of the memories' numbers after it, (n,).
         carried: by the state before it, for each block.
+        remembered: those of the memories' numbers before it, (n,).
     """
 
     z: BlockVectors
     mu: FloatArray
+    arrived: FloatArray
 
     def __init__(self, motion: Motion, accuracy: float | None = None) -> None:
         """Begin behind the end of the motion.
@@ -148,6 +136,7 @@ class Adjoint:
         self._motion, self._accuracy = motion, accuracy
         shapes = [part.block.owned_step.shape for part in motion.system.parts]
         self.carried = [Carried.nothing(shape) for shape in shapes]
+        self.remembered = np.zeros(len(motion.memories.owned))
         self._last: FloatArray | None = None
         # of accelerations at earlier states, by their numbers
         self._early: dict[int, BlockVectors] = {}
@@ -183,9 +172,9 @@ class Adjoint:
     def step(self, step: int, linear: LinearizedStep, maps: list[StepMaps]) -> None:
         """Go back over a step, at whose end the equations are linearised (collective)."""
         self.to_step(step)
-        one, right = Scheme.of(self._motion, step), []
+        one, right, memories = Scheme.of(self._motion, step), [], self._motion.memories
+        self._gather(one, maps)
         for own, by in zip(self.carried, maps, strict=True):
-            own.q = by.hold(transposed(by.axes, own.q))
             own.v, own.a, own.w = (by.hold_rates(x) for x in (own.v, own.a, own.w))
             rates = one.h * one.gamma * own.v + own.a + one.share * own.w
             right.append(own.q + transposed(by.inverse, rates) / one.square)
@@ -202,6 +191,19 @@ class Adjoint:
             self.carried, maps, missed, by_velocity, by_acceleration, strict=True
         ):
             self._back(own, (one, by), e, (dv, dw))
+        self.arrived = self.remembered
+        self.remembered = memories.back(self.remembered, self.z, self.mu)
+
+    def _gather(self, one: Scheme, maps: list[StepMaps]) -> None:
+        """Sums in the axes of the trial state, with those of what the memories take from there."""
+        found = self._motion.memories.gather(self.remembered)
+        for k, (own, by) in enumerate(zip(self.carried, maps, strict=True)):
+            q = transposed(by.axes, own.q)
+            if found is not None:
+                by_position, by_rate = (blocks[k] for blocks in found)
+                q += by_position
+                own.v += transposed(by.by_increment, by_rate) / one.by_velocity
+            own.q = by.hold(q)
 
     def _back(
         self, own: Carried, scheme: tuple[Scheme, StepMaps], missed: FloatArray,
@@ -227,13 +229,14 @@ class Tangent:
 
     Attributes:
         carried: changes of the state, for each block, as those of :class:`Adjoint`.
+        remembered: (n,) changes of the memories' numbers.
         multipliers: (r,) changes of the rows' forces times ``beta h^2`` over the last step.
     """
 
-    def __init__(self, motion: Motion, start: list[Carried]) -> None:
+    def __init__(self, motion: Motion, start: list[Carried], remembered: FloatArray) -> None:
         """Begin with changes of the start."""
         self._motion = motion
-        self.carried = start
+        self.carried, self.remembered = start, remembered
         self.multipliers = np.zeros(motion.system.constraints.size)
         self._accelerations: dict[int, BlockVectors] = {}
         self._lead(0)
@@ -260,6 +263,9 @@ class Tangent:
         """
         one = Scheme.of(self._motion, step)
         over, (forces, rows) = 1.0 / (1.0 - one.alpha_f), changes
+        if (own_equations := self._motion.memories.equations(self.remembered)) is not None:
+            forces = [a + b for a, b in zip(forces, own_equations[0], strict=True)]
+            rows = rows + own_equations[1]
         predicted: list[Carried] = []
         for own, by in zip(self.carried, maps, strict=True):
             n = one.h * own.v + one.h**2 * (0.5 - one.beta) * own.a
@@ -285,10 +291,14 @@ class Tangent:
             left = left - own_rows
         solution, _ = linear.solve(total, left)
         found, self.multipliers = linear.parts(solution)
-        self.carried = []
+        self.carried, moves = [], [list[FloatArray](), list[FloatArray]()]
         for own, by, x in zip(predicted, maps, found, strict=True):
             a = applied(by.inverse, x) / one.square
-            q = applied(by.axes, own.q + x)
+            q = own.q + x
             v, w = own.v + one.h * one.gamma * a, own.w + one.share * a
-            self.carried.append(Carried(q, *(by.hold_rates(y) for y in (v, a, w))))
+            v, a, w = (by.hold_rates(y) for y in (v, a, w))
+            self.carried.append(Carried(applied(by.axes, q), v, a, w))
+            moves[0].append(q)
+            moves[1].append(applied(by.by_increment, v) / one.by_velocity)
+        self.remembered = self._motion.memories.ahead(self.remembered, moves)
         self._lead(step)

@@ -9,7 +9,7 @@ a norm with a kink nearby. From the markers to their nodes all is exact.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from math import inf
 from typing import Protocol
 
@@ -22,7 +22,6 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Ground
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import rotations, transposed
-from flexfem.gradients.motion.adjoint import NodeSeeds
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.lie import so3
 from flexfem.model.model import Model
@@ -30,7 +29,7 @@ from flexfem.model.probes.base import MarkerState, Probe
 from flexfem.system.measure.probes import ProbeRecorder
 from flexfem.system.system import System
 
-__all__ = ["ColumnDerivatives", "Recorded", "history_weights"]
+__all__ = ["ColumnDerivatives", "NodeSeeds", "Recorded", "history_weights"]
 
 #: Differences, in m, rad, m/s and so on, the longest first.
 _STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
@@ -41,6 +40,22 @@ _SUITS, _ENOUGH = 1e-7, 1e-5
 _STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
 #: Position, rotation, velocity, angular velocity and both accelerations of a marker.
 _COMPONENTS = 18
+
+
+@dataclass(frozen=True)
+class NodeSeeds:
+    """Derivatives of a functional by the motion of nodes of a block at an accepted state.
+
+    Attributes:
+        nodes: (k,) owned nodes.
+        twists, velocities, accelerations: (k, 6) by local twists of the configuration, by local
+            velocities and by their rates.
+    """
+
+    nodes: IntArray
+    twists: FloatArray
+    velocities: FloatArray
+    accelerations: FloatArray
 
 
 class Recorded(Protocol):
@@ -157,6 +172,10 @@ class ColumnDerivatives:
             _of_nodes(block, nodes, offsets, found[places])
             for block, nodes, offsets, places in recorder.sources
         ]
+
+    def each(self, step: int) -> list[list[NodeSeeds]]:
+        """Derivatives of each column, see :meth:`seeds` (collective)."""
+        return [self.seeds(step, weights) for weights in np.eye(len(self._columns))]
 
     def _by_markers(
         self, t: float, states: Sequence[MarkerState], weights: FloatArray, found: FloatArray

@@ -58,8 +58,10 @@ _ROUGH = 3e-3
 #: Motion of fixed nodes, m and rad, up to which it is none.
 _ROUNDING = 1e-13
 
-#: Factors of the equations of blocks and of rows (r,).
-Factors = Equations
+#: Factors of the equations of blocks, of rows (r,) and of the memories' numbers (n,).
+Factors = tuple[BlockVectors, FloatArray, FloatArray]
+#: Sums for each block, and of the memories' numbers (n,).
+Sums = tuple[Sequence[Carried], FloatArray]
 
 
 class Influence(Protocol):
@@ -81,7 +83,7 @@ class Influence(Protocol):
         """
         ...
 
-    def start_products(self, carried: Sequence[Sequence[Carried]]) -> FloatArray:
+    def start_products(self, carried: Sequence[Sums]) -> FloatArray:
         """The same of sums for each block times derivatives of the start.
 
         The system of the motion is at its start (collective).
@@ -104,6 +106,7 @@ class NumberInfluence:
 
     Attributes:
         start: derivatives of the start, for each block.
+        numbers: (n,) those of the memories' numbers there.
         scale: size of the parameter, 1 if it is zero.
     """
 
@@ -141,11 +144,13 @@ class NumberInfluence:
             check_layout(motion.system, one.system, name)
             _check_times(motion, one, name)
             simulations.append(one)
-        self._pair = [one.system for one in simulations]
+        self._pair = simulations
         # later the models are at other states
         for other in self._pair:
-            _check_fixed(motion.system, other, self._name)
+            _check_fixed(motion.system, other.system, self._name)
         self.start = self._start()
+        first, second = (motion.memories.start(one) for one in self._pair)
+        self.numbers = (first - second) / (2.0 * self._step)
         self._direct = DirectEffect(motion, simulations)
         self._checked = False
 
@@ -153,7 +158,7 @@ class NumberInfluence:
         found = []
         for k, part in enumerate(self._motion.system.parts):
             first = self._motion.state(0).rows[part.block.name]
-            pair = [one.parts[k].block.state() for one in self._pair]
+            pair = [one.system.parts[k].block.state() for one in self._pair]
             own = np.s_[: part.block.owned, : part.block.width]
             moved = [
                 twists(first["frames"], state["frames"], inertial=part.block.inertial)
@@ -168,7 +173,7 @@ class NumberInfluence:
         return found
 
     def equations(self, step: int) -> Factors:
-        """Derivatives of the equations of blocks and rows at the end of a step (collective).
+        """Derivatives of the equations of blocks, rows and memories at a step's end (collective).
 
         Args:
             step: number of the step, at whose trial state the system of the motion is.
@@ -176,13 +181,21 @@ class NumberInfluence:
         Raises:
             InputError: they are no smooth functions of the parameter.
         """
-        first, second = (_evaluated(self._motion, one, step) for one in self._pair)
+        motion, own = self._motion, np.zeros(len(self._motion.measured))
+        if motion.measured and self._direct.present:
+            own = self._direct.difference(step)[[motion.columns.index(c) for c in motion.measured]]
+        found, numbers = [], []
+        for one, sign in zip(self._pair, (1.0, -1.0), strict=True):
+            found.append(_evaluated(motion, one, step))
+            numbers.append(motion.memories.moved(one, motion.end(step), 0.5 * sign * own))
+        first, second = found
         if not self._checked:
             self._check_smooth(first, second, step)
-        blocks = [(a - b) / (2.0 * self._step) for a, b in zip(first[0], second[0], strict=True)]
-        return blocks, (first[1] - second[1]) / (2.0 * self._step)
+        whole = 2.0 * self._step
+        blocks = [(a - b) / whole for a, b in zip(first[0], second[0], strict=True)]
+        return blocks, (first[1] - second[1]) / whole, (numbers[0] - numbers[1]) / whole
 
-    def _check_smooth(self, first: Factors, second: Factors, step: int) -> None:
+    def _check_smooth(self, first: Equations, second: Equations, step: int) -> None:
         """Refuse equations that jump with the parameter, as those with other modes (collective)."""
         self._checked = True
         system = self._motion.system
@@ -198,19 +211,19 @@ class NumberInfluence:
 
     def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
         """See :class:`Influence`."""
-        blocks, rows = self.equations(step)
-        owned = self._motion.system.constraints.owned
+        blocks, rows, numbers = self.equations(step)
+        owned, counted = self._motion.system.constraints.owned, self._motion.memories.owned
         return np.array(
             [
                 [
                     sum(float((a * b).sum()) for a, b in zip(z, blocks, strict=True))
-                    + float(mu @ (owned * rows))
+                    + float(mu @ (owned * rows) + own @ (counted * numbers))
                 ]
-                for z, mu in factors
+                for z, mu, own in factors
             ]
         )
 
-    def start_products(self, carried: Sequence[Sequence[Carried]]) -> FloatArray:
+    def start_products(self, carried: Sequence[Sums]) -> FloatArray:
         """See :class:`Influence`."""
         return np.array(
             [
@@ -220,8 +233,9 @@ class NumberInfluence:
                         for a, b in zip(own, self.start, strict=True)
                         for part in CARRIED
                     )
+                    + float(remembered @ (self._motion.memories.owned * self.numbers))
                 ]
-                for own in carried
+                for own, remembered in carried
             ]
         )
 
@@ -256,7 +270,7 @@ class SeparateInfluence:
         """See :class:`Influence`."""
         return np.hstack([one.products(step, factors) for one in self._every])
 
-    def start_products(self, carried: Sequence[Sequence[Carried]]) -> FloatArray:
+    def start_products(self, carried: Sequence[Sums]) -> FloatArray:
         """See :class:`Influence`."""
         return np.hstack([one.start_products(carried) for one in self._every])
 
@@ -270,12 +284,12 @@ class _Group:
     """Parameters that are changed together.
 
     Attributes:
-        pair: systems with more and with less of them.
+        pair: starts with more and with less of them.
         owners: for each block, (n_owned,) number of the parameter that each node depends on, -1
             for none.
     """
 
-    pair: list[System]
+    pair: list[Simulation]
     owners: list[IntArray]
 
 
@@ -295,10 +309,10 @@ class ElementInfluence:
         found = np.zeros((len(factors), self.count))
         for group in self._groups:
             first, second = (_evaluated(self._motion, one, step)[0] for one in group.pair)
-            self._add(group, first, second, ([z for z, _ in factors], found))
+            self._add(group, first, second, ([z for z, *_ in factors], found))
         return found
 
-    def start_products(self, carried: Sequence[Sequence[Carried]]) -> FloatArray:
+    def start_products(self, carried: Sequence[Sums]) -> FloatArray:
         """See :class:`Influence`.
 
         Parameters of elements change the accelerations of the start alone, which satisfy
@@ -307,7 +321,7 @@ class ElementInfluence:
         """
         motion, system = self._motion, self._motion.system
         found, every = np.zeros((len(carried), self.count)), []
-        for own in carried:
+        for own, _ in carried:
             motion.tangent.assemble(MASS)
             motion.tangent.factor()
             right = [
@@ -370,7 +384,7 @@ def influence_of(
 
 def _owners(motion: Motion, build: Build, values: Values, name: str) -> list[list[IntArray]] | None:
     """Owners of the fewest groups, None if there are none (collective)."""
-    if len(values[name]) <= _GROUPS or motion.system.viscous():
+    if len(values[name]) <= _GROUPS or motion.system.viscous() or motion.remembering:
         return None
     builder = _Builder(motion, build, values, name)
     for count in range(1, _GROUPS):
@@ -386,7 +400,7 @@ def _pairs(builder: _Builder, size: int, owners: list[list[IntArray]]) -> list[_
     for first, own in enumerate(owners):
         parts = (np.arange(size) % len(owners) == first).astype(np.float64)
         pair = [builder.started(parts), builder.started(-parts)]
-        found.append(_Group([one.system for one in pair if one is not None], own))
+        found.append(_Group([one for one in pair if one is not None], own))
     return found
 
 
@@ -433,12 +447,12 @@ def _check_fixed(system: System, other: System, name: str) -> None:
         )
 
 
-def _evaluated(motion: Motion, system: System, step: int) -> Factors:
+def _evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     """Residuals of another model at the trial state of the motion, after a step, or at the start.
 
     Those of the start are not scaled (collective).
     """
-    state = motion.state(max(step - 1, 0))
+    state, system = motion.state(max(step - 1, 0)), other.system
     for part in system.parts:
         part.block.restore(state.rows[part.block.name])
     # of the rows what a motion changes, and not their targets, which are the other model's own
@@ -448,9 +462,20 @@ def _evaluated(motion: Motion, system: System, step: int) -> Factors:
     rows.lines.angles[:] = state.rows["line_terms"]["line_angles"]
     system.interface.update()
     system.lead = motion.system.lead
+    if not step:
+        system.set_time(motion.times[step])
+        copy_state(motion.system, system)
+        return equations_at(system, _UNSCALED)
+    end = motion.end(step)
+    motion.memories.recall(other, step)
     system.set_time(motion.times[step])
+    rows.elements.begin(end.states, exact=True)
     copy_state(motion.system, system)
-    return equations_at(system, motion.laws(step).shifts if step else _UNSCALED)
+    blocks, values = equations_at(system, end.shifts)
+    # equations of force elements are scaled by the derivatives in use
+    scaled, own = rows.of_elements, motion.system.constraints
+    values[scaled] *= own.compliance[scaled] / rows.compliance[scaled]
+    return blocks, values
 
 
 #: Equations without scale.
@@ -528,7 +553,7 @@ def _grouped(
     return found
 
 
-def _changes(source: System, system: System, still: Factors) -> BlockVectors | None:
+def _changes(source: System, system: System, still: Equations) -> BlockVectors | None:
     """Changes of the equations of blocks in another model; None if rows change (collective)."""
     system.set_time(source.time)
     copy_state(source, system)

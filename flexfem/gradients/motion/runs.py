@@ -12,7 +12,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.motion.adjoint import CARRIED, Adjoint, Carried, Tangent, maps_of
-from flexfem.gradients.motion.columns import ColumnDerivatives, history_weights
+from flexfem.gradients.motion.columns import ColumnDerivatives, NodeSeeds, history_weights
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence
 from flexfem.gradients.motion.trajectory import Motion
@@ -47,6 +47,8 @@ def backward(
     total = sum(one.count for one in influences.values())
     sums, sizes = np.zeros((len(functionals), total)), np.zeros(motion.steps + 1)
 
+    measured = ColumnDerivatives(motion, motion.measured)
+
     def seed(step: int) -> None:
         if not weights[:, :, step].any():
             return
@@ -58,21 +60,31 @@ def backward(
             if own[:, step].any():
                 adjoint.add(columns.seeds(step, own[:, step]))
 
+    def seed_memories(step: int) -> None:
+        if motion.measured and step:  # the start is differentiated as a whole
+            motion.go_to(step)
+            for adjoint in adjoints:
+                own = motion.memories.weights(step, adjoint.remembered)
+                adjoint.add(measured.seeds(step, own))
+
     seed(motion.steps)
     for step in range(motion.steps, 0, -1):
         motion.go_to_end(step)
         linear.take(motion.laws(step).shifts)
+        motion.memories.take(motion.end(step))
         maps = maps_of(motion, step)
         for adjoint in adjoints:
             adjoint.step(step, linear, maps)
         sizes[step] = sum(float((z**2).sum()) for z in adjoints[-1].z)
-        factors = [(one.z, one.mu) for one in adjoints[:-1]]
+        # the numbers of memories follow by their own equations, of the form s1 - N = 0
+        factors = [(one.z, one.mu, -one.arrived) for one in adjoints[:-1]]
         sums -= np.hstack([one.products(step, factors) for one in influences.values()])
         seed(step - 1)
+        seed_memories(step - 1)
     motion.go_to(0)
     for adjoint in adjoints:
         adjoint.to_step(0)
-    carried = [one.carried for one in adjoints[:-1]]
+    carried = [(one.carried, one.remembered) for one in adjoints[:-1]]
     sums += np.hstack([one.start_products(carried) for one in influences.values()])
     for values in (sums, sizes):
         motion.system.comm.Allreduce(MPI.IN_PLACE, values)
@@ -91,19 +103,23 @@ def forward(
         directions: each a list of parameters' influences and changes.
     """
     derivatives = ColumnDerivatives(motion, columns)
-    tangents = [Tangent(motion, _start(motion, own)) for own in directions]
+    measured = ColumnDerivatives(motion, motion.measured)
+    tangents = [Tangent(motion, *_start(motion, own)) for own in directions]
     found = np.zeros((len(directions), len(motion.rows_at), len(columns)))
     row_of = {int(step): row for row, step in enumerate(motion.rows_at)}
     for step in range(motion.steps + 1):
         if step:
             motion.go_to_end(step)
             linear.take(motion.laws(step).shifts)
+            motion.memories.take(motion.end(step))
             maps = maps_of(motion, step)
             once = {
                 id(one): one.equations(step) for own in directions for one, _ in own
             }  # each parameter's
-            for tangent, own in zip(tangents, directions, strict=True):
-                tangent.step(step, linear, maps, _combined(motion, own, once))
+            every = [_combined(motion, own, once) for own in directions]
+            for tangent, (blocks, rows, _) in zip(tangents, every, strict=True):
+                tangent.step(step, linear, maps, (blocks, rows))
+            _arrive(motion, measured, step, (tangents, every))
         if step not in row_of:
             continue
         motion.go_to(step)
@@ -112,35 +128,60 @@ def forward(
             for influence, factor in own:
                 if influence.depends_directly:
                     values[row] += factor * influence.columns(step)[places]
-        for k in range(len(columns)):
-            one = Adjoint(motion)
-            one.add(derivatives.seeds(step, np.eye(1, len(columns), k)[0]))
-            for values, tangent in zip(found, tangents, strict=True):
-                values[row, k] += sum(
-                    float((getattr(a, name) * getattr(b, name)).sum())
-                    for a, b in zip(one.carried, tangent.carried, strict=True)
-                    for name in CARRIED
-                )
+        seeds = derivatives.each(step)
+        for values, tangent in zip(found, tangents, strict=True):
+            values[row] += [_along(motion, own, tangent) for own in seeds]
     motion.system.comm.Allreduce(MPI.IN_PLACE, found)
     return found
 
 
-def _start(motion: Motion, direction: Direction) -> list[Carried]:
-    """Change of the start along a direction."""
+def _arrive(
+    motion: Motion, measured: ColumnDerivatives, step: int,
+    changed: tuple[Sequence[Tangent], Sequence[Factors]],
+) -> None:  # fmt: skip
+    """Changes of the memories' numbers after a step, with what parameters change (collective)."""
+    seeds = []
+    if motion.measured:
+        motion.go_to(step)
+        seeds = measured.each(step)
+    for tangent, (*_, numbers) in zip(*changed, strict=True):
+        changes = np.array([_along(motion, own, tangent) for own in seeds])
+        motion.system.comm.Allreduce(MPI.IN_PLACE, changes)
+        arrived = motion.memories.arrive(step, tangent.remembered, changes)
+        tangent.remembered = arrived + numbers
+
+
+def _along(motion: Motion, seeds: list[NodeSeeds], tangent: Tangent) -> float:
+    """This rank's part of the change of a column by that of the nodes."""
+    one = Adjoint(motion)
+    one.add(seeds)
+    return sum(
+        float((getattr(a, name) * getattr(b, name)).sum())
+        for a, b in zip(one.carried, tangent.carried, strict=True)
+        for name in CARRIED
+    )
+
+
+def _start(motion: Motion, direction: Direction) -> tuple[list[Carried], FloatArray]:
+    """Changes of the start along a direction, and of the memories' numbers there."""
     found = [Carried.nothing(part.block.owned_step.shape) for part in motion.system.parts]
+    numbers = np.zeros(len(motion.memories.owned))
     for influence, factor in direction:
         for total, own in zip(found, influence.start, strict=True):
             for name in CARRIED:
                 getattr(total, name)[:] += factor * getattr(own, name)
-    return found
+        numbers += factor * influence.numbers
+    return found, numbers
 
 
 def _combined(motion: Motion, direction: Direction, equations: Mapping[int, Factors]) -> Factors:
     """Change of the equations along a direction."""
     blocks = [np.zeros_like(part.block.owned_step) for part in motion.system.parts]
     rows = np.zeros(motion.system.constraints.size)
+    numbers = np.zeros(len(motion.memories.owned))
     for influence, factor in direction:
-        own, own_rows = equations[id(influence)]
+        own, own_rows, own_numbers = equations[id(influence)]
         blocks = [a + factor * b for a, b in zip(blocks, own, strict=True)]
         rows = rows + factor * own_rows
-    return blocks, rows
+        numbers = numbers + factor * own_numbers
+    return blocks, rows, numbers

@@ -18,6 +18,8 @@ from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.gradients.equations.node_maps import rotations
+from flexfem.gradients.memory.base import Memories, StepEnd
+from flexfem.gradients.memory.elements import ElementMemory
 from flexfem.gradients.motion.grid import Grid
 from flexfem.gradients.motion.records import Records
 from flexfem.gradients.motion.support import check_supported
@@ -53,6 +55,8 @@ class Motion:
         times: (steps + 1,) of the states, s.
         rows_at: (rows,) numbers of the states that are rows of the history.
         values: (rows, columns) of the history, on the first rank; zero on the others.
+        memories: what is carried from step to step beside the nodes.
+        measured: names of the columns that controllers measure.
     """
 
     def __init__(
@@ -74,12 +78,21 @@ class Motion:
         self.recorder = ProbeRecorder(self.system, self.simulation.serial)
         self.columns = self.recorder.columns
         self.grid = Grid(self._add, self._change, GeneralizedAlpha(options.rho_inf))
+        self.measured: list[str] = []
+        self.memories = Memories(
+            [ElementMemory(self.system, self.state)] if self.system.constraints.has_elements else []
+        )
         self._run(TimeGrid.of(options.dt, options.t_end), memory)
 
     @property
     def model(self) -> Model:
         """The model with its probes."""
         return self.simulation.serial.model
+
+    @property
+    def remembering(self) -> bool:
+        """True if something is carried from step to step beside the nodes, on any rank."""
+        return bool(self.memories.parts)
 
     @property
     def policy(self) -> Policy:
@@ -167,6 +180,8 @@ class Motion:
         self._set_lead(step, before=True)
         system.set_time(self.times[step])
         system.predict(laws.predict[Prediction.REST], laws.rates)
+        system.constraints.elements.forget()
+        system.constraints.elements.begin(laws.states, exact=True)
         for part in system.parts:
             block = part.block
             block.increment[:] = _increments(block, self.frames(step, block.name))
@@ -193,6 +208,11 @@ class Motion:
         found: Value = self.system.comm.bcast(value)
         return found
 
+    def end(self, step: int) -> StepEnd:
+        """The end of a step."""
+        laws = self.laws(step)
+        return StepEnd(step, laws.shifts, laws.states)
+
     def frames(self, step: int, block: str) -> FloatArray:
         """Frames (n, 12) of a block at the accepted state after a step."""
         return self._records.state(step).rows[block]["frames"]
@@ -211,7 +231,6 @@ def check_supported_system(motion: Motion) -> None:
     system, rows = motion.system, motion.system.constraints
     comm = system.comm
     found = {
-        "force elements": bool(rows.elements.groups),
         "friction of cables": bool(len(rows.wrapped_rows)),
         "stops and other unilateral forces": bool(rows.unilateral.any()) or rows.split,
         "redundant constraints": rows.relaxation != 0.0,
