@@ -131,14 +131,27 @@ class Differentiation:
             applications=0, growth=1.0, check={},
         )  # fmt: skip
 
+    def value(self, values: Values) -> Mapping[str, float]:
+        """Values of the functionals alone (collective)."""
+        made, options = made_of(self._build, values), self._options
+        if isinstance(options, RunOptions):
+            motion = Motion(made, options, self._comm, self._memory)
+            return _values(motion, self._of_history(made))
+        comm = self._comm or MPI.COMM_WORLD
+        return found_at(made, self.functionals, (self._build, {}), options, comm).value
+
+    def _of_history(self, made: Model) -> list[Functional]:
+        """The functionals of a motion, whose columns the model has."""
+        functionals = [one for one in self.functionals if isinstance(one, Functional)]
+        check_columns(made, [name for one in functionals for name in one.columns])
+        return functionals
+
     def _of_motion(
         self, made: Model, options: RunOptions, values: Values, *, check: bool
     ) -> Gradient:  # fmt: skip
         """Derivatives of a motion (collective)."""
         begin = time.perf_counter()
-        functionals = [one for one in self.functionals if isinstance(one, Functional)]
-        build = self._build
-        check_columns(made, [name for one in functionals for name in one.columns])
+        functionals, build = self._of_history(made), self._build
         motion = Motion(made, options, self._comm, self._memory)
         history = motion.history()
         done, middle = motion.system.counters.factorizations, time.perf_counter()
@@ -151,9 +164,7 @@ class Differentiation:
         numbers = {n: one for n, one in influences.items() if isinstance(one, NumberInfluence)}
         differences = _check(motion, linear, (functionals, found), numbers) if check else {}
         return Gradient(
-            value=motion.on_all_ranks(
-                {one.name: one.value(history) for one in functionals if history}
-            ),
+            value=_values(motion, functionals),
             gradient={one.name: own for one, own in zip(functionals, found, strict=True)},
             check=differences,
             history=history,
@@ -267,6 +278,12 @@ def tangent_motion(
     (found,) = forward(motion, linear, chosen, [along])
     derivative = dict(zip(chosen, found.T, strict=True)) if motion.system.comm.rank == 0 else {}
     return TangentMotion(motion.history(), derivative)
+
+
+def _values(motion: Motion, functionals: Sequence[Functional]) -> dict[str, float]:
+    """Values of functionals on all ranks (collective)."""
+    history = motion.history()
+    return motion.on_all_ranks({one.name: one.value(history) for one in functionals if history})
 
 
 def _check(

@@ -17,7 +17,14 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.gradient import MEMORY, SOLVED, made_of
 from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.influence import NumberInfluence
-from flexfem.gradients.motion.parameters import Build, Values, checked_values, named, plain
+from flexfem.gradients.motion.parameters import (
+    Build,
+    Values,
+    checked_values,
+    flat,
+    named,
+    plain,
+)
 from flexfem.gradients.motion.runs import forward
 from flexfem.gradients.motion.support import check_columns
 from flexfem.gradients.motion.trajectory import Motion
@@ -131,7 +138,7 @@ class _Fit:
         from scipy.optimize import least_squares
 
         most, tolerance = limits
-        begin = np.concatenate([x.ravel() for x in self._start.values()]) / self._scale
+        begin = flat(self._start, self._start) / self._scale
         found = least_squares(
             lambda x: self._of(x)[0], begin, jac=lambda x: self._of(x)[1], max_nfev=most,
             bounds=self._bounds(bounds), ftol=tolerance, xtol=tolerance, gtol=tolerance,

@@ -18,7 +18,8 @@ NUMERICAL = {
     "euler_bernoulli_body",
     "reduce_body", "assemble", "inverse_dynamics", "InverseDynamics", "describe", "Description",
     "check", "gradient", "tangent_motion", "Gradient", "TangentMotion",
-    "minimize", "Optimum", "identify", "Identification",
+    "minimize", "Optimum", "identify", "Identification", "uncertainty", "Uncertainty",
+    "jax_function", "torch_function",
 }  # fmt: skip
 RESEARCH_NUMERICAL = {
     "floating_model", "simulate_mechanism", "compare_formalisms", "ElementMatrices",

@@ -18,8 +18,8 @@ from flexfem.model.model import Model
 from flexfem.options import meant
 
 __all__ = [
-    "Build", "Values", "build_of", "build_with_options", "checked_values", "model_with",
-    "named", "parameters", "plain",
+    "Build", "Values", "build_of", "build_with_options", "checked_values", "flat",
+    "model_with", "named", "parameters", "plain",
 ]  # fmt: skip
 
 #: A model of values by name.
@@ -79,6 +79,13 @@ def named(like: Values, flat: FloatArray) -> Values:
         name: part.reshape(value.shape)
         for (name, value), part in zip(like.items(), parts, strict=True)
     }
+
+
+def flat(like: Values, given: Mapping[str, npt.ArrayLike]) -> FloatArray:
+    """All numbers (n,) of values by name, in the order of others; the inverse of :func:`named`."""
+    return np.concatenate(
+        [np.broadcast_to(given[name], value.shape).ravel() for name, value in like.items()]
+    )
 
 
 def build_of(model: Model, names: list[str]) -> tuple[Build, Values]:
