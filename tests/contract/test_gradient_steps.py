@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Gradients of motions whose steps differ: between kinks of loads, and adaptive ones."""
+"""Gradients of motions whose steps differ: between kinks and jumps of loads, and adaptive ones."""
 
 from functools import partial
 
@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from tests.contract.gradient_examples import NUMBERS, body
+from tests.contract.gradient_examples import NUMBERS, PARTS, body, mechanism
 from tests.contract.test_gradients import differences
 
 
@@ -21,11 +21,24 @@ def pushed(kind, times=(0.0013, 0.0041), **numbers):
     return model
 
 
+def switched(kind, time=0.0023, **numbers):
+    """A body with a force that is switched off, where accelerations are computed again."""
+    model = body(kind, **numbers)
+    tip = next(probe for probe in model.of(ff.PositionProbe) if probe.name == "tip").markers[0]
+    force = ff.TimeFunction(lambda t: float(t < time), [time])
+    model.add(
+        ff.PointForce("push", tip, (0.0, 1.0, 4.0), amplitude=force),
+        ff.Probe("lifted", tip, ("lifted",), lambda t, end: (end.acceleration[2],)),
+    )
+    return model
+
+
 def compare(build, numbers, of, options, accuracy, step=1e-3):
     """Adjoint, tangent, and differences of motions that end with Newton steps of 1e-13."""
     found = ff.gradient(build, of, numbers, options, accuracy=1e-13, check=True)
     own = np.array([[by[name] for name in numbers] for by in found.gradient.values()])
-    # a lead of accelerations that is left out, or put to another state, gives 1e-5 and more
+    # a lead of accelerations, or a turning of masses at a jump, that one of both lacks gives 1e-8
+    # and more
     assert max(found.check.values()) < 1e-12
     expected = differences(build, numbers, of, options, step)
     values = np.array(list(numbers.values()))
@@ -36,7 +49,7 @@ def compare(build, numbers, of, options, accuracy, step=1e-3):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("kind", ["se3", "damped"])
+@pytest.mark.parametrize("kind", [pytest.param("se3", marks=pytest.mark.slow), "damped"])
 def test_kinks_of_loads_within_steps(kind):
     options = ff.RunOptions(dt=1e-3, t_end=6e-3, tolerance=1e-13)
     of = ["final:tip_z", "mean:speed"]
@@ -57,16 +70,72 @@ def test_adaptive_steps():
     assert found.factorizations_backward == 0
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize(("kind", "time"), [("se3", 0.002), ("slider", 0.0023)])
+def test_jumps_of_loads(kind, time):
+    """At the end of a step and within it, with rows of several kinds that are differentiated."""
+    options = ff.RunOptions(dt=1e-3, t_end=4e-3, tolerance=1e-13)
+    of = ["final:tip_z", "final:lifted", "mean:speed"]
+    compare(partial(switched, kind, time), NUMBERS, of, options, 1e-8)
+
+
+@pytest.mark.serial
+def test_jumps_in_a_mechanism():
+    """Velocities that index 3 lets leave the constraints are projected, with a drive among them."""
+
+    def build(**numbers):
+        model = mechanism(**numbers)
+        force = ff.TimeFunction(lambda t: float(t < 0.0133), [0.0133])
+        model.add(ff.PointForce("kick", ff.Marker("second"), (4.0, 3.0, 40.0), amplitude=force))
+        return model
+
+    options = ff.RunOptions(dt=2e-3, t_end=0.018, tolerance=1e-13)
+    compare(build, PARTS, ["final:p_x", "final:p_z", "mean:own"], options, 2e-8)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("build", [pushed, switched])
+def test_states_that_do_not_fit(build):
+    """They are computed again, part by part and jump by jump."""
+    options = ff.RunOptions(dt=1e-3, t_end=0.012, tolerance=1e-13)
+    whole, parts = (
+        ff.gradient(
+            partial(build, "se3"), "mean:tip_z", NUMBERS, options, accuracy=1e-12, memory=most
+        )
+        for most in (2e9, 2.4e4)
+    )
+    for name, value in whole.gradient["mean:tip_z"].items():
+        # a part that is taken again with the size of a whole step is 1e-3
+        assert parts.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-8)
+
+
+@pytest.mark.serial
+def test_many_more_states_than_expected_do_not_fit():
+    """Two steps become 32: first all are kept, then each second, then each fourth."""
+    options = ff.RunOptions(
+        dt=4e-3, t_end=8e-3, tolerance=1e-13, adaptive=True, error_tolerance=1e-6
+    )
+    whole, parts = (
+        ff.gradient(
+            partial(body, "se3"), "mean:tip_z", NUMBERS, options, accuracy=1e-12, memory=most
+        )
+        for most in (2e9, 4.6e4)
+    )
+    for name, value in whole.gradient["mean:tip_z"].items():
+        assert parts.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-8)
+
+
 @pytest.mark.three_ranks
-def test_ranks_agree_on_parts_of_steps():
-    """All ranks together find what each finds by itself, and with states computed again."""
-    options = ff.RunOptions(dt=1e-3, t_end=5e-3, tolerance=1e-13, split_above=1)
-    build = partial(pushed, "se3")
-    alone = ff.gradient(
-        build, "mean:tip_z", NUMBERS, options, accuracy=1e-13, comm=MPI.COMM_SELF
-    ).gradient["mean:tip_z"]
-    for memory in (2e9, 3e4):
-        found = ff.gradient(build, "mean:tip_z", NUMBERS, options, accuracy=1e-13, memory=memory)
-        for name, value in alone.items():
-            # a share that is missing, or a part that is taken again with another size, is 1e-3
-            assert found.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-9)
+@pytest.mark.parametrize("build", [pushed, switched])
+def test_ranks_agree(build):
+    """All ranks together find what each finds by itself."""
+    options = ff.RunOptions(dt=1e-3, t_end=4e-3, tolerance=1e-13, split_above=1)
+    alone, together = (
+        ff.gradient(
+            partial(build, "se3"), "mean:tip_z", NUMBERS, options, accuracy=1e-13, comm=comm
+        )
+        for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
+    )
+    for name, value in alone.gradient["mean:tip_z"].items():
+        # a share that is missing, or counted twice, is a tenth and more
+        assert together.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-9)

@@ -32,6 +32,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.equations.node_maps import RateMaps, StepMaps, applied, transposed
 from flexfem.gradients.equations.step_tangent import (
@@ -43,8 +44,9 @@ from flexfem.gradients.equations.step_tangent import (
 from flexfem.gradients.equations.values import Equations
 from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.trajectory import Motion
+from flexfem.gradients.renewals.renewal import Renewal
 
-__all__ = ["CARRIED", "Adjoint", "Carried", "Scheme", "Tangent", "maps_of"]
+__all__ = ["Adjoint", "Scheme", "Tangent", "maps_of"]
 
 
 @dataclass(frozen=True)
@@ -80,28 +82,9 @@ class Scheme:
     @classmethod
     def of(cls, motion: Motion, step: int) -> Scheme:
         """Those of a step of a motion."""
-        taken = motion.grid.steps[step - 1]
+        taken = motion.grid.step(step)
         one = taken.scheme
         return cls(taken.h, one.beta, one.gamma, one.alpha_m, one.alpha_f)
-
-
-#: Names of what is carried from step to step.
-CARRIED = ("q", "v", "a", "w")
-
-
-@dataclass
-class Carried:
-    """Sums of all later influences on the owned nodes of a block, (n, w)."""
-
-    q: FloatArray
-    v: FloatArray
-    a: FloatArray
-    w: FloatArray
-
-    @classmethod
-    def nothing(cls, shape: tuple[int, ...]) -> Carried:
-        """Zeros."""
-        return cls(*(np.zeros(shape) for _ in range(4)))
 
 
 def maps_of(motion: Motion, step: int) -> list[StepMaps]:
@@ -168,6 +151,12 @@ class Adjoint:
                 self._early[lead.before] = [-lead.part * own.a for own in self.carried]
             for own in self.carried:
                 own.a = np.zeros_like(own.a)
+
+    def renew(self, step: int, renewal: Renewal) -> None:
+        """Go back over a part of a renewal, which is linearised (collective)."""
+        self.to_step(step)
+        self.z, self.mu = renewal.back(self.carried)
+        self.arrived = self.remembered
 
     def step(self, step: int, linear: LinearizedStep, maps: list[StepMaps]) -> None:
         """Go back over a step, at whose end the equations are linearised (collective)."""
@@ -248,7 +237,11 @@ class Tangent:
             before = self._accelerations[lead.before]
             for own, w in zip(self.carried, before, strict=True):
                 own.a = own.w + lead.part * (own.w - w)
-        self._accelerations = {state: self._accelerations[state]}
+
+    def renew(self, step: int, renewal: Renewal, changes: Equations) -> None:
+        """Go over a part of a renewal, which is linearised (collective)."""
+        renewal.ahead(self.carried, changes)
+        self._lead(step)
 
     def step(
         self, step: int, linear: LinearizedStep, maps: list[StepMaps], changes: Equations
@@ -262,6 +255,7 @@ class Tangent:
             changes: of the equations of blocks and of rows, at a fixed state.
         """
         one = Scheme.of(self._motion, step)
+        self._accelerations = {step - 1: self._accelerations[step - 1]}
         over, (forces, rows) = 1.0 / (1.0 - one.alpha_f), changes
         if (own_equations := self._motion.memories.equations(self.remembered)) is not None:
             forces = [a + b for a, b in zip(forces, own_equations[0], strict=True)]

@@ -49,7 +49,8 @@ def _check_exact(motion: Motion, linear: LinearizedStep) -> None:
     to rates, which may be zero at one of them.
     """
     differences = _Differences(motion, linear)
-    for step in sorted({1, (motion.steps + 1) // 2, motion.steps}):
+    steps = motion.grid.steps
+    for step in sorted({steps[0], steps[(len(steps) - 1) // 2], steps[-1]}):
         off = differences.smallest(step)
         worst = int(np.argmax(off))
         if not off[worst] <= _EXACT:

@@ -2,7 +2,8 @@
 """The steps that a motion took: which states they lead to, how large they are, and what is between.
 
 A gradient goes over the same steps, whose sizes count as given: those of parts of a step between
-kinks of loads, of steps that were halved after a failure, and of adaptive ones.
+kinks of loads, of steps that were halved after a failure, and of adaptive ones. Where a load jumps,
+states follow one another at the same time.
 """
 
 from __future__ import annotations
@@ -10,12 +11,12 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, field
 
-from flexfem._checks import InputError
+from flexfem.gradients.renewals.renewal import Accelerations, Projection, Renewal
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.integrators.integrator import Integrator
 from flexfem.simulation.motion.journal import Journal
 
-__all__ = ["Grid", "Lead", "Step"]
+__all__ = ["Grid", "Lead", "Move", "Step"]
 
 
 @dataclass(frozen=True)
@@ -29,6 +30,10 @@ class Step:
 
     scheme: GeneralizedAlpha
     h: float
+
+
+#: What leads to a state: a step, or one of both parts of a renewal at the same time.
+Move = Step | type[Renewal]
 
 
 @dataclass(frozen=True)
@@ -53,33 +58,47 @@ class Grid(Journal):
     Attributes:
         add: called for each new state.
         change: called where the last state changes.
+        allow: called for each state that is made consistent, to refuse it.
         main: coefficients of whole steps.
-        steps: the step to each state but the first.
+        moves: what leads to each state but the first.
         leads: changes of states by their numbers.
     """
 
     add: Callable[[], None]
     change: Callable[[], None]
+    allow: Callable[[], None]
     main: GeneralizedAlpha
-    steps: list[Step] = field(default_factory=list)
+    moves: list[Move] = field(default_factory=list)
     leads: dict[int, Lead] = field(default_factory=dict)
+
+    def step(self, state: int) -> Step:
+        """The step to a state."""
+        found = self.moves[state - 1]
+        assert isinstance(found, Step)
+        return found
+
+    @property
+    def steps(self) -> list[int]:
+        """Numbers of the states that are ends of steps."""
+        return [k for k, move in enumerate(self.moves, start=1) if isinstance(move, Step)]
+
+    def renewal(self, state: int) -> type[Renewal] | None:
+        """The part of a renewal that leads to a state; None for a step."""
+        found = self.moves[state - 1]
+        return None if isinstance(found, Step) else found
 
     def stepped(self, scheme: Integrator, h: float) -> None:
         """See :class:`Journal`."""
         assert isinstance(scheme, GeneralizedAlpha)
-        self.steps.append(Step(scheme, h))
+        self.moves.append(Step(scheme, h))
         self.add()
 
     def renewed(self) -> None:
-        """See :class:`Journal`.
-
-        Raises:
-            InputError: always, as accelerations that are computed again have no adjoint yet.
-        """
-        raise InputError(
-            "gradient: a load jumps, or has a kink just behind the end of a step, where "
-            "accelerations are computed again, which has no derivatives yet; take a smooth one"
-        )
+        """See :class:`Journal`; accelerations of the state between have no effect."""
+        self.allow()
+        for part in (Projection, Accelerations):
+            self.moves.append(part)
+            self.add()
 
     def began_parts(self) -> None:
         """See :class:`Journal`."""
@@ -90,6 +109,9 @@ class Grid(Journal):
         self._lead((self.main.alpha_m - self.main.alpha_f) * ratio)
 
     def _lead(self, part: float) -> None:
-        last = len(self.steps)
-        self.leads[last] = Lead(part, max(last - 1, 0))
+        last = len(self.moves)
+        before = last
+        if part:  # the start of the last step
+            before = max(k for k in self.steps) - 1
+        self.leads[last] = Lead(part, before)
         self.change()

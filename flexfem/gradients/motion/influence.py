@@ -25,10 +25,10 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.status import Status
+from flexfem.gradients.equations.carried import CARRIED, Carried
 from flexfem.gradients.equations.node_maps import RateMaps, applied, twists
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations, equations_at, jump
-from flexfem.gradients.motion.adjoint import CARRIED, Carried
 from flexfem.gradients.motion.direct import DirectEffect, copy_state, disturb
 from flexfem.gradients.motion.parameters import Build, Values, plain
 from flexfem.gradients.motion.trajectory import Motion, StoppedError
@@ -187,9 +187,12 @@ class NumberInfluence:
         found, numbers = [], []
         for one, sign in zip(self._pair, (1.0, -1.0), strict=True):
             found.append(_evaluated(motion, one, step))
-            numbers.append(motion.memories.moved(one, motion.end(step), 0.5 * sign * own))
+            if motion.renewal is None:
+                numbers.append(motion.memories.moved(one, motion.end(step), 0.5 * sign * own))
+            else:  # there are none
+                numbers.append(np.zeros(0))
         first, second = found
-        if not self._checked:
+        if not self._checked and motion.renewal is None:
             self._check_smooth(first, second, step)
         whole = 2.0 * self._step
         blocks = [(a - b) / whole for a, b in zip(first[0], second[0], strict=True)]
@@ -466,6 +469,10 @@ def _evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
         system.set_time(motion.times[step])
         copy_state(motion.system, system)
         return equations_at(system, _UNSCALED)
+    if motion.renewal is not None:
+        system.set_time(motion.times[step])
+        copy_state(motion.system, system)
+        return motion.renewal.equations(system)
     end = motion.end(step)
     motion.memories.recall(other, step)
     system.set_time(motion.times[step])

@@ -10,8 +10,9 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.gradients.equations.carried import CARRIED, Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.motion.adjoint import CARRIED, Adjoint, Carried, Tangent, maps_of
+from flexfem.gradients.motion.adjoint import Adjoint, Tangent, maps_of
 from flexfem.gradients.motion.columns import ColumnDerivatives, NodeSeeds, history_weights
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence
@@ -70,12 +71,16 @@ def backward(
     seed(motion.steps)
     for step in range(motion.steps, 0, -1):
         motion.go_to_end(step)
-        linear.take(motion.laws(step).shifts)
-        motion.memories.take(motion.end(step))
-        maps = maps_of(motion, step)
-        for adjoint in adjoints:
-            adjoint.step(step, linear, maps)
-        sizes[step] = sum(float((z**2).sum()) for z in adjoints[-1].z)
+        if motion.renewal is not None:
+            for adjoint in adjoints:
+                adjoint.renew(step, motion.renewal)
+        else:
+            linear.take(motion.laws(step).shifts)
+            motion.memories.take(motion.end(step))
+            maps = maps_of(motion, step)
+            for adjoint in adjoints:
+                adjoint.step(step, linear, maps)
+            sizes[step] = sum(float((z**2).sum()) for z in adjoints[-1].z)
         # the numbers of memories follow by their own equations, of the form s1 - N = 0
         factors = [(one.z, one.mu, -one.arrived) for one in adjoints[:-1]]
         sums -= np.hstack([one.products(step, factors) for one in influences.values()])
@@ -110,16 +115,20 @@ def forward(
     for step in range(motion.steps + 1):
         if step:
             motion.go_to_end(step)
-            linear.take(motion.laws(step).shifts)
-            motion.memories.take(motion.end(step))
-            maps = maps_of(motion, step)
+            if motion.renewal is None:
+                linear.take(motion.laws(step).shifts)
+                motion.memories.take(motion.end(step))
             once = {
                 id(one): one.equations(step) for own in directions for one, _ in own
             }  # each parameter's
             every = [_combined(motion, own, once) for own in directions]
             for tangent, (blocks, rows, _) in zip(tangents, every, strict=True):
-                tangent.step(step, linear, maps, (blocks, rows))
-            _arrive(motion, measured, step, (tangents, every))
+                if motion.renewal is not None:
+                    tangent.renew(step, motion.renewal, (blocks, rows))
+                else:
+                    tangent.step(step, linear, maps_of(motion, step), (blocks, rows))
+            if motion.renewal is None:
+                _arrive(motion, measured, step, (tangents, every))
         if step not in row_of:
             continue
         motion.go_to(step)

@@ -23,6 +23,7 @@ from flexfem.gradients.memory.elements import ElementMemory
 from flexfem.gradients.motion.grid import Grid
 from flexfem.gradients.motion.records import Records
 from flexfem.gradients.motion.support import check_supported
+from flexfem.gradients.renewals.renewal import Projection, Renewal
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.lie import se3, so3
 from flexfem.model.model import Model
@@ -51,7 +52,9 @@ class Motion:
         recorder: of the columns of the history.
         columns: names of the columns.
         grid: all steps, those between rows of the history among them.
-        steps: number of these.
+        steps: number of these, or rather of states besides the first one.
+        renewal: equations of the state to which :meth:`go_to_end` has gone last, if it was made
+            consistent at the same positions; None for a step.
         times: (steps + 1,) of the states, s.
         rows_at: (rows,) numbers of the states that are rows of the history.
         values: (rows, columns) of the history, on the first rank; zero on the others.
@@ -77,7 +80,9 @@ class Motion:
         check_supported_system(self)
         self.recorder = ProbeRecorder(self.system, self.simulation.serial)
         self.columns = self.recorder.columns
-        self.grid = Grid(self._add, self._change, GeneralizedAlpha(options.rho_inf))
+        main = GeneralizedAlpha(options.rho_inf)
+        self.grid = Grid(self._add, self._change, self._check_renewal, main)
+        self.renewal: Renewal | None = None
         self.measured: list[str] = []
         self.memories = Memories(
             [ElementMemory(self.system, self.state)] if self.system.constraints.has_elements else []
@@ -115,7 +120,7 @@ class Motion:
         rows_at, values = list[int](), list[FloatArray]()
 
         def record() -> None:
-            rows_at.append(len(self.grid.steps))
+            rows_at.append(len(self.grid.moves))
             self.recorder.record(simulation.time)
             values.extend(found for _, found in self.recorder.flush())
 
@@ -126,7 +131,7 @@ class Motion:
             self._advance(grid.rest(simulation.time, step), grid.time(step))
             record()
         self.rows_at: IntArray = np.array(rows_at, dtype=np.int64)
-        self.steps, self.times = len(self.grid.steps), np.array(self._records.times)
+        self.steps, self.times = len(self.grid.moves), np.array(self._records.times)
         self.values = np.zeros((len(rows_at), len(self.columns)))
         if self.system.comm.rank == 0:
             self.values[:] = values
@@ -149,8 +154,13 @@ class Motion:
 
     def _repeat(self, step: int) -> None:
         """Take a step again from the state before it."""
-        taken, end = self.grid.steps[step - 1], float(self.times[step])
-        status = self.simulation.repeat(taken.scheme, taken.h, end)
+        status, end = Status.OK, float(self.times[step])
+        renewal = self.grid.renewal(step)
+        if renewal is None:
+            taken = self.grid.step(step)
+            status = self.simulation.repeat(taken.scheme, taken.h, end)
+        elif renewal is Projection:  # and all that follows with it
+            status = self.simulation.renew()
         if status is not Status.OK:
             raise StoppedError(
                 f"gradient: the step to t = {end:.6g} s failed when it was taken again; allow "
@@ -158,12 +168,14 @@ class Motion:
             )
         if lead := self.grid.leads.get(step):
             for part in self.system.parts:
-                before = self.state(lead.before).rows[part.block.name]["acceleration"]
+                before = part.block.accelerations
+                if lead.part:
+                    before = self.state(lead.before).rows[part.block.name]["acceleration"]
                 part.block.lead_auxiliary(before, lead.part)
 
     def laws(self, step: int) -> StepLaws:
         """Coefficients of a step."""
-        taken = self.grid.steps[step - 1]
+        taken = self.grid.step(step)
         return step_laws(taken.scheme.rho_inf, taken.h)
 
     def go_to(self, step: int) -> None:
@@ -174,8 +186,12 @@ class Motion:
 
     def go_to_end(self, step: int) -> None:
         """Return to the trial state at the end of a step (collective)."""
-        system, laws = self.system, self.laws(step)
         self._records.load(step - 1, step)
+        if renewal := self.grid.renewal(step):
+            self._go_to_renewal(step, renewal)
+            return
+        self.renewal = None
+        system, laws = self.system, self.laws(step)
         self.go_to(step - 1)
         self._set_lead(step, before=True)
         system.set_time(self.times[step])
@@ -190,6 +206,13 @@ class Motion:
         rows = system.constraints
         rows.multipliers[:] = laws.shifts.scale * self.rows(step)["forces"]
         system.interface.update()
+
+    def _go_to_renewal(self, step: int, renewal: type[Renewal]) -> None:
+        """Linearise a part of a renewal at its end."""
+        self.go_to(step - 1 if renewal is Projection else step)
+        self.system.set_time(self.times[step])  # with the loads behind a jump
+        self.renewal = renewal(self.system, self.tangent, self.options.dt)
+        self.renewal.take()
 
     def _set_lead(self, step: int, *, before: bool) -> None:
         """Let loads be those just before or after a jump at a state."""
@@ -224,6 +247,23 @@ class Motion:
     def state(self, step: int) -> State:
         """The accepted state after a step."""
         return self._records.state(step)
+
+    def _check_renewal(self) -> None:
+        """Refuse to make a state consistent where that has no derivatives (collective)."""
+        system, rows = self.system, self.system.constraints
+        at = [system.time + part * self.options.dt for part in (0.01, 0.125, 0.5)]
+        found = {
+            "damping of elements": system.viscous(),
+            "friction in joints": bool(rows.frictional.any()),
+            "drives whose directions change with time": bool(rows.drives_at(at)[1].any()),
+            "memories of force elements and controllers": self.remembering,
+        }
+        for name, present in found.items():
+            if system.comm.allreduce(present, op=MPI.LOR):
+                raise InputError(
+                    f"gradient: a load jumps or has a kink at t = {system.time:.6g} s, where "
+                    f"accelerations are computed again, which has no derivatives with {name} yet"
+                )
 
 
 def check_supported_system(motion: Motion) -> None:

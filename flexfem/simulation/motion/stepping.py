@@ -326,22 +326,23 @@ class Simulation:
 
     def _jump(self) -> Status:
         """Compute accelerations and multipliers of the accepted state after a jump of loads."""
-        system = self.system
-        system.lead = self.breakpoints.lead(system.time, before=False)
-        system.reset()
-        system.set_time(system.time)
-        system.interface.update()
-        status = self._renewed()
-        system.lead, system.prediction = 0.0, Prediction.VELOCITY
+        status = self.renew()
+        self.journal.renewed()
+        self.system.prediction = Prediction.VELOCITY
         self._behind_jump = True
         self.controls.accepted(jumped=True)
         self.follow()
         return status
 
-    def _renewed(self) -> Status:
-        """Make the accepted state consistent with its positions, at which the system is."""
-        status = make_consistent(self.system, self._tangent, self.options.dt)
-        self.journal.renewed()
+    def renew(self) -> Status:
+        """Make the accepted state consistent, with the loads behind a jump (collective)."""
+        system = self.system
+        system.lead = self.breakpoints.lead(system.time, before=False)
+        system.reset()
+        system.set_time(system.time)
+        system.interface.update()
+        status = make_consistent(system, self._tangent, self.options.dt)
+        system.lead = 0.0
         return status
 
     def _through_breakpoints(self, whole: float, end: float) -> Status:
@@ -372,7 +373,8 @@ class Simulation:
             status = self._to_event(start, size, stop)
             short = 0.0 < system.time - start < _SHORT * whole
             if status is Status.OK and short and not self._behind_jump:
-                status = self._renewed()
+                status = self.renew()
+                self.journal.renewed()
             if status is Status.OK and system.time < end:
                 self.follow()
             if status is Status.OK and len(events.fired) > self._limit:

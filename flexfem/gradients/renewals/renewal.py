@@ -1,0 +1,306 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Derivatives of states that are made consistent, as after a jump of loads.
+
+Positions stay. Velocities are projected onto the constraints, ``M (v' - v) + G^T Lambda = 0`` and
+``G v' + dPhi/dt = 0``; then accelerations and forces of rows follow from ``M w + f + G^T L = 0``
+and ``d(G v')/dt = 0`` (``integrators.start``), with the laws of forces at the state. Both are
+linear in what they determine, with the symmetric matrix of masses and constraints, so that their
+adjoint is one more solve with it. Derivatives by positions are those of ``gradients.equations``,
+with accelerations ``v' - v`` without velocities for the first equations; those of rates of rows by
+positions are in ``gradients.renewals.row_paths``.
+"""
+
+from __future__ import annotations
+
+from abc import ABC, abstractmethod
+from collections.abc import Sequence
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.status import Status
+from flexfem.gradients.equations.carried import Carried
+from flexfem.gradients.equations.node_maps import StepMaps, applied, transposed
+from flexfem.gradients.equations.step_tangent import (
+    POSITIONS,
+    VELOCITIES,
+    BlockVectors,
+    StepTangent,
+    put_steps,
+)
+from flexfem.gradients.equations.values import Equations, equations_at
+from flexfem.gradients.renewals.row_paths import RowPaths
+from flexfem.integrators.start import drives, project_velocities, second_rates
+from flexfem.solvers.linear.tangent import TangentSolver
+from flexfem.system.mechanics import END_POINT
+from flexfem.system.system import MASS, Shifts, System
+
+__all__ = ["Accelerations", "Projection", "Renewal"]
+
+_SINGULAR = "gradient: masses and constraints are singular where a load jumps"
+#: Changes of velocities, m/s and so on, with which their effect on the equations is as large as
+#: that of stiff bodies, from which it is told by a difference: it is linear in them.
+_LARGE = 1e6
+#: Equations at a state, not scaled.
+_AT_STATE = Shifts(velocity=1.0, acceleration=1.0, scale=1.0)
+
+
+class UnsolvableError(RuntimeError):
+    """The matrix of masses and constraints is singular."""
+
+
+class Renewal(ABC):
+    """One of both systems of equations, linearised by :meth:`take`."""
+
+    _paths: RowPaths
+    _maps: list[StepMaps]
+
+    def __init__(self, system: System, solver: TangentSolver, dt: float) -> None:
+        """Store them; ``dt`` (s) is the span over which drives are differentiated."""
+        self._system, self._solver, self._dt = system, solver, dt
+
+    @abstractmethod
+    def take(self) -> None:
+        """Linearise, with the system at its accepted state and loads as they are then on."""
+
+    @abstractmethod
+    def equations(self, system: System) -> Equations:
+        """Equations of a system at the trial state of :meth:`take` (collective)."""
+
+    def back(self, carried: Sequence[Carried]) -> Equations:
+        """Go back in place; returns factors of the equations (collective)."""
+        found = self._back(carried)
+        self._to_trial()
+        return found
+
+    def ahead(self, carried: Sequence[Carried], changes: Equations) -> None:
+        """Go ahead in place, with changes of the equations at a fixed state (collective)."""
+        self._ahead(carried, changes)
+        self._to_trial()
+
+    @abstractmethod
+    def _to_trial(self) -> None:
+        """Return to the trial state of :meth:`take`."""
+
+    @abstractmethod
+    def _back(self, carried: Sequence[Carried]) -> Equations:
+        """See :meth:`back`; the system is left at any trial state."""
+
+    @abstractmethod
+    def _ahead(self, carried: Sequence[Carried], changes: Equations) -> None:
+        """See :meth:`ahead`; the system is left at any trial state."""
+
+    def _factor(self) -> None:
+        """Factorise masses and constraints at the trial state, whose rows are evaluated."""
+        self._solver.assemble(MASS)
+        self._system.counters.mass_factorizations += 1
+        if not self._solver.factor():
+            raise UnsolvableError(_SINGULAR)
+
+    def _solved(self, blocks: BlockVectors, rows: FloatArray) -> tuple[BlockVectors, FloatArray]:
+        """Solve with them."""
+        if not self._solver.solve(blocks, rows):
+            raise UnsolvableError(_SINGULAR)
+        found = [part.block.owned_step.copy() for part in self._system.parts]
+        return found, self._solver.multiplier_step.copy()
+
+    def _take_maps(self) -> None:
+        self._maps = [StepMaps.of(p.block, p.block.frames) for p in self._system.parts]
+
+    def _local(self, rates: Sequence[FloatArray]) -> BlockVectors:
+        """Rates of increments in local axes."""
+        return [
+            by.hold(applied(by.by_increment, x)) for by, x in zip(self._maps, rates, strict=True)
+        ]
+
+    def _from_rates(self, sums: Sequence[FloatArray]) -> BlockVectors:
+        """Sums of influences of rates of increments as those of rates in local axes."""
+        return [by.hold(transposed(by.inverse, x)) for by, x in zip(self._maps, sums, strict=True)]
+
+    def _to_rates(self, sums: Sequence[FloatArray]) -> BlockVectors:
+        """The contrary."""
+        return [
+            transposed(by.by_increment, by.hold(x)) for by, x in zip(self._maps, sums, strict=True)
+        ]
+
+    def _to_state(self) -> None:
+        """Return from any trial state to the accepted one, with its rows evaluated."""
+        self._system.reset()
+        self._system.interface.update()
+        self._system.constraints.evaluate(_AT_STATE.dynamics)
+
+
+class Projection(Renewal):
+    """Velocities on the constraints.
+
+    The trial state has the new velocities, their changes as accelerations, and impulses of rows as
+    multipliers.
+    """
+
+    def take(self) -> None:
+        """See :class:`Renewal`."""
+        system, rows = self._system, self._system.constraints
+        self._to_state()
+        if project_velocities(system, self._solver, self._dt, np.zeros(rows.size)) is not Status.OK:
+            raise UnsolvableError(_SINGULAR)
+        self._changes = [part.block.step.copy() for part in system.parts]
+        self._impulses = self._solver.multiplier_step.copy()
+        for part in system.parts:
+            part.block.start()
+        self._take_maps()
+        self._to_state()
+        self._paths = RowPaths(system, 1, rows.rates())
+        sizes = [float(np.abs(x).max(initial=0.0)) for x in (*self._changes, self._impulses)]
+        size = system.comm.allreduce(max(sizes), op=MPI.MAX)
+        self._scale = _LARGE / size if size > 0.0 else 1.0
+        self._still, self._moving = StepTangent(system), StepTangent(system)
+        for tangent, factor in ((self._still, 0.0), (self._moving, self._scale)):
+            self._set(0.0, factor)
+            tangent.take(_AT_STATE)
+        self._to_trial()
+
+    def _set(self, speed: float, factor: float) -> None:
+        """Set the trial state, with parts of the velocities and of their changes."""
+        self._to_state()
+        for part, own in zip(self._system.parts, self._changes, strict=True):
+            part.block.velocity *= speed
+            part.block.acceleration[:] = factor * own
+        self._system.constraints.multipliers[:] = factor * self._impulses
+        self._system.interface.update()
+
+    def _to_trial(self) -> None:
+        """See :class:`Renewal`."""
+        self._set(1.0, 1.0)
+
+    def equations(self, system: System) -> Equations:
+        """See :class:`Renewal`."""
+        rows = system.constraints
+        system.interface.update()
+        _, rates = drives(system, self._dt)
+        _mass_times(system, [p.block.acceleration.copy() for p in system.parts])
+        system.add_constraint_forces(rows.multipliers * rows.rigid)
+        blocks = [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
+        return blocks, rates * rows.rigid
+
+    def _back(self, carried: Sequence[Carried]) -> Equations:
+        """See :class:`Renewal`."""
+        z, mu = self._solved(
+            self._from_rates([own.v for own in carried]), np.zeros(self._system.constraints.size)
+        )
+        turned, _ = self._paths.transposed(mu)
+        self._to_state()
+        with_changes, _ = self._moving.apply_transposed(z, 0.0 * mu, POSITIONS)
+        without, _ = self._still.apply_transposed(z, 0.0 * mu, POSITIONS)
+        momenta = self._to_rates(_mass_times(self._system, z))
+        for own, by, *moves, momentum in zip(
+            carried, self._maps, with_changes, without, turned, momenta, strict=True
+        ):
+            own.q -= by.hold((moves[0] - moves[1]) / self._scale + moves[2])
+            own.v = momentum
+        return z, mu
+
+    def _ahead(self, carried: Sequence[Carried], changes: Equations) -> None:
+        """See :class:`Renewal`."""
+        q = [own.q for own in carried]
+        nothing, (forces, rows) = np.zeros(self._system.constraints.size), changes
+        turning = self._paths.changes(q, [np.zeros_like(one) for one in q])
+        self._to_state()
+        with_changes, _ = self._moving.apply(q, nothing, POSITIONS)
+        without, _ = self._still.apply(q, nothing, POSITIONS)
+        momenta = _mass_times(self._system, self._local([own.v for own in carried]))
+        total = [
+            a - (b - c) / self._scale - d
+            for a, b, c, d in zip(momenta, with_changes, without, forces, strict=True)
+        ]
+        found, _ = self._solved(total, -(rows + turning) * self._system.constraints.rigid)
+        for own, by, x in zip(carried, self._maps, found, strict=True):
+            own.v = by.hold_rates(applied(by.inverse, x))
+
+
+class Accelerations(Renewal):
+    """Accelerations and forces of rows at given velocities."""
+
+    def take(self) -> None:
+        """See :class:`Renewal`."""
+        system, rows = self._system, self._system.constraints
+        for part in system.parts:
+            part.block.lead_auxiliary(part.block.accelerations, 0.0)
+        self._to_state()
+        self._take_maps()
+        rates = rows.second_rates() + _along_accelerations(system)
+        self._paths = RowPaths(system, 2, rates)
+        self._to_trial()
+        self._tangent = StepTangent(system)
+        self._tangent.take(_AT_STATE)
+        self._factor()
+
+    def _to_trial(self) -> None:
+        """See :class:`Renewal`."""
+        self._to_state()
+        rows = self._system.constraints
+        rows.multipliers[:] = rows.forces
+
+    def equations(self, system: System) -> Equations:
+        """See :class:`Renewal`."""
+        rows = system.constraints
+        blocks, laws = equations_at(system, _AT_STATE)
+        values, _ = drives(system, self._dt)
+        rates = second_rates(system, self._dt, values) + _along_accelerations(system)
+        return blocks, np.where(rows.rigid, rates, laws)
+
+    def _back(self, carried: Sequence[Carried]) -> Equations:
+        """See :class:`Renewal`."""
+        system, rows = self._system, self._system.constraints
+        z, mu = self._solved(
+            self._from_rates([own.a + own.w for own in carried]), np.zeros(rows.size)
+        )
+        turned, slowed = self._paths.transposed(mu)
+        self._to_state()
+        put_steps(system, z)
+        moves = rows.changes(system.interface.steps)
+        laws = ~rows.rigid & (rows.compliance > 0.0)
+        by_laws = np.divide(moves, rows.compliance, out=np.zeros(rows.size), where=laws)
+        by_q, _ = self._tangent.apply_transposed(z, by_laws, POSITIONS)
+        by_v, _ = self._tangent.apply_transposed(z, by_laws, VELOCITIES)
+        for own, by, *q, v, slow in zip(
+            carried, self._maps, by_q, turned, by_v, slowed, strict=True
+        ):
+            own.q -= by.hold(q[0] + q[1])
+            own.v -= by.hold_rates(transposed(by.by_increment, v) + slow)
+            own.a, own.w = np.zeros_like(own.a), np.zeros_like(own.w)
+        return z, np.where(rows.rigid, mu, by_laws)
+
+    def _ahead(self, carried: Sequence[Carried], changes: Equations) -> None:
+        """See :class:`Renewal`."""
+        q, v = [own.q for own in carried], [own.v for own in carried]
+        rows, nothing = self._system.constraints, np.zeros(self._system.constraints.size)
+        turning = self._paths.changes(q, v)
+        self._to_state()
+        by_q = self._tangent.apply(q, nothing, POSITIONS)
+        by_v = self._tangent.apply(self._local(v), nothing, VELOCITIES)
+        total = [-a - b - c for a, b, c in zip(changes[0], by_q[0], by_v[0], strict=True)]
+        left = changes[1] + np.where(rows.rigid, turning, by_q[1] + by_v[1])
+        found, _ = self._solved(total, -left)
+        for own, by, x in zip(carried, self._maps, found, strict=True):
+            own.w = by.hold_rates(applied(by.inverse, x))
+            own.a = own.w.copy()
+
+
+def _along_accelerations(system: System) -> FloatArray:
+    """Part of the second rates (r,) of rows that the local accelerations have (collective)."""
+    put_steps(
+        system, [p.block.acceleration[: p.block.owned, : p.block.width] for p in system.parts]
+    )
+    return system.constraints.changes(system.interface.steps)
+
+
+def _mass_times(system: System, steps: Sequence[FloatArray]) -> BlockVectors:
+    """Masses times local twists (n_owned, w) of each block (collective)."""
+    put_steps(
+        system,
+        [own[: p.block.owned, : p.block.width] for p, own in zip(system.parts, steps, strict=True)],
+    )
+    END_POINT.multiply_mass(system, 1.0)
+    return [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
