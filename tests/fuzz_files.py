@@ -28,6 +28,7 @@ import flexfem as ff
 from flexfem.control.fmu import FmuLaw
 from flexfem.core.state import Numbering, State
 from flexfem.io import read_history, read_summary
+from flexfem.io.evaluations import read_evaluations
 from flexfem.io.hdf5 import checkpoint
 from flexfem.io.hdf5 import reduced_body as reduced_body_file
 from flexfem.io.hdf5.arrays import PlainFile
@@ -200,6 +201,7 @@ _BINARY_STL = bytes(80) + struct.pack("<I", 9) + 9 * struct.pack("<12fH", *range
 _OBJ = "# a\nv 0 0 0\nv 1 0 0 1.0\nv 1 1 0 0.1 0.2 0.3\nv 0 1e-1 0\nf 1 2 3 4\nf -1/1 -3/2/3 2//1\n"
 _HISTORY = "t,tip_x,tip_y\n0.0,1.0,2.0\n0.1,1.5,-2e-3\n0.2,nan,inf\n"
 _SUMMARY = '{"status": "ok", "steps": 3, "results": {"x": 1.5, "y": null}, "warnings": ["a"]}\n'
+_OPTIMISATION = '{"functions": ["a", "b"]}\n' + 3 * "[[1.5, 2], [0.1, 3], [[1, 2e-3], [3, 4]]]\n"
 _WORDS_XML = (
     b"<!DOCTYPE r [<!ENTITY a 'b'>]>", b"<a>" * 100, b'<mimic joint="hip"/>', b"<!--", b"<![CDATA[",
     b'<?xml version="1.0" encoding="utf-16"?>', b"&#0;", b"&lt;", b"</link>", b"<link name='a'/>",
@@ -239,6 +241,12 @@ READERS = {
     "fmu": Reader(".fmu", _fmu_files, _fmu, _WORDS_XML),
     "history": Reader(".csv", lambda: _texts(_HISTORY), read_history, (b"1,2", b"t,t")),
     "summary": Reader(".json", lambda: _texts(_SUMMARY), read_summary, (b"[" * 5000, b"{", b"NaN")),
+    "optimisation": Reader(
+        ".jsonl",
+        lambda: _texts(_OPTIMISATION),
+        read_evaluations,
+        (b"[" * 5000, b"{}", b"[[1],[1],[[NaN]]]"),
+    ),
     "checkpoint": Reader(".h5", _checkpoints, _checkpoint),
     "reduced": Reader(".h5", _reduced, _reduced_body),
 }

@@ -14,15 +14,37 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.gradients.gradient import Differentiation
+from flexfem.gradients.methods import Task, method_of
 from flexfem.gradients.motion.functionals import Functional
-from flexfem.gradients.motion.parameters import Build, Values, checked_values, named, plain
+from flexfem.gradients.motion.parameters import (
+    Build,
+    Values,
+    checked_values,
+    flat,
+    named,
+    plain,
+)
 from flexfem.gradients.states.analyses import Options
+from flexfem.io.atomic import raise_together
+from flexfem.io.evaluations import (
+    Evaluation,
+    append_evaluation,
+    read_evaluations,
+    write_evaluations,
+)
 from flexfem.io.tables.table import write_table
 
 __all__ = ["Optimum", "minimize"]
 
+#: File of all evaluations.
+_FILE = "optimisation.jsonl"
+#: Relative difference of two motions that count as the same, such as those on other ranks.
+_SAME = 1e-6
+#: Part of its limit by which a constraint may be exceeded at the best point.
+_SLACK = 1e-6
 #: A cost of the parameters themselves: its value, and its derivatives by name.
 Cost = Callable[..., tuple[float, Mapping[str, npt.ArrayLike]]]
 #: A functional with the least and the largest value that is allowed, None for none.
@@ -63,12 +85,14 @@ def minimize(
     method: str | None = None,
     most: int = 100,
     tolerance: float = 1e-10,
+    ks_rho: float | None = None,
     output: Path | str | None = None,
+    restart: Path | str | None = None,
     comm: MPI.Intracomm | None = None,
 ) -> Optimum:
-    """Minimise a number of a motion, of equilibria or of modes by ``scipy.optimize``.
+    """Minimise a number of a motion, of equilibria or of modes (collective).
 
-    All ranks call it; each iteration of the method takes one motion and its adjoint::
+    Each iteration of the method takes one motion and its adjoint::
 
         found = ff.minimize(build, "rms:deflection", {"damping": 10.0}, options)
 
@@ -78,27 +102,42 @@ def minimize(
         start: values of all parameters to begin with, numbers or arrays (n,).
         options: of the motions, the equilibria or the modes.
         bounds: least and largest value of parameters by name, None for none.
-        constraints: functionals with their bounds; they need the method SLSQP.
+        constraints: functionals with their bounds, such as ``("ks:stress", None, 2e8)``.
         cost: a number to be added that depends on the parameters alone: takes them by name and
             returns it with its derivatives by name.
         scale: changes of parameters that are alike; their sizes at the start by default.
-        method: "L-BFGS-B", or "SLSQP", which is the default with constraints.
-        most: largest number of gradients.
+        method: "L-BFGS-B", which has no constraints, "SLSQP", which is the default with them (of
+            SciPy), "MMA" (``pip install flexfem[nlopt]``) for many parameters and constraints, or
+            "IPOPT" (``flexfem[ipopt]``).
+        most: largest number of gradients, those of ``restart`` among them.
         tolerance: relative change of the objective at which the method ends.
-        output: folder of ``optimisation.csv``, with a row for each gradient; None for none.
+        ks_rho: of "ks", one over the unit of the column.
+        output: folder of ``optimisation.csv``, with a row for each gradient, and of
+            ``optimisation.jsonl``, from which it can go on; None for none.
+        restart: file ``optimisation.jsonl`` of one that was interrupted, with the same model and
+            options: gradients that are in it are not computed again, so that the same method goes
+            the same way and on.
         comm: communicator, all ranks by default.
 
     Raises:
-        InputError, TypeError, ValueError: as :func:`gradient`; a name that is no parameter.
+        InputError, TypeError, ValueError: as :func:`gradient`; a name that is no parameter; a file
+            of other functions, parameters, models or options.
+        InstallationError: the package of the method is missing.
         StoppedError: a motion failed.
-        OSError: the table cannot be written.
+        OSError: the files cannot be written.
     """
     values = checked_values(start)
-    problem = _Problem(build, (objective, constraints), values, options, comm)
+    solve = method_of(method, constrained=bool(constraints))
+    of = [objective, *(one for one, *_ in constraints)]
+    problem = _Problem(Differentiation(build, of, options, ks_rho=ks_rho, comm=comm), values, comm)
     problem.cost, problem.most = cost, most
     problem.scale = _scales(values, scale or {})
     problem.output = None if output is None else Path(output)
-    return problem.solved(method, _limits(values, bounds or {}), tolerance)
+    limits = _limits(values, bounds or {})
+    if restart is not None:
+        problem.remember(Path(restart))
+    between = [(low, high) for _, low, high in constraints]
+    return problem.solved(solve, limits, between, tolerance)
 
 
 class _EnoughError(Exception):
@@ -114,94 +153,133 @@ class _Problem:
     output: Path | None
 
     def __init__(
-        self, build: Build, wanted: tuple[str | Functional, Sequence[Constraint]], values: Values,
-        options: Options, comm: MPI.Intracomm | None,
-    ) -> None:  # fmt: skip
-        objective, constraints = wanted
-        self._start = values
-        self._between = [(low, high) for _, low, high in constraints]
-        of = [objective, *(one for one, *_ in constraints)]
-        self._differentiation = Differentiation(build, of, options, comm=comm)
+        self, analysis: Differentiation, values: Values, comm: MPI.Intracomm | None
+    ) -> None:
+        self._analysis, self._start = analysis, values
+        self._names = [one.name for one in analysis.functionals]
         self._comm = comm or MPI.COMM_WORLD
-        self._last: tuple[bytes, FloatArray, FloatArray] | None = None
-        self._best: tuple[float, FloatArray] | None = None
+        self._kept = False  # there is a file of this run
+        #: Evaluations without the cost by parameters, and with it by scaled ones.
+        self._known: dict[bytes, Evaluation] = {}
+        self._seen: dict[bytes, tuple[FloatArray, FloatArray]] = {}
+        self._best: tuple[tuple[float, float], FloatArray] | None = None
+        self._task: Task
         self.history: list[dict[str, float]] = []
 
-    def solved(self, method: str | None, limits: Values, tolerance: float) -> Optimum:
-        """Call the method."""
-        from scipy.optimize import Bounds
-        from scipy.optimize import minimize as scipy_minimize
+    def remember(self, path: Path) -> None:
+        """Take evaluations from a file, of which the first is compared (collective).
 
-        method = method or ("SLSQP" if self._between else "L-BFGS-B")
-        if method not in ("L-BFGS-B", "SLSQP") or (self._between and method != "SLSQP"):
-            known = '"SLSQP"' if self._between else '"L-BFGS-B" or "SLSQP"'
-            raise ValueError(f"minimize: method must be {known}, got {_checks.show(method)}")
+        Raises:
+            InputError: on all ranks, if the file is not one of this minimisation.
+        """
+        found, error = None, None
+        if self._comm.rank == 0:
+            try:
+                found = read_evaluations(path)
+            except InputError as problem:
+                error = problem
+        raise_together(self._comm, error)
+        names, rows = self._comm.bcast(found)
+        size = sum(value.size for value in self._start.values())
+        if names != self._names or any(len(row.at) != size for row in rows):
+            raise InputError(
+                f"minimize: restart '{path}' is of {_checks.show(', '.join(names))} by "
+                f"{len(rows[0].at) if rows else 0} numbers, not of {', '.join(self._names)} by "
+                f"{size}"
+            )
+        for row in rows[:1]:
+            values = self._analysis.value(named(self._start, row.at))
+            for name, there in zip(names, row.values, strict=True):
+                if abs(values[name] - there) > _SAME * abs(there):
+                    raise InputError(
+                        f"minimize: restart '{path}' is of another model or other options: {name} "
+                        f"is {there:.6g} there, {values[name]:.6g} here"
+                    )
+        self._known = {row.at.tobytes(): row for row in rows}
+
+    def solved(
+        self, method: Callable[[Task], tuple[FloatArray, bool, str]], limits: Values,
+        between: Sequence[tuple[float | None, float | None]], tolerance: float,
+    ) -> Optimum:  # fmt: skip
+        """Call the method."""
         low, high = (self._flat(limits, k) for k in range(2))
         begin = self._flat(self._start, None)
-        options = {"maxiter": self.most, "ftol": tolerance}
-        if method == "L-BFGS-B":
-            options |= {"maxfun": self.most, "gtol": 0.0}
+        self._task = Task(self._of, begin, low, high, between, self.most, tolerance)
         try:
-            found = scipy_minimize(
-                lambda x: self._of(x)[0][0], begin, jac=lambda x: self._of(x)[1][0],
-                bounds=Bounds(low, high), constraints=self._constraints(), method=method,
-                options=options,
-            )  # fmt: skip
-            success, message = bool(found.success), str(found.message)
-            best = found.x
+            best, success, message = method(self._task)
         except _EnoughError:
-            success, message = False, f"{self.most} gradients were computed"
             assert self._best is not None
             best = self._best[1]
+            success, message = False, f"{self.most} gradients were computed"
         value = self._of(best, again=True)[0][0]
         return Optimum(
             plain(self._named(best)), float(value), len(self.history), success, message,
             self.history,
         )  # fmt: skip
 
-    def _constraints(self) -> list[dict[str, Any]]:
-        """Inequalities of ``scipy.optimize``, each at least zero."""
-        found = []
-        for k, (low, high) in enumerate(self._between, 1):
-            for limit, sign in ((low, 1.0), (high, -1.0)):
-                if limit is not None:
-                    found.append({
-                        "type": "ineq",
-                        "fun": lambda x, k=k, at=limit, s=sign: s * (self._of(x)[0][k] - at),
-                        "jac": lambda x, k=k, s=sign: s * self._of(x)[1][k],
-                    })  # fmt: skip
-        return found
-
     def _of(self, x: FloatArray, *, again: bool = False) -> tuple[FloatArray, FloatArray]:
         """Values (k,) and derivatives (k, n) of objective and constraints (collective)."""
         key = np.ascontiguousarray(x).tobytes()
-        if self._last is not None and self._last[0] == key:
-            return self._last[1:]
+        if key in self._seen:
+            return self._seen[key]
         if len(self.history) >= self.most and not again:
             raise _EnoughError
         current = self._named(x)
-        found = self._differentiation.at(current)
-        names = [one.name for one in self._differentiation.functionals]
-        values = np.array([found.value[name] for name in names])
-        slopes = np.array([self._scaled(found.gradient[name]) for name in names])
+        found = self._evaluated(current)
+        values = found.values.copy()
+        slopes = np.array([self._scaled(named(self._start, row)) for row in found.slopes])
         if self.cost is not None:
             more, by = self.cost(**plain(current))
             values[0] += more
             slopes[0] += self._scaled(by)
-        self._last = key, values, slopes
-        if self._best is None or values[0] < self._best[0]:
-            self._best = float(values[0]), np.array(x)
-        self._record(
-            {"objective": float(values[0])} | dict(zip(names[1:], values[1:], strict=True))
-        )
+        self._seen[key] = values, slopes
+        merit = (max(self._task.violation(values) - _SLACK, 0.0), float(values[0]))
+        if self._best is None or merit < self._best[0]:
+            self._best = merit, np.array(x)
+        self._record(dict(zip(["objective", *self._names[1:]], values.tolist(), strict=True)))
         return values, slopes
 
+    def _evaluated(self, current: Values) -> Evaluation:
+        """Values and derivatives by parameters, without the cost (collective)."""
+        at = flat(self._start, current)
+        if at.tobytes() not in self._known:
+            found = self._analysis.at(current)
+            new = Evaluation(
+                at, np.array([found.value[name] for name in self._names]),
+                np.array([flat(self._start, found.gradient[name]) for name in self._names]),
+            )  # fmt: skip
+            self._known[at.tobytes()] = new
+            self._keep(new)
+        return self._known[at.tobytes()]
+
+    def _keep(self, new: Evaluation) -> None:
+        """Add an evaluation to the file from which a minimisation can go on (collective)."""
+
+        def write(folder: Path) -> None:
+            if self._kept:
+                append_evaluation(folder / _FILE, new)
+            else:
+                write_evaluations(folder / _FILE, self._names, list(self._known.values()))
+
+        self._written(write)
+        self._kept = True
+
     def _record(self, row: dict[str, float]) -> None:
-        """Add a row to the history and to its table."""
+        """Add a row to the history and to its table (collective)."""
         self.history.append(row)
-        if self.output is not None and self._comm.rank == 0:
-            self.output.mkdir(parents=True, exist_ok=True)
-            write_table(self.output / "optimisation.csv", self.history)
+        self._written(lambda folder: write_table(folder / "optimisation.csv", self.history))
+
+    def _written(self, write: Callable[[Path], None]) -> None:
+        """Write into the folder, on the first rank; all ranks raise its error (collective)."""
+        if self.output is None:
+            return
+        error = None
+        if self._comm.rank == 0:
+            try:
+                write(self.output)
+            except OSError as problem:
+                error = problem
+        raise_together(self._comm, error)
 
     def _named(self, x: FloatArray) -> Values:
         """Values by name of scaled parameters."""
@@ -210,19 +288,13 @@ class _Problem:
 
     def _scaled(self, by: Mapping[str, npt.ArrayLike]) -> FloatArray:
         """Derivatives by scaled parameters, (n,); those that are missing are zero."""
-        return np.concatenate([
-            np.broadcast_to(by.get(name, 0.0), value.shape).ravel() * self.scale[name].ravel()
-            for name, value in self._start.items()
-        ])  # fmt: skip
+        every = {name: by.get(name, 0.0) for name in self._start}
+        return flat(self._start, every) * flat(self._start, self.scale)
 
     def _flat(self, values: Values, column: int | None) -> FloatArray:
         """Scaled parameters (n,) of values, or of a column of limits."""
-        return np.concatenate([
-            np.broadcast_to(
-                values[name] if column is None else values[name][column], value.shape
-            ).ravel() / self.scale[name].ravel()
-            for name, value in self._start.items()
-        ])  # fmt: skip
+        chosen = {n: x if column is None else x[column] for n, x in values.items()}
+        return flat(self._start, chosen) / flat(self._start, self.scale)
 
 
 def _scales(values: Values, given: Mapping[str, npt.ArrayLike]) -> Values:

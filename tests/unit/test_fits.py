@@ -1,16 +1,20 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Minimisation over parameters and identification: an oscillator with closed forms."""
 
+import sys
+
 from mpi4py import MPI
 
 import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.io.evaluations import read_evaluations
 from tests.histories import columns
 from tests.unit.refusals import assert_on_page
 
 MASS, OPTIONS = 2.0, ff.RunOptions(dt=0.01, t_end=0.6, rho_inf=1.0)
+COARSE = ff.RunOptions(dt=0.02, t_end=0.5, rho_inf=1.0)
 
 
 def oscillator(damping, stiffness=400.0) -> ff.Model:
@@ -57,6 +61,107 @@ def test_minimum_with_a_constraint_and_a_cost(shared_tmp_path):
         assert lines[0] == "objective,min:x"
 
 
+def braked(damping):
+    """With a column for the deflection below zero."""
+    model = oscillator(damping)
+    model.add(ff.Probe("under", ff.Marker("bob"), ("below",), lambda t, s: (1.0 - s.position[0],)))
+    return model
+
+
+def cheapest(*, build=braked, of=("ks:below", None, 0.02), start=30.0, **more):
+    """The weakest damper with which the mass overshoots by no more than is allowed."""
+    return ff.minimize(
+        build, ff.Functional("none", (), lambda h: 0.0, lambda h: np.zeros((0, len(h["t"])))),
+        {"damping": start}, COARSE, constraints=[of], ks_rho=2000.0, tolerance=1e-8,
+        cost=lambda damping: (damping, {"damping": 1.0}), **more,
+    )  # fmt: skip
+
+
+@pytest.mark.parametrize(
+    ("method", "package"), [("SLSQP", "scipy"), ("MMA", "nlopt"), ("IPOPT", "cyipopt")]
+)
+def test_constraint_over_all_times(method, package):
+    """A smooth maximum, which is below the largest value by log(26)/2000 at most."""
+    pytest.importorskip(package)
+    found = cheapest(method=method)
+    assert found.success
+    below = columns(ff.simulate(braked(found.values["damping"]), COARSE))["below"]
+    smooth = below.max() + np.log(np.exp(2000.0 * (below - below.max())).mean()) / 2000.0
+    # the bound is active, and is that of the smooth maximum: the largest value is 10 % more
+    assert smooth == pytest.approx(0.02, rel=1e-4)
+    assert 0.021 < below.max() < 0.02 + np.log(26) / 2000.0
+
+
+def test_best_of_few_gradients_keeps_the_constraint():
+    """Of points that keep it the best one, although others are better without it."""
+    found = cheapest(start=45.0, most=4)
+    kept = [row for row in found.history if row["ks:below"] <= 0.02 * (1.0 + 1e-6)]
+    assert 0 < len(kept) < len(found.history)
+    assert found.value == min(row["objective"] for row in kept)
+
+
+def test_interrupted_minimisation_goes_on(shared_tmp_path):
+    """The way is the same to the last digit, and no gradient is computed twice."""
+    straight = cheapest(output=shared_tmp_path / "straight")
+    built, folder = [], shared_tmp_path / "folder"
+
+    def stopped(damping):
+        built.append(damping)
+        if len(built) == 8:  # in the third gradient, each of which takes a model and two beside it
+            raise KeyboardInterrupt
+        return braked(damping)
+
+    with pytest.raises(KeyboardInterrupt):
+        cheapest(build=stopped, output=folder)
+    built.clear()
+
+    def counted(damping):
+        built.append(damping)
+        return braked(damping)
+
+    on = cheapest(build=counted, output=folder, restart=folder / "optimisation.jsonl")
+    assert on.values == straight.values
+    assert on.history == straight.history
+    # the first evaluation is compared
+    assert len(built) == 1 + 3 * (len(on.history) - 2)
+    if MPI.COMM_WORLD.rank == 0:
+        texts = [one.read_text() for one in shared_tmp_path.glob("*/optimisation.jsonl")]
+        assert texts[0] == texts[1]
+        broken = folder / "broken.jsonl"  # ended in the middle of a line
+        broken.write_text(texts[0][:-10])
+        assert len(read_evaluations(broken)[1]) == len(on.history) - 1
+    MPI.COMM_WORLD.Barrier()
+
+
+def test_file_of_another_minimisation(shared_tmp_path):
+    file = shared_tmp_path / "optimisation.jsonl"
+    cheapest(most=1, output=shared_tmp_path)
+    refused = [
+        (
+            {"build": lambda damping: oscillator(damping, 410.0), "of": ("min:x", -0.02, None)},
+            "is of 'none, ks:below' by 1 numbers, not of none, min:x by 1",
+        ),
+        (
+            {"build": lambda damping: braked(1.01 * damping)},
+            "is of another model or other options: ks:below is",
+        ),
+    ]
+    for given, text in refused:
+        with pytest.raises(ValueError, match=r"^minimize: restart '") as raised:
+            cheapest(**given, restart=file)
+        assert text in str(raised.value)
+        assert_on_page(str(raised.value))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("method", "package"), [("MMA", "nlopt"), ("IPOPT", "cyipopt")])
+def test_methods_whose_package_is_missing(method, package, monkeypatch):
+    monkeypatch.setitem(sys.modules, package, None)
+    with pytest.raises(ImportError, match=f"^{package} is not installed, but required") as raised:
+        cheapest(method=method)
+    assert_on_page(str(raised.value))
+
+
 def test_most_gradients():
     found = ff.minimize(oscillator, "integral:square", {"damping": 12.0}, OPTIONS, most=2)
     assert not found.success
@@ -93,7 +198,13 @@ WRONG = [
     (lambda: _minimize(bounds={"mass": (0, 1)}), 'bounds names "mass", which is no parameter'),
     (lambda: _minimize(bounds={"damping": (20, 30)}), "damping must lie within its bounds"),
     (lambda: _minimize(scale={"damping": -1.0}), "scale of damping must be positive, got"),
-    (lambda: _minimize(method="BFGS"), 'method must be "L-BFGS-B" or "SLSQP", got'),
+    (lambda: _minimize(method="BFGS"),
+     'method must be one of "L-BFGS-B", "SLSQP", "MMA", "IPOPT", got'),
+    (lambda: _minimize(method="L-BFGS-B", constraints=[("min:x", 0.0, None)]),
+     'method must be one of "SLSQP", "MMA", "IPOPT", got'),
+    (lambda: _minimize(objective="ks:x"), "gradient: ks:x needs a positive ks_rho, got None"),
+    (lambda: _minimize(restart="nowhere"), "optimisation 'nowhere': No such file"),
+    (lambda: _minimize(restart=__file__), "holds no evaluations of an optimisation"),
     (lambda: _identify({}), "give measured values of a column at least"),
     (lambda: _identify({"x": [1.0]}), "x has 61 rows, got 1 values"),
     (lambda: _identify({"x": [1.0]}, noise={"v": 1.0}), 'noise names "v", which is not measured'),
@@ -113,7 +224,9 @@ def _identify(measured, **more):
 @pytest.mark.serial
 @pytest.mark.parametrize(("make", "text"), WRONG, ids=[text[:20] for _, text in WRONG])
 def test_wrong_arguments(make, text):
-    with pytest.raises(ValueError, match=r"^(misfit|minimize|identify): ") as raised:
+    with pytest.raises(
+        ValueError, match=r"^(misfit|minimize|identify|gradient|optim\w+)\b"
+    ) as raised:
         make()
     assert text in str(raised.value)
     assert "\n" not in str(raised.value)
