@@ -93,6 +93,29 @@ def test_jumps_in_a_mechanism():
     compare(build, PARTS, ["final:p_x", "final:p_z", "mean:own"], options, 2e-8)
 
 
+def doubled(**numbers):
+    """A body with a second hinge and a second pin beside the first ones."""
+    model, root, tip = (
+        switched("se3", **numbers),
+        ff.Marker("rod", "start"),
+        ff.Marker("rod", "end"),
+    )
+    model.add(
+        ff.Revolute("hinge_again", ff.Ground(), root, axis=(0.0, 1.0, 0.0)),
+        ff.Spherical("pin_again", tip, ff.Marker("bob", offset=(-0.05, 0.0, 0.0))),
+    )
+    return model
+
+
+@pytest.mark.serial
+def test_redundant_constraints():
+    """Their compliance is relative to the mass of the model, and so to two of the numbers."""
+    options = ff.RunOptions(
+        dt=1e-3, t_end=4e-3, tolerance=1e-13, redundant_constraints="least_norm"
+    )
+    compare(doubled, NUMBERS, ["final:tip_z", "mean:speed"], options, 1e-8)
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize("build", [pushed, switched])
 def test_states_that_do_not_fit(build):

@@ -47,7 +47,6 @@ def check_supported(model: Model, options: RunOptions) -> None:
             )
     chosen = {
         "integrator": "generalized_alpha", "linear_solver": "direct",
-        "redundant_constraints": "refuse",
     }  # fmt: skip
     for name, value in chosen.items():
         given = getattr(options, name)

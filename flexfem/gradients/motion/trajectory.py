@@ -273,7 +273,6 @@ def check_supported_system(motion: Motion) -> None:
     found = {
         "friction of cables": bool(len(rows.wrapped_rows)),
         "stops and other unilateral forces": bool(rows.unilateral.any()) or rows.split,
-        "redundant constraints": rows.relaxation != 0.0,
         "internal variables of elements": system.remembering,
         "initial strains that change with time": system.timed,
         "dampers of modes": system.modal_dampers is not None,

@@ -182,7 +182,7 @@ class Projection(Renewal):
         _mass_times(system, [p.block.acceleration.copy() for p in system.parts])
         system.add_constraint_forces(rows.multipliers * rows.rigid)
         blocks = [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
-        return blocks, rates * rows.rigid
+        return blocks, (rates - rows.relaxation * rows.multipliers) * rows.rigid
 
     def _back(self, carried: Sequence[Carried]) -> Equations:
         """See :class:`Renewal`."""
@@ -248,6 +248,7 @@ class Accelerations(Renewal):
         blocks, laws = equations_at(system, _AT_STATE)
         values, _ = drives(system, self._dt)
         rates = second_rates(system, self._dt, values) + _along_accelerations(system)
+        rates -= rows.relaxation * rows.multipliers
         return blocks, np.where(rows.rigid, rates, laws)
 
     def _back(self, carried: Sequence[Carried]) -> Equations:
