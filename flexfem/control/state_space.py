@@ -25,6 +25,7 @@ class StateSpace:
     Attributes:
         A, B, C, D: (n, n), (n, m), (p, n), (p, m).
         y0, u0: (m,) and (p,) measurements and outputs at the operating point.
+        initial: (n,) x at the start.
         state: (n,) x.
     """
 
@@ -34,7 +35,8 @@ class StateSpace:
     D: FloatArray
     y0: FloatArray
     u0: FloatArray
-    state: FloatArray = field(repr=False)
+    initial: FloatArray
+    state: FloatArray = field(init=False, repr=False)
 
     def __init__(
         self,
@@ -64,7 +66,10 @@ class StateSpace:
         self.y0 = _checks.array("StateSpace", "y0", np.zeros(m) if y0 is None else y0, (m,))
         self.u0 = _checks.array("StateSpace", "u0", np.zeros(p) if u0 is None else u0, (p,))
         x = np.zeros(states) if initial is None else initial
-        self.state = np.zeros(0) if empty else _checks.array("StateSpace", "initial", x, (states,))
+        self.initial = (
+            np.zeros(0) if empty else _checks.array("StateSpace", "initial", x, (states,))
+        )
+        self.state = self.initial.copy()
 
     def discretised(self, sample_time: float, method: str = "bilinear") -> "StateSpace":
         """The discrete law of ``u = u0 + C x + D (y - y0)``, ``x' = A x + B (y - y0)``.

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Gradients of motions that carry more than their nodes from step to step."""
 
+from dataclasses import replace
 from functools import partial
 
 from mpi4py import MPI
@@ -55,6 +56,63 @@ def rope(every, *, stiffness, viscosity, slip, mass, kick) -> ff.Model:
     return model
 
 
+#: Numbers of a controlled arm: of each law, and of what they measure.
+ARM = {
+    "gain": 30.0, "integral": 20.0, "limit": 5.0, "filter": 0.1, "spring": 4.0, "damper": 0.5,
+    "inertia": 0.3, "mass": 1.0, "kick": 0.6, "offset": 0.1,
+}  # fmt: skip
+
+
+def arm(
+    *, gain, integral, limit, filter, spring, damper, inertia, mass, kick, offset
+) -> ff.Model:  # fmt: skip
+    """Two arms with controllers of all kinds: sampled ones on loads, and continuous ones.
+
+    These measure a load's motion, accelerations, and what actuators follow at once.
+    """
+    model, hinge = ff.Model("arm"), ff.Marker("arm", offset=(-0.5, 0.0, 0.0))
+    middle, end = (ff.Marker("arm", offset=(offset, 0.0, z)) for z in (0.0, 0.1))
+    fore, elbow = ff.Marker("fore"), ff.Marker("arm", offset=(0.5, 0.0, 0.0))
+    joint = ff.Marker("fore", offset=(-0.2, 0.0, 0.0))
+    turn = {"axis": (0.0, 1.0, 0.0)}
+
+    def seen(t, state):
+        return state.position[2], state.velocity[2], state.acceleration[0]
+
+    compensator = ff.StateSpace(
+        [[0.9, 0.05], [-0.1, 0.8]], [[1.0, filter], [0.0, 1.0]], [[2.0, 1.0]], [[-9.0, -1.0]],
+        y0=[0.3, 0.0], u0=[3.0], initial=[filter, 0.0],
+    )  # fmt: skip
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.RigidBody(
+            "arm", mass, (0.1, 0.2, 0.3), position=(0.5, 0.0, 0.0),
+            velocity=(0.0, 0.0, -0.5 * kick), angular_velocity=(0.0, kick, 0.0),
+        ),
+        ff.RigidBody("fore", 0.3, (0.01, 0.02, 0.03), position=(1.2, 0.0, 0.0)),
+        ff.Revolute("shoulder", ff.Ground(), hinge, **turn),
+        ff.Revolute("joint", elbow, joint, **turn),
+        ff.Actuator("motor", ff.Ground(), hinge, **turn),
+        ff.Actuator("drive", elbow, joint, **turn),
+        ff.PointForce("lift", middle, (0.0, 0.0, 1.0)),
+        ff.PointForce("push", fore, (0.0, 0.0, 1.0)),
+        ff.PointMoment("twist", fore, (0.0, 1.0, 0.0)),
+        ff.Probe("middle", middle, ("z", "vz", "ax"), seen),
+        ff.Probe("end", end, ("ez", "evz", "eax"), seen),
+        ff.PositionProbe("tip", ff.Marker("fore", offset=(0.2, 0.1, 0.0))),
+        ff.Controller(
+            "servo", ["z"], ["lift"],
+            ff.PID(gain, integral, 2.0, setpoint=0.3, filter_time=0.01, upper=limit),
+        ),
+        ff.Controller("damper", ["z", "evz"], ["push"], compensator, sample_time=0.008),
+        ff.Controller("cosine", ["ez"], ["twist"], lambda t, y: np.cos(spring * y[0]) * (1.0 + t)),
+        ff.Controller("follower", ["ez", "evz"], ["motor"],
+                      lambda t, y: -spring * y[0] - damper * y[1] * abs(y[1])),
+        ff.Controller("mass", ["eax"], ["drive"], lambda t, y: -inertia * y[0]),
+    )  # fmt: skip
+    return model
+
+
 STEPS = ff.RunOptions(dt=4e-3, t_end=0.02, tolerance=1e-13)
 
 
@@ -65,12 +123,32 @@ def test_states_of_force_elements(every):
     compare(partial(rope, every), ROPE, ["final:tip_x", "mean:tip_z"], STEPS, 1e-8)
 
 
+@pytest.mark.serial
+def test_controllers():
+    """The output of a law without its derivatives by measurements is wrong by 1e-2 and more."""
+    compare(arm, ARM, ["final:tip_x", "mean:tip_z"], STEPS, 1e-7)
+
+
+@pytest.mark.serial
+def test_controllers_with_few_states_in_memory():
+    """Steps that are taken again with other held outputs cannot be recovered."""
+    one = {"gain": ARM["gain"]}
+    build, options = (lambda gain: arm(**{**ARM, "gain": gain})), replace(STEPS, t_end=0.08)
+    full, few = (
+        ff.gradient(build, "final:tip_z", one, options, memory=memory).gradient["final:tip_z"]
+        for memory in (1e9, 5e4)
+    )
+    assert few["gain"] == pytest.approx(full["gain"], rel=1e-9)
+
+
 @pytest.mark.three_ranks
-@pytest.mark.parametrize("build", [partial(rope, "iteration")], ids=["rope"])
-def test_ranks_agree(build):
+@pytest.mark.parametrize(
+    ("build", "numbers"), [(partial(rope, "iteration"), ROPE), (arm, ARM)], ids=["rope", "arm"]
+)
+def test_ranks_agree(build, numbers):
     """A state that two ranks have, counted twice, is a tenth and more."""
     alone, together = (
-        ff.gradient(build, "final:tip_z", ROPE, STEPS, accuracy=1e-13, comm=comm, check=True)
+        ff.gradient(build, "final:tip_z", numbers, STEPS, accuracy=1e-13, comm=comm, check=True)
         for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
     )
     # adjoint and tangent are transposes of each other, to rounding

@@ -69,6 +69,40 @@ def _unsupported():
     )
 
 
+def _counted(t, y, calls=[0]):  # noqa: B006
+    calls[0] += 1
+    return 0.1 * calls[0] + y[0]
+
+
+class _Hidden:
+    """A law that does not keep all its memory in its state."""
+
+    state = np.zeros(1)
+
+    def __init__(self):
+        self.total = 0.0
+
+    def update(self, t, y):
+        self.total += y[0]
+        return self.total
+
+
+@pytest.mark.parametrize(
+    ("law", "input", "text"),
+    [
+        (_Hidden(), "tip_z", 'Controller "servo": law does not return the same again at t ='),
+        (_counted, "tip_z", 'Controller "servo": law does not return the same again at t ='),
+        (lambda t, y: np.sin(1e12 * y[0]), "tip_z", "law has a kink or jumps at t ="),
+        (lambda t, y: y[0], "energy_kinetic", 'column "energy_kinetic" of EnergyProbe'),
+    ],
+)
+def test_controllers_without_derivatives(law, input, text):
+    """A memory that is not carried would leave out its part of the gradient."""
+    push = ff.PointForce("push", BOB, (0.0, 1.0, 0.0))
+    servo = ff.Controller("servo", [input], ["push"], law, sample_time=OPTIONS.dt)
+    _refused(text, model=_model(push, ff.EnergyProbe(), servo))
+
+
 @pytest.mark.parametrize("number", range(2))
 def test_unsupported_parts(number):
     text, things = list(_unsupported())[number]

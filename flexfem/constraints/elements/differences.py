@@ -3,6 +3,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from math import inf
 
@@ -12,7 +13,7 @@ from flexfem._faults import FAILURES
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.laws import ElementLaw, ElementMotion
 
-__all__ = ["exact_derivatives", "law_derivatives"]
+__all__ = ["central", "exact_derivatives", "law_derivatives", "suited_step"]
 
 #: Steps of one-sided and of central differences, relative where a size is known.
 _STEP, _CENTRAL = 1e-7, 1e-5
@@ -76,31 +77,50 @@ def exact_derivatives(
     units = _units(motion, sizes)
 
     def found(step: float) -> FloatArray:
-        columns: list[FloatArray] = []
-        for k, unit in enumerate((step * units).tolist()):
-            parts = [
-                weight / unit * _moved(law, elements, motion, z, k, part * unit)
-                for part, weight in _STENCIL
-            ]
-            columns.append(np.sum(parts, axis=0))
-        return np.stack(columns, axis=2)
+        return central(
+            lambda k, size: _moved(law, elements, motion, z, k, size), (step * units).tolist()
+        )
 
-    if step is not None:
-        return found(step), step
+    if step is None:
+        step, _ = suited_step(found)
+    return found(step), step
+
+
+def central(moved: Callable[[int, float], FloatArray], sizes: Sequence[float]) -> FloatArray:
+    """Derivatives (..., n) by central differences of fourth order.
+
+    Args:
+        moved: values of a function where a quantity, by its number, has changed by a size.
+        sizes: (n,) steps of the quantities.
+    """
+    columns: list[FloatArray] = []
+    for k, size in enumerate(sizes):
+        parts = [weight / size * moved(k, part * size) for part, weight in _STENCIL]
+        columns.append(np.sum(parts, axis=0))
+    return np.stack(columns, axis=-1)
+
+
+def suited_step(found: Callable[[float], FloatArray]) -> tuple[float, float]:
+    """Step of differences that suits a function, and their relative error with it.
+
+    Args:
+        found: derivatives by differences with a step.
+    """
     least, chosen, longer = inf, _FINE[-1], None
     for shorter in (*_FINE, 0.1 * _FINE[-1]):
         try:
             values = found(shorter)
-        except FAILURES:  # the law may not exist so far away
+        except FAILURES:  # the function may not exist so far away
             continue
         if longer is not None:
-            off = float(np.abs(values - longer).max()) / (float(np.abs(values).max()) or 1.0)
+            off = float(np.abs(values - longer).max(initial=0.0))
+            off /= float(np.abs(values).max(initial=0.0)) or 1.0
             if off < least:
                 least, chosen = off, 10.0 * shorter
             if off <= _SUITS:
                 break
         longer = values
-    return found(chosen), chosen
+    return chosen, least
 
 
 def _units(motion: ElementMotion, sizes: FloatArray) -> FloatArray:

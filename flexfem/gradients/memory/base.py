@@ -44,8 +44,10 @@ class Memory:
 
     Attributes:
         owned: (n,) numbers that count on this rank; others are those of another rank.
+        measured: names of columns of the motion that they follow.
     """
 
+    measured: Sequence[str] = ()
     owned: BoolArray = np.zeros(0, dtype=np.bool_)
 
     def start(self, simulation: Simulation) -> FloatArray:

@@ -5,6 +5,7 @@ from collections.abc import Iterable
 
 from flexfem._checks import InputError
 from flexfem.analyses.dynamics import RunOptions
+from flexfem.control.fmu import FmuLaw
 from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
 from flexfem.options import meant
@@ -38,13 +39,21 @@ def check_supported(model: Model, options: RunOptions) -> None:
         InputError: naming it.
     """
     for kind, things in (
-        ("Event", model.events), ("Controller", model.controllers), ("Contact", model.contacts),
+        ("Event", model.events), ("Contact", model.contacts),
         ("ModalDamping", model.modal_dampings),
     ):  # fmt: skip
         if things:
             raise InputError(
                 f'gradient: {kind} "{things[0].name}" has no derivatives yet; leave it out'
             )
+    for controller in model.controllers:
+        if isinstance(controller.law, FmuLaw):
+            raise InputError(
+                f'gradient: FmuController "{controller.name}" has no derivatives, as its FMU keeps '
+                "its states to itself; leave it out"
+            )
+        measured = [probe.columns[k] for probe, k in controller.measured(model)]
+        check_columns(model, measured)
     chosen = {
         "integrator": "generalized_alpha", "linear_solver": "direct",
     }  # fmt: skip

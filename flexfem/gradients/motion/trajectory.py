@@ -18,7 +18,8 @@ from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.gradients.equations.node_maps import rotations
-from flexfem.gradients.memory.base import Memories, StepEnd
+from flexfem.gradients.memory.base import Memories, Memory, StepEnd
+from flexfem.gradients.memory.controllers import ControllerMemory, recall
 from flexfem.gradients.memory.elements import ElementMemory
 from flexfem.gradients.motion.grid import Grid
 from flexfem.gradients.motion.records import Records
@@ -59,7 +60,8 @@ class Motion:
         rows_at: (rows,) numbers of the states that are rows of the history.
         values: (rows, columns) of the history, on the first rank; zero on the others.
         memories: what is carried from step to step beside the nodes.
-        measured: names of the columns that controllers measure.
+        measured: names of the columns that these follow.
+        known: state of the controllers after each step.
     """
 
     def __init__(
@@ -83,11 +85,20 @@ class Motion:
         main = GeneralizedAlpha(options.rho_inf)
         self.grid = Grid(self._add, self._change, self._check_renewal, main)
         self.renewal: Renewal | None = None
-        self.measured: list[str] = []
-        self.memories = Memories(
-            [ElementMemory(self.system, self.state)] if self.system.constraints.has_elements else []
-        )
+        # what controllers know after each step
+        self.known: list[dict[str, FloatArray]] = []
+        self.memories = Memories(self._memories())
+        self.measured = [name for one in self.memories.parts for name in one.measured]
         self._run(TimeGrid.of(options.dt, options.t_end), memory)
+
+    def _memories(self) -> list[Memory]:
+        """What there is to carry."""
+        found: list[Memory] = []
+        if self.system.constraints.has_elements:
+            found.append(ElementMemory(self.system, self.state))
+        if len(self.simulation.controls):
+            found.append(ControllerMemory(self))
+        return found
 
     @property
     def model(self) -> Model:
@@ -143,10 +154,15 @@ class Motion:
             raise StoppedError(
                 f"gradient: the step to t = {end:.6g} s failed ({status.value}); take smaller steps"
             )
+        self.known[-1] = self._knowledge()  # with the samples at its end
+
+    def _knowledge(self) -> dict[str, FloatArray]:
+        return {name: values.copy() for name, values in self.simulation.controls.state().items()}
 
     def _add(self) -> None:
         """Record the accepted state."""
         self._records.add(self.system.state(), self.simulation.time)
+        self.known.append(self._knowledge())
 
     def _change(self) -> None:
         """Record it again."""
@@ -158,6 +174,7 @@ class Motion:
         renewal = self.grid.renewal(step)
         if renewal is None:
             taken = self.grid.step(step)
+            recall(self.simulation, self.known[step - 1])
             status = self.simulation.repeat(taken.scheme, taken.h, end)
         elif renewal is Projection:  # and all that follows with it
             status = self.simulation.renew()
@@ -182,6 +199,7 @@ class Motion:
         """Return to the accepted state after a step (collective)."""
         self._records.load(step)
         self._set_lead(step, before=False)
+        recall(self.simulation, self.known[step])
         self.system.restore(self._records.state(step))
 
     def go_to_end(self, step: int) -> None:

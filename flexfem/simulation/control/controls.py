@@ -31,7 +31,7 @@ from flexfem.simulation.control.feedback import DrivenActuator, FeedbackLaw, fee
 from flexfem.simulation.control.measurements import Measurements
 from flexfem.system.system import System
 
-__all__ = ["Controls", "Outputs", "driven_model"]
+__all__ = ["ContinuousLoop", "Controls", "Loop", "Outputs", "SampledLoop", "driven_model"]
 
 #: Values of all outputs of a model at a time (s), one after the other.
 Outputs = Callable[[float], FloatArray]
@@ -75,10 +75,11 @@ def _driven_load(load: Load, number: int, outputs: Outputs | None) -> Load:
     return changed
 
 
-class _Loop:
+class Loop:
     """One controller during a run."""
 
     def __init__(self, controller: Controller) -> None:
+        """Store the controller."""
         self.controller = controller
         self.owner = f'{type(controller).__name__} "{controller.name}"'
         self.count = len(controller.outputs)
@@ -111,10 +112,11 @@ class _Loop:
         return values
 
 
-class _Continuous(_Loop):
+class ContinuousLoop(Loop):
     """A function of the time and of extrapolated measurements."""
 
     def __init__(self, controller: Controller, step: float) -> None:
+        """Store the controller; ``step`` (s) is that of the run's grid."""
         super().__init__(controller)
         self._least = _SHORT * step
         self.law: FeedbackLaw | None = None  # where it acts implicitly
@@ -123,6 +125,7 @@ class _Continuous(_Loop):
         self._at, self._outputs = np.nan, np.zeros(self.count)
 
     def note(self, t: float, y: FloatArray, jumped: bool) -> None:
+        """Take the time (s) and measurements of an accepted state, see `Controls.accepted`."""
         if jumped or not len(self._last):
             self._before = np.empty(0)
         elif t - self._last[0] >= self._least:
@@ -133,7 +136,7 @@ class _Continuous(_Loop):
 
     @property
     def implicit(self) -> bool:
-        """See :attr:`_Loop.implicit`."""
+        """See :attr:`Loop.implicit`."""
         return self.law is not None and self.law.follows
 
     def feedback(self, model: Model) -> dict[str, DrivenActuator]:
@@ -155,7 +158,12 @@ class _Continuous(_Loop):
             raise ReturnError(f"law returned {found} at t = {t:.6g} s")
         return outputs
 
+    def impose(self, t: float, outputs: FloatArray) -> None:
+        """Let other outputs act at time ``t`` (s), until the next accepted or restored state."""
+        self._at, self._outputs = t, outputs
+
     def outputs(self, t: float) -> FloatArray:
+        """Outputs at time ``t`` (s) by measurements extrapolated from accepted states."""
         if not len(self._last):
             return self._outputs
         if t != self._at:
@@ -172,18 +180,25 @@ class _Continuous(_Loop):
         return self._outputs
 
     def state(self) -> dict[str, FloatArray]:
+        """Time and measurements at the last accepted state, and at one before it."""
         return {"last": self._last, "before": self._before}
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
+        """Restore a result of :meth:`state`."""
         self._last, self._before, self._at = state["last"], state["before"], np.nan
         if self.law is not None and len(self._last):
             self.law.previous = self._last[1:].copy()
 
 
-class _Sampled(_Loop):
+class SampledLoop(Loop):
     """A law called once per sample on the first rank, with a zero-order hold of its outputs."""
 
     def __init__(self, controller: Controller, step: float) -> None:
+        """Copy the law; ``step`` (s) is that of the run's grid.
+
+        Raises:
+            InputError: the sample time is no multiple of the step, or the law cannot be copied.
+        """
         super().__init__(controller)
         self._span = controller.sample_time or step
         ratio = self._span / step
@@ -221,16 +236,23 @@ class _Sampled(_Loop):
         if isinstance(self._law, SampledLaw):
             self._law.state = memory
 
+    def impose(self, t: float, outputs: FloatArray) -> None:
+        """Hold other outputs, until the next sample or restored state."""
+        self.held = outputs
+
     def outputs(self, t: float) -> FloatArray:
+        """Outputs that are held."""
         return self.held
 
     def state(self) -> dict[str, FloatArray]:
+        """Number of the next sample, held outputs and the state of the law."""
         memory = np.empty(0)
         if isinstance(self._law, SampledLaw):
             memory = np.asarray(self._law.state, dtype=np.float64)
         return {"next": np.array([self._next]), "held": self.held, "law": memory}
 
     def restore(self, state: Mapping[str, FloatArray], first: bool) -> None:
+        """Restore a result of :meth:`state`; ``first``: on the first rank, which calls the law."""
         (self._next,), self.held = counts("next", state["next"]), state["held"]
         if first and isinstance(self._law, SampledLaw):
             self._law.state = state["law"]
@@ -241,6 +263,8 @@ class Controls:
 
     Attributes:
         columns: names of all outputs in the history.
+        loops: controllers during the motion.
+        inputs: for each of them, (n,) numbers of its measurements in ``measured``.
     """
 
     def __init__(self, model: Model, step: float) -> None:
@@ -249,8 +273,8 @@ class Controls:
         Raises:
             InputError: a sample time is no multiple of the step, or a law cannot be copied.
         """
-        self._loops = [
-            (_Sampled if controller.sampled else _Continuous)(controller, step)
+        self.loops: list[SampledLoop | ContinuousLoop] = [
+            (SampledLoop if controller.sampled else ContinuousLoop)(controller, step)
             for controller in model.controllers
         ]
         self.columns = [c for controller in model.controllers for c in controller.columns]
@@ -258,13 +282,13 @@ class Controls:
 
     def __len__(self) -> int:
         """Number of controllers."""
-        return len(self._loops)
+        return len(self.loops)
 
     def actuators(self, model: Model) -> dict[str, Joint]:
         """The driven actuators of a model by name."""
         found: dict[str, Joint] = {}
-        for loop in self._loops:
-            if isinstance(loop, _Continuous):
+        for loop in self.loops:
+            if isinstance(loop, ContinuousLoop):
                 found.update(loop.feedback(model))
         names = [output for controller in model.controllers for output in controller.outputs]
         for joint in model.joints:
@@ -274,37 +298,42 @@ class Controls:
 
     def outputs(self, t: float) -> FloatArray:
         """All outputs that act at time ``t`` (s), one after the other."""
-        if not self._loops:
+        if not self.loops:
             return self._nothing
-        return np.concatenate([loop.outputs(t) for loop in self._loops])
+        return np.concatenate([loop.outputs(t) for loop in self.loops])
 
     @property
     def explicit(self) -> list[str]:
         """Actuators and loads, by class and name, whose outputs follow accepted states."""
-        return [name for loop in self._loops if not loop.implicit for name in loop.driven]
+        return [name for loop in self.loops if not loop.implicit for name in loop.driven]
 
     def explicit_outputs(self, t: float) -> FloatArray:
         """Their outputs at time ``t`` (s)."""
-        found = [loop.outputs(t) for loop in self._loops if not loop.implicit]
+        found = [loop.outputs(t) for loop in self.loops if not loop.implicit]
         return np.concatenate([self._nothing, *found])
 
     def attach(self, system: System, serial: NumberedModel) -> None:
         """Set up the measurements (collective)."""
         self._system = system
-        measured = [loop.controller.measured(serial.model) for loop in self._loops]
+        measured = [loop.controller.measured(serial.model) for loop in self.loops]
         probes = {probe.name: probe for part in measured for probe, _ in part}
         often = [
             probe.name
-            for loop, part in zip(self._loops, measured, strict=True)
-            if isinstance(loop, _Continuous)
+            for loop, part in zip(self.loops, measured, strict=True)
+            if isinstance(loop, ContinuousLoop)
             for probe, _ in part
         ]
         self._measurements = Measurements(system, serial, list(probes.values()), often)
         columns = self._measurements.columns
-        self._inputs: list[IntArray] = [
+        self.inputs: list[IntArray] = [
             np.array([columns.index(probe.columns[k]) for probe, k in part], dtype=np.int64)
             for part in measured
         ]
+
+    @property
+    def measured(self) -> list[str]:
+        """Names of all columns that are measured; their values are a part of :meth:`state`."""
+        return self._measurements.columns
 
     def start(self) -> None:
         """Measure at the start and compute the first outputs (collective).
@@ -326,11 +355,11 @@ class Controls:
 
     def accepted(self, jumped: bool = False) -> None:
         """Measure at an accepted state (collective); ``jumped``: velocities may have changed."""
-        if not self._loops:
+        if not self.loops:
             return
         self._measurements.accepted()
-        for loop, inputs in zip(self._loops, self._inputs, strict=True):
-            if isinstance(loop, _Continuous):
+        for loop, inputs in zip(self.loops, self.inputs, strict=True):
+            if isinstance(loop, ContinuousLoop):
                 loop.note(self._system.time, self._measurements.values[inputs], jumped)
 
     def sample(self) -> None:
@@ -341,8 +370,8 @@ class Controls:
         t, comm = self._system.time, self._system.comm
         due = [
             (loop, inputs)
-            for loop, inputs in zip(self._loops, self._inputs, strict=True)
-            if isinstance(loop, _Sampled) and loop.due(t)
+            for loop, inputs in zip(self.loops, self.inputs, strict=True)
+            if isinstance(loop, SampledLoop) and loop.due(t)
         ]
         if not due:
             return
@@ -354,7 +383,7 @@ class Controls:
             for (loop, _), held in zip(due, found, strict=True):
                 loop.take(t, held)
 
-    def _called(self, due: Sequence[tuple[_Sampled, IntArray]], t: float) -> list[FloatArray]:
+    def _called(self, due: Sequence[tuple[SampledLoop, IntArray]], t: float) -> list[FloatArray]:
         """Outputs of laws; None if one fails, and all laws are restored."""
         found, before = [], [loop.memory() for loop, _ in due]
         for loop, inputs in due:
@@ -369,29 +398,29 @@ class Controls:
 
     def not_finite(self, t: float) -> str | None:
         """The first controller whose outputs are not finite."""
-        for loop in self._loops:
+        for loop in self.loops:
             if not np.isfinite(loop.outputs(t)).all():
                 return f"{loop.owner}: the output is not finite"
         return None
 
     def state(self) -> dict[str, FloatArray]:
         """Return the memory of all controllers (collective)."""
-        own = self._measurements.state() if self._loops else {}
-        for k, loop in enumerate(self._loops):
+        own = self._measurements.state() if self.loops else {}
+        for k, loop in enumerate(self.loops):
             own |= {f"controls_{k}_{name}": value for name, value in loop.state().items()}
         return own
 
     def restore(self, state: Mapping[str, FloatArray]) -> None:
         """Restore outputs and memories of a result of :meth:`state`."""
-        for k, loop in enumerate(self._loops):
+        for k, loop in enumerate(self.loops):
             own = {name: state[f"controls_{k}_{name}"] for name in loop.state()}
-            if isinstance(loop, _Sampled):
+            if isinstance(loop, SampledLoop):
                 loop.restore(own, self._system.comm.rank == 0)
             else:
                 loop.restore(own)
 
     def resume(self, state: Mapping[str, FloatArray]) -> None:
         """Restore the measurements after the system has been restored (collective)."""
-        if self._loops:
+        if self.loops:
             self._measurements.restore(state["controls_angles"], state["controls_sums"])
             self.sample()  # one that failed is still due

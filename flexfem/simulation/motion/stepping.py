@@ -298,8 +298,8 @@ class Simulation:
         self._scheme.accept(self.system, size)
         self.system.time = end
         self.steps += 1
-        self.journal.stepped(self._scheme, size)
         self.controls.accepted()
+        self.journal.stepped(self._scheme, size)
         if values is not None:
             self.events.passed(values)
         if not self.breakpoints.lead(end, before=False):

@@ -1,0 +1,367 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What controllers carry from step to step: held outputs, states of laws, and measurements.
+
+A sampled law carries its outputs, which act until the next sample, and its own state. A continuous
+one that cannot act implicitly carries the measurements of the last two states, from which it is
+called for the end of a step. Laws are differentiated by central differences of fourth order, which
+are exact for linear ones; their outputs act linearly in the equations of a step.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+from typing import Protocol
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._faults import FAILURES
+from flexfem._types import FloatArray, IntArray
+from flexfem.constraints.elements.differences import central, suited_step
+from flexfem.gradients.equations.step_tangent import BlockVectors
+from flexfem.gradients.equations.values import Equations, equations_at
+from flexfem.gradients.memory.base import Memory, StepEnd
+from flexfem.simulation.control.controls import ContinuousLoop, SampledLoop
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.system import System
+
+__all__ = ["ControllerMemory", "recall"]
+
+#: Differences of outputs, over their sizes or one: equations are linear in them.
+_FAR = 1024.0
+#: Relative error of differences from which on a law has no derivative, and deviation of results of
+#: the same arguments.
+_KINK, _AGAIN = 1e-5, 1e-12
+
+
+class Controlled(Protocol):
+    """A motion with controllers.
+
+    Attributes:
+        simulation: its simulation.
+        times: of its states, s.
+        known: state of the controllers after each step.
+    """
+
+    simulation: Simulation
+    times: FloatArray
+    known: list[dict[str, FloatArray]]
+
+    @property
+    def system(self) -> System:
+        """System of the simulation."""
+        ...
+
+
+@dataclass(frozen=True)
+class _Loop:
+    """A controller that carries s numbers, with p outputs and m measurements.
+
+    Attributes:
+        number: in the controls.
+        inputs: (m,) numbers of its measurements there.
+        places: (m,) in the measured columns of the memory.
+        numbers: its place in the carried numbers.
+    """
+
+    number: int
+    inputs: IntArray
+    places: IntArray
+    numbers: slice
+
+
+@dataclass(frozen=True)
+class _Linear:
+    """Derivatives of a loop over a step.
+
+    Attributes:
+        outputs: (p, s) of those that act in it by the numbers before it.
+        numbers: (s, s) of the numbers after it by those before it.
+        columns: (s, m) by the measurements at its accepted state.
+    """
+
+    outputs: FloatArray
+    numbers: FloatArray
+    columns: FloatArray
+
+
+class ControllerMemory(Memory):
+    """Numbers of all controllers whose outputs follow accepted states, on the first rank."""
+
+    def __init__(self, motion: Controlled) -> None:
+        """Find them.
+
+        Args:
+            motion: at its start.
+        """
+        self._motion, self._comm = motion, motion.system.comm
+        controls = motion.simulation.controls
+        chosen = [(k, one) for k, one in enumerate(controls.loops) if not one.implicit]
+        used = sorted({int(i) for k, _ in chosen for i in controls.inputs[k]})
+        self.measured = [controls.measured[i] for i in used]
+        self._loops, end = list[_Loop](), 0
+        for k, _ in chosen:
+            inputs, start = controls.inputs[k], end
+            end += len(_start(motion.simulation, k))
+            places = np.searchsorted(used, inputs)
+            self._loops.append(_Loop(k, inputs, places, slice(start, end)))
+        self.owned = np.full(end if self._comm.rank == 0 else 0, True)
+        self._known: tuple[int, list[_Linear]] = 0, []
+        self._effects: list[Equations] = []
+
+    def start(self, simulation: Simulation) -> FloatArray:
+        """See :class:`Memory`."""
+        if self._comm.rank:
+            return np.zeros(0)
+        return np.concatenate(
+            [np.zeros(0), *(_start(simulation, loop.number) for loop in self._loops)]
+        )
+
+    def take(self, end: StepEnd) -> None:
+        """See :class:`Memory`."""
+        self._linear(end.number)
+        system, controls = self._motion.system, self._motion.simulation.controls
+        t, self._effects = float(self._motion.times[end.number]), []
+        for loop in self._loops:
+            one = controls.loops[loop.number]
+            given = one.outputs(t)
+            for j in range(one.count):
+                by = _FAR * max(1.0, abs(float(given[j])))
+                found = []
+                for sign in (1.0, -1.0):
+                    moved = given.copy()
+                    moved[j] += sign * by
+                    one.impose(t, moved)
+                    system.set_time(t)
+                    found.append(equations_at(system, end.shifts))
+                blocks = [(a - b) / (2.0 * by) for a, b in zip(*(x[0] for x in found), strict=True)]
+                self._effects.append((blocks, (found[0][1] - found[1][1]) / (2.0 * by)))
+            one.impose(t, given)
+        system.set_time(t)
+        equations_at(system, end.shifts)
+
+    def equations(self, change: FloatArray) -> Equations:
+        """See :class:`Memory`."""
+        system, moved = self._motion.system, np.zeros(len(self._effects))
+        if self._comm.rank == 0:
+            parts = [
+                own.outputs @ change[loop.numbers]
+                for loop, own in zip(self._loops, self._known[1], strict=True)
+            ]
+            moved[:] = np.concatenate([np.zeros(0), *parts])
+        self._comm.Bcast(moved)
+        blocks = [np.zeros_like(part.block.owned_step) for part in system.parts]
+        rows = np.zeros(system.constraints.size)
+        for factor, (own_blocks, own_rows) in zip(moved.tolist(), self._effects, strict=True):
+            blocks = [a + factor * b for a, b in zip(blocks, own_blocks, strict=True)]
+            rows += factor * own_rows
+        return blocks, rows
+
+    def arrive(self, step: int, change: FloatArray, measured: FloatArray) -> FloatArray:
+        """See :class:`Memory`."""
+        found = np.zeros_like(change)
+        linear = self._linear(step)
+        for loop, own in zip(self._loops, linear, strict=False):
+            found[loop.numbers] = own.numbers @ change[loop.numbers]
+            found[loop.numbers] += own.columns @ measured[loop.places]
+        return found
+
+    def weights(self, step: int, sums: FloatArray) -> FloatArray:
+        """See :class:`Memory`."""
+        found = np.zeros(len(self.measured))
+        for loop, own in zip(self._loops, self._linear(step), strict=False):
+            np.add.at(found, loop.places, sums[loop.numbers] @ own.columns)
+        return found
+
+    def back(self, sums: FloatArray, z: BlockVectors, mu: FloatArray) -> FloatArray:
+        """See :class:`Memory`."""
+        owned, at = self._motion.system.constraints.owned, 0
+        by_outputs = np.array(
+            [
+                sum(float((a * b).sum()) for a, b in zip(z, blocks, strict=True))
+                + float(mu @ (owned * rows))
+                for blocks, rows in self._effects
+            ]
+        )
+        self._comm.Allreduce(MPI.IN_PLACE, by_outputs)
+        found = np.zeros_like(sums)
+        for loop, own in zip(self._loops, self._known[1], strict=False):
+            count = len(own.outputs)
+            found[loop.numbers] = own.numbers.T @ sums[loop.numbers]
+            found[loop.numbers] -= own.outputs.T @ by_outputs[at : at + count]
+            at += count
+        return found
+
+    def recall(self, simulation: Simulation, step: int) -> None:
+        """See :class:`Memory`."""
+        recall(simulation, self._motion.known[step - 1])
+
+    def moved(self, simulation: Simulation, end: StepEnd, change: FloatArray) -> FloatArray:
+        """See :class:`Memory`."""
+        loops = simulation.controls.loops
+
+        def found() -> FloatArray:
+            parts = [np.zeros(0)]
+            for loop in self._loops:
+                one = loops[loop.number]
+                y = self._measurements(end.number, loop) + change[loop.places]
+                if isinstance(one, SampledLoop):
+                    parts.append(self._sampled(end.number, loop, one, y))
+                else:
+                    parts.append(np.concatenate([y, np.zeros_like(y)]))
+            return np.concatenate(parts)
+
+        return self._on_first(found, np.zeros(0))
+
+    def _sampled(self, step: int, loop: _Loop, one: SampledLoop, y: FloatArray) -> FloatArray:
+        """Numbers of a sampled loop after a step with measurements y (m,)."""
+        before = self._value(step - 1, loop, "law")
+        if not self._due(step, loop):
+            return np.concatenate([self._value(step - 1, loop, "held"), before.ravel()])
+        return _called(one, float(self._motion.times[step]), y, before)
+
+    def _linear(self, step: int) -> list[_Linear]:
+        """Derivatives of all loops over a step, on the first rank; none on others (collective)."""
+        if self._known[0] != step:
+            self._known = step, self._on_first(lambda: [*map(self._derived(step), self._loops)], [])
+        return self._known[1]
+
+    def _derived(self, step: int) -> Callable[[_Loop], _Linear]:
+        loops = self._motion.simulation.controls.loops
+
+        def derived(loop: _Loop) -> _Linear:
+            one = loops[loop.number]
+            if isinstance(one, SampledLoop):
+                return self._of_sampled(step, loop, one)
+            return self._of_continuous(step, loop, one)
+
+        return derived
+
+    def _of_sampled(self, step: int, loop: _Loop, one: SampledLoop) -> _Linear:
+        """Derivatives of a sampled loop."""
+        size, m = loop.numbers.stop - loop.numbers.start, len(loop.inputs)
+        outputs = np.eye(one.count, size)
+        if not self._due(step, loop):
+            return _Linear(outputs, np.eye(size), np.zeros((size, m)))
+        t, before = float(self._motion.times[step]), self._value(step - 1, loop, "law")
+        given = np.concatenate([self._measurements(step, loop), before.ravel()])
+
+        def law(both: FloatArray) -> FloatArray:
+            return _called(one, t, both[:m], both[m:].reshape(before.shape))
+
+        after = [self._value(step, loop, name).ravel() for name in ("held", "law")]
+        by = _law_derivatives(one.owner, t, law, given, np.concatenate(after))
+        one.recall(self._value(step, loop, "law"))
+        numbers = np.zeros((size, size))
+        numbers[:, one.count :] = by[:, m:]
+        return _Linear(outputs, numbers, by[:, :m])
+
+    def _of_continuous(self, step: int, loop: _Loop, one: ContinuousLoop) -> _Linear:
+        """Derivatives of a loop that extrapolates its measurements."""
+        m, t = len(loop.inputs), float(self._motion.times[step])
+        last, before = (self._value(step - 1, loop, name) for name in ("last", "before"))
+        share, y = 0.0, last[1:]
+        if len(before):
+            share = (t - last[0]) / (last[0] - before[0])
+            y = y + share * (last[1:] - before[1:])
+        by = _law_derivatives(one.owner, t, lambda y: one.call(t, y), y, one.call(t, y))
+        outputs = np.hstack([(1.0 + share) * by, -share * by])
+        numbers, columns = np.zeros((2 * m, 2 * m)), np.eye(2 * m, m)
+        after = self._value(step, loop, "before")
+        if len(after):  # of the last state, or of one before it if that is too near
+            first = 0 if after[0] == last[0] else m
+            numbers[m:, first : first + m] = np.eye(m)
+        return _Linear(outputs, numbers, columns)
+
+    def _value(self, step: int, loop: _Loop, name: str) -> FloatArray:
+        """What a loop knows after a step, copied."""
+        return self._motion.known[step][f"controls_{loop.number}_{name}"].copy()
+
+    def _measurements(self, step: int, loop: _Loop) -> FloatArray:
+        """(m,) measurements of a loop after a step."""
+        found: FloatArray = self._motion.known[step]["controls_angles"][loop.inputs]
+        return found
+
+    def _due(self, step: int, loop: _Loop) -> bool:
+        """True if a loop takes a sample after a step."""
+        first, last = (self._value(k, loop, "next")[0] for k in (step - 1, step))
+        return bool(first != last)
+
+    def _on_first[Found](self, function: Callable[[], Found], other: Found) -> Found:
+        """Result of a function on the first rank, another one on the others (collective).
+
+        Raises:
+            InputError: the function does so.
+        """
+        found, refusal = other, ""
+        if self._comm.rank == 0:
+            try:
+                found = function()
+            except InputError as error:
+                refusal = str(error)
+        if refusal := self._comm.bcast(refusal):
+            raise InputError(refusal)
+        return found
+
+
+def recall(simulation: Simulation, known: Mapping[str, FloatArray]) -> None:
+    """Give the controllers of a simulation what they know at a state."""
+    simulation.controls.restore({name: values.copy() for name, values in known.items()})
+
+
+def _start(simulation: Simulation, number: int) -> FloatArray:
+    """Numbers of a loop at the start."""
+    one = simulation.controls.loops[number]
+    if isinstance(one, SampledLoop):
+        return np.concatenate([one.held, one.memory().ravel()])
+    y = one.state()["last"][1:]
+    return np.concatenate([y, y])
+
+
+def _called(one: SampledLoop, t: float, y: FloatArray, before: FloatArray) -> FloatArray:
+    """Outputs and state of a law after a sample, with a state before it."""
+    one.recall(before.copy())
+    try:
+        outputs = one.sampled(t, y.copy())
+    except FAILURES as error:
+        raise InputError(f"gradient: {one.owner}: law fails at t = {t:.6g} s: {error}") from error
+    return np.concatenate([outputs, one.memory().ravel()])
+
+
+def _law_derivatives(
+    owner: str, t: float, law: Callable[[FloatArray], FloatArray], at: FloatArray,
+    expected: FloatArray,
+) -> FloatArray:  # fmt: skip
+    """Derivatives (p, n) of a law by its arguments (n,).
+
+    Raises:
+        InputError: there are none, or it gives other results (p,) than those expected.
+    """
+
+    def check() -> None:
+        again, size = law(at), float(np.abs(expected).max(initial=0.0))
+        if not np.allclose(again, expected, rtol=0.0, atol=_AGAIN * size):
+            raise InputError(
+                f"gradient: {owner}: law does not return the same again at t = {t:.6g} s; keep all "
+                "its memory in its attribute state"
+            )
+
+    def found(step: float) -> FloatArray:
+        sizes = step * np.maximum(1.0, np.abs(at))
+        if not len(at):
+            return np.zeros((len(expected), 0))
+        return central(lambda k, size: law(at + size * np.eye(1, len(at), k)[0]), sizes.tolist())
+
+    check()
+    step, off = suited_step(found)
+    if off > _KINK:
+        raise InputError(
+            f"gradient: {owner}: law has a kink or jumps at t = {t:.6g} s, and has no derivative "
+            "there"
+        )
+    by = found(step)
+    check()  # which many calls might have changed
+    return by
