@@ -14,7 +14,15 @@ from flexfem.kernels.compile_once import compile_once
 from flexfem.kernels.compiler import AddressCompiler, LoopCompiler, SubroutineCompiler
 from flexfem.kernels.on_demand import call_on_demand
 
-__all__ = ["fused", "inlined", "inlined_fused", "kernel", "on_demand", "subroutine"]
+__all__ = [
+    "fused",
+    "fused_subroutine",
+    "inlined",
+    "inlined_fused",
+    "kernel",
+    "on_demand",
+    "subroutine",
+]
 
 install()
 
@@ -69,6 +77,9 @@ inlined = _Decorator(SubroutineCompiler, forceinline=True)
 
 #: The same with products and sums fused to one operation each, for loops of arithmetic alone.
 fused = _Decorator(fastmath={"contract"})
+
+#: Subroutines of those.
+fused_subroutine = _Decorator(SubroutineCompiler, fastmath={"contract"})
 
 #: Always inlined parts of those.
 inlined_fused = _Decorator(SubroutineCompiler, fastmath={"contract"}, forceinline=True)

@@ -48,6 +48,9 @@ __all__ = [
     "evaluate",
     "evaluate_tangents",
     "plain_cells",
+    "put_rotation",
+    "put_twist",
+    "turn_matrix",
 ]
 
 #: Corners of the reference interval, for forms that do not depend on the size of the cell.
@@ -193,7 +196,7 @@ def _put_numbers(
 
 
 @inlined
-def _put_rotation(
+def put_rotation(
     data: FloatArray, at: int, lane: int, frame: FloatArray, turned: bool, Q: FloatArray
 ) -> None:
     """Write the rotation of a frame, times ``Q`` (9,) if the cell is rotated."""
@@ -209,7 +212,7 @@ def _put_rotation(
 
 
 @inlined
-def _put_twist(
+def put_twist(
     data: FloatArray, at: int, lane: int, twist: FloatArray, turned: bool, Q: FloatArray
 ) -> None:
     """Write a nodal twist in the axes of the cell."""
@@ -239,11 +242,11 @@ def _gather(
             if kind == _POSITION:
                 _put_numbers(data, at + 3 * j, lane, values, node, 3)
             elif kind == _ROTATION:
-                _put_rotation(data, at + 9 * j, lane, values[node], turned, cells.turns[turn, j])
+                put_rotation(data, at + 9 * j, lane, values[node], turned, cells.turns[turn, j])
             elif kind == _NUMBERS:
                 _put_numbers(data, at + values.shape[1] * j, lane, values, node, values.shape[1])
             else:
-                _put_twist(data, at + 6 * j, lane, values[node], turned, cells.turns[turn, j])
+                put_twist(data, at + 6 * j, lane, values[node], turned, cells.turns[turn, j])
     for o in range(kernel.own.shape[0]):
         first, count, at = kernel.own[o, 0], kernel.own[o, 1], kernel.own[o, 2]
         for i in range(count):
@@ -466,7 +469,7 @@ def add_products(
 
 
 @subroutine
-def _turn_matrix(cells: Cells, c: int, K: FloatArray, work: FloatArray) -> None:
+def turn_matrix(cells: Cells, c: int, K: FloatArray, work: FloatArray) -> None:
     """``K <- P K P^T`` with the block diagonal P of the rotations, twice for each node."""
     width = 6 * cells.nodes.shape[1]
     for block in range(width // 3):
@@ -525,9 +528,9 @@ def evaluate_tangents(
         tabulate(for_CM.address, C, m_data, only_v, corners)
         tabulate(for_CM.address, M, m_data, only_w, corners)
         if own.turned[c]:
-            _turn_matrix(own, c, K, work)
-            _turn_matrix(own, c, C, work)
-            _turn_matrix(own, c, M, work)
+            turn_matrix(own, c, K, work)
+            turn_matrix(own, c, C, work)
+            turn_matrix(own, c, M, work)
         for r in range(rates.shape[0]):
             for i in range(6 * count):
                 for node in range(count):

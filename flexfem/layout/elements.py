@@ -11,7 +11,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping, Sequence
+    from collections.abc import Mapping
 
     from mpi4py import MPI
 
@@ -24,8 +24,8 @@ __all__ = [
     "ElementFamily",
     "HistoryElements",
     "MultigridElements",
-    "SeveralTangents",
     "StepForces",
+    "StepMatrices",
     "SteppedElements",
     "StrainedElements",
     "StresslessElements",
@@ -270,13 +270,23 @@ class DampedElements(Protocol):
 
 
 @runtime_checkable
-class SeveralTangents(Protocol):
-    """Elements whose tangents for several shifts take little longer than one of them."""
+class StepMatrices(Protocol):
+    """Elements that compute the parts of their matrix over a step together with it."""
 
-    def several_values(
-        self, block: FrameBlock, gravity: FloatArray, shifts: Sequence[FloatArray], scale: float
-    ) -> FloatArray:
-        """Entries (r, k) of ``ElementFamily.values`` for all shifts, at present stresses."""
+    def step_values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        out: FloatArray,
+    ) -> None:  # fmt: skip
+        """Write ``ElementFamily.values`` by velocities, by accelerations, and all in all.
+
+        Args:
+            block: the nodes.
+            gravity: (3,) m/s^2.
+            shifts: as those of ``ElementFamily.values``, with the whole stiffness.
+            scale: factor of all.
+            out: (3, k), at present stresses. With velocities change accelerations along the axes of
+                nodes as well, where translations are integrated in inertial axes.
+        """
         ...
 
 

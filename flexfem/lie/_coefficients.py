@@ -16,6 +16,7 @@ __all__ = [
     "inverse_coefficient",
     "inverse_derivatives",
     "pose_coefficients",
+    "relative_derivatives",
     "tangent_derivatives",
 ]
 
@@ -84,15 +85,21 @@ def inverse_coefficient(x: float) -> float:
 
 
 @inlined
+def relative_derivatives(x: float) -> Triple:
+    """The next ones, of rotations by up to pi; ``x`` may be a vector of ``kernels.vectors``."""
+    p = 1.0 / (_POLE - x)
+    return (
+        2.0 * p + _horner(_E, x),
+        4.0 * p * p + _horner(_E1, x),
+        16.0 * p * p * p + _horner(_E2, x),
+    )
+
+
+@inlined
 def inverse_derivatives(x: float) -> Triple:
     """``(e, e1, e2)`` at the squared angle ``x``; they have poles at ``t = 2 pi n``, n > 0."""
     if x < _MODERATE:
-        p = 1.0 / (_POLE - x)
-        return (
-            2.0 * p + _horner(_E, x),
-            4.0 * p * p + _horner(_E1, x),
-            16.0 * p * p * p + _horner(_E2, x),
-        )
+        return relative_derivatives(x)
     t = sqrt(x)
     s = sin(0.5 * t)
     # g = t/2 cot(t/2), q = 1 / (2 b); (dg/dt)/t = (g - q)/x and (dq/dt)/t = 2 q e

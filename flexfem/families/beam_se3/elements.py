@@ -170,14 +170,19 @@ class SE3Beams:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return self.tangent(block, gravity, shifts, scale, request).ravel()
 
-    def several_values(
-        self, block: FrameBlock, gravity: FloatArray, shifts: Sequence[FloatArray], scale: float
-    ) -> FloatArray:
-        """See :class:`flexfem.layout.elements.SeveralTangents`."""
-        values = np.empty((len(shifts), len(self.data.cells), 144))
+    def step_values(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        out: FloatArray,
+    ) -> None:  # fmt: skip
+        """See :class:`flexfem.layout.elements.StepMatrices`."""
+        every = out.reshape(3, -1, 144)
         for rows, group in self.groups:
-            values[:, rows] = group.step_tangents(block, gravity, shifts, scale)
-        return values.reshape(len(shifts), -1)
+            if len(self.groups) == 1:
+                group.step_matrices(block, gravity, shifts, scale, every)
+                continue
+            own = np.empty((3, len(rows), 144))
+            group.step_matrices(block, gravity, shifts, scale, own)
+            every[:, rows] = own
 
     def continued_strains(self, frames: FloatArray, steps: FloatArray) -> Strains:
         """See :class:`flexfem.layout.elements.ElementFamily`."""

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Beam cells of one material: their data and the calls of the compiled loops."""
 
-from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 from mpi4py import MPI
@@ -12,6 +11,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.frame_kernels import Nodes, step_changes, step_rates
 from flexfem.families.beam_se3.motion import add_cell_motion, cell_rates, cell_twists
+from flexfem.families.beam_se3.tangents import LinearSections, linear_matrices, linear_sections
 from flexfem.families.common.section_groups import (
     Material,
     about_centres,
@@ -119,6 +119,11 @@ class BeamGroup:
         )  # fmt: skip
         self._inertias = symmetric(material.data[:, :21])
         self.centres, self.rotary = about_centres(self._inertias)
+        self._linear: LinearSections | None = None
+        if material.law is None and not material.damped:
+            self._linear = linear_sections(
+                symmetric(material.data[:, 21:]), self._inertias[:, 0, 0], self.centres, self.rotary
+            )
         kernels = compile_forms(comm, beam_forms, (material.damped, material.law), _BATCHED)
         section = {"inertia": (0, 21), kernels.names[7]: (21, material.data.shape[1] - 21)}
         width = data.damping.shape[1]
@@ -159,31 +164,40 @@ class BeamGroup:
             strains: (m, 6) as in :meth:`cells_at`.
             local: the derivative K is that at fixed local velocities and accelerations.
         """
-        (values,) = self._tangents(block, gravity, [shifts], scale, (strains, local))
-        return values.reshape(-1, 12, 12)  # type: ignore[no-any-return]
+        inertial = block.inertial_rates(shifts) and not local
+        rates = _rates(block, shifts, inertial=inertial)[np.newaxis]
+        values = np.empty((1, len(self.data.cells), 144))
+        factors = np.array([[shifts[2], scale]])
+        self._evaluate(self.cells_at(block, strains), block, gravity, (rates, factors), values)
+        return values.reshape(-1, 12, 12)
 
-    def step_tangents(
-        self, block: FrameBlock, gravity: FloatArray, shifts: Sequence[FloatArray], scale: float
-    ) -> FloatArray:
-        """Matrices (r, m, 144) of :meth:`tangent` for several ``shifts`` at the present strains."""
-        return self._tangents(block, gravity, shifts, scale, (None, False))
+    def step_matrices(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
+        out: FloatArray,
+    ) -> None:  # fmt: skip
+        """Write the matrices (3, m, 144) of ``StepMatrices`` at the present strains."""
+        if self._linear is not None:
+            linear_matrices(
+                self.cells.memory, self._linear.memory, block.nodes.memory,
+                self.twists(block.frames), gravity, np.array([*shifts[:2], scale]), out,
+            )  # fmt: skip
+            return
+        rates = np.stack([_rates(block, own, inertial=True) for own in (
+            np.array([0.0, 0.0, 1.0]), shifts * [1.0, 0.0, 1.0], shifts * [0.0, 1.0, 1.0], shifts
+        )])  # fmt: skip
+        rates[1:3] -= rates[0]
+        factors = np.array([[0.0, scale], [0.0, scale], [shifts[2], scale]])
+        self._evaluate(self.cells, block, gravity, (rates[1:], factors), out)
 
-    def _tangents(
-        self, block: FrameBlock, gravity: FloatArray, shifts: Sequence[FloatArray], scale: float,
-        request: tuple[FloatArray | None, bool],
-    ) -> FloatArray:  # fmt: skip
-        """The same with the strains and ``local`` of :meth:`tangent`."""
-        values = np.empty((len(shifts), len(self.data.cells), 144))
-        rates = np.empty((len(shifts), len(block.frames), 2, 36))
-        strains, local = request
-        for own, out in zip(shifts, rates, strict=True):
-            step_rates(block.nodes.memory, own, block.inertial_rates(own) and not local, out)
-        factors = np.array([[own[2], scale] for own in shifts])
+    def _evaluate(
+        self, cells: Cells, block: FrameBlock, gravity: FloatArray,
+        changes: tuple[FloatArray, FloatArray], values: FloatArray,
+    ) -> None:  # fmt: skip
+        """Evaluate the generated matrices of cells, for some rates and factors."""
         evaluate_tangents(
-            self._stiffness.memory, self._inertia.memory, self.cells_at(block, strains).memory,
-            block.nodes.memory, gravity, rates, factors, values,
+            self._stiffness.memory, self._inertia.memory, cells.memory, block.nodes.memory, gravity,
+            *changes, values,
         )  # fmt: skip
-        return values
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
@@ -288,3 +302,10 @@ class BeamGroup:
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) cells, see ``flexfem.core.nodes.motion``."""
         add_cell_motion(self.cells.memory, self._inertias, chosen, block.nodes.memory, motion)
+
+
+def _rates(block: FrameBlock, shifts: FloatArray, *, inertial: bool) -> FloatArray:
+    """Changes (n, 2, 36) of local velocities and accelerations along local twists."""
+    rates = np.empty((len(block.frames), 2, 36))
+    step_rates(block.nodes.memory, shifts, inertial, rates)
+    return rates

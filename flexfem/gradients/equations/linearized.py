@@ -133,46 +133,55 @@ class LinearizedStep:
         """The same with the present factors; None without success."""
         blocks, rows, accuracy = right
         vectors, act = self._vectors, self._action(transposed=transposed)
-
-        def apply(vector: FloatArray) -> FloatArray:
-            return self._preconditioned(*act(*self.parts(vector)), transposed=transposed)
-
-        first = self._preconditioned(blocks, rows, transposed=transposed)
+        left = _joined(blocks, rows)
+        first = self._preconditioned(left, transposed=transposed)
         (square,) = vectors.squares(first)
         solution = first if guess is None or self._frozen.exact else guess
         goal = accuracy * np.sqrt(square)
+        left = left - act(solution)
         for _ in range(_ROUNDS):
-            moved, changes = act(*self.parts(solution))
-            left = [a - b for a, b in zip(blocks, moved, strict=True)]
-            missed = self._preconditioned(left, rows - changes, transposed=transposed)
+            missed = self._preconditioned(left, transposed=transposed)
             (square,) = vectors.squares(missed)
             size = float(np.sqrt(square))
             if not np.isfinite(size):
                 return None
             if size <= goal:
                 # the norm is that of the blocks: what is missed along the rows may be large
-                moved, _ = act(*self.parts(missed))
-                left = [a - b for a, b in zip(left, moved, strict=True)]
-                return solution + missed, left
-            more, _ = minimal_residual(apply, missed, size, vectors.products, goal, _MOST)
-            solution = solution + more
+                return solution + missed, self.parts(left - act(missed))[0]
+            more, image = self._improvement(act, missed, (size, goal), transposed=transposed)
+            solution, left = solution + more, left - image
         return None
 
-    def _action(
-        self, *, transposed: bool
-    ) -> Callable[[BlockVectors, FloatArray], tuple[BlockVectors, FloatArray]]:
+    def _improvement(
+        self, act: Callable[[FloatArray], FloatArray], missed: FloatArray,
+        sizes: tuple[float, float], *, transposed: bool,
+    ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
+        """What to add to a solution that misses a vector of some size by GMRES, and its image."""
+        basis: list[FloatArray] = []
+        images: list[FloatArray] = []
+
+        def apply(vector: FloatArray) -> FloatArray:
+            basis.append(vector)
+            images.append(act(vector))
+            return self._preconditioned(images[-1], transposed=transposed)
+
+        products = self._vectors.products
+        more, _ = minimal_residual(apply, missed, sizes[0], products, sizes[1], _MOST)
+        return more, products(np.array(basis), more) @ np.array(images)
+
+    def _action(self, *, transposed: bool) -> Callable[[FloatArray], FloatArray]:
+        """The operator on vectors, counted."""
         act = self.tangent.apply_transposed if transposed else self.tangent.apply
 
-        def counted(blocks: BlockVectors, rows: FloatArray) -> tuple[BlockVectors, FloatArray]:
+        def counted(vector: FloatArray) -> FloatArray:
             self.applications += 1
-            return act(blocks, rows)
+            return _joined(*act(*self.parts(vector)))
 
         return counted
 
-    def _preconditioned(
-        self, blocks: BlockVectors, rows: FloatArray, *, transposed: bool
-    ) -> FloatArray:
+    def _preconditioned(self, vector: FloatArray, *, transposed: bool) -> FloatArray:
         """Solve with the frozen operator, forwards or transposed."""
+        blocks, rows = self.parts(vector)
         for part, values in zip(self._system.parts, blocks, strict=True):
             part.block.residual[:] = 0.0
             part.block.owned_residual[:] = values
@@ -182,6 +191,12 @@ class LinearizedStep:
         return self._vectors.collect(self._frozen.correction)
 
     def parts(self, vector: FloatArray) -> tuple[BlockVectors, FloatArray]:
-        """Blocks' parts of a vector, copied, and that of the rows (r,)."""
-        rows = self._vectors.put(vector)
-        return [part.block.owned_step.copy() for part in self._system.parts], rows.copy()
+        """Views of the parts of a vector: those of blocks, and that of the rows (r,)."""
+        *own, rows = np.split(vector, self._vectors.sizes[1:])
+        parts = zip(own, self._system.parts, strict=True)
+        return [values.reshape(-1, part.block.width) for values, part in parts], rows
+
+
+def _joined(blocks: BlockVectors, rows: FloatArray) -> FloatArray:
+    """The vector of all parts."""
+    return np.concatenate([*(own.ravel() for own in blocks), rows])

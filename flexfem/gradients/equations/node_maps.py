@@ -16,10 +16,12 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.frame_kernels import step_rates
+from flexfem.gradients.equations.kernels import apply_maps, apply_transposed_maps, step_maps
 from flexfem.lie import se3, so3
 
 __all__ = [
-    "RateMaps", "StepMaps", "applied", "fixed_apart", "rotations", "transposed", "twists",
+    "RateMaps", "StepMaps", "TwistMap", "applied", "fixed_apart", "rotations", "transposed",
+    "twists",
 ]  # fmt: skip
 
 #: Distance of fixed unknowns at the starts of two models, m or 1, up to which it is rounding.
@@ -76,8 +78,32 @@ def transposed(matrices: FloatArray, vectors: FloatArray) -> FloatArray:
 
 
 @dataclass(frozen=True)
+class TwistMap:
+    """Linear maps of twists of some nodes, block upper triangular.
+
+    Attributes:
+        blocks: (n, 27) blocks A, U and D of ``[[A, U], [0, D]]``; of nodes without rotations A
+            counts alone.
+    """
+
+    blocks: FloatArray
+
+    def __call__(self, vectors: FloatArray) -> FloatArray:
+        """Products with vectors (n, w)."""
+        out = np.empty(vectors.shape)
+        apply_maps(self.blocks, np.ascontiguousarray(vectors), out)
+        return out
+
+    def transposed(self, vectors: FloatArray) -> FloatArray:
+        """Products of the transposed maps."""
+        out = np.empty(vectors.shape)
+        apply_transposed_maps(self.blocks, np.ascontiguousarray(vectors), out)
+        return out
+
+
+@dataclass(frozen=True)
 class StepMaps:
-    """Maps of the owned nodes of a block over a step, (n, w, w) with w unknowns of a node.
+    """Maps of the owned nodes of a block over a step.
 
     Attributes:
         before: E, from twists at the step's start to those at its end.
@@ -87,10 +113,10 @@ class StepMaps:
         held: (n, w) unknowns that are fixed, None if there are none.
     """
 
-    before: FloatArray
-    by_increment: FloatArray
-    inverse: FloatArray
-    axes: FloatArray
+    before: TwistMap
+    by_increment: TwistMap
+    inverse: TwistMap
+    axes: TwistMap
     held: BoolArray | None
 
     @classmethod
@@ -101,21 +127,11 @@ class StepMaps:
             block: at the trial state of the step.
             accepted: (n, 12) frames of the accepted state after it.
         """
-        own = np.s_[: block.owned]
-        n, start, end = block.increment[own], block.frames0[own], block.frames[own]
-        turn = np.einsum("nji,njk->nik", rotations(accepted[own]), rotations(end))
-        axes = _blocks(turn, turn)
-        if block.inertial:
-            back = np.einsum("nji,njk->nik", rotations(end), rotations(start))
-            before = _blocks(back, so3.exp(-n[:, 3:]))
-            turned = np.ascontiguousarray(rotations(end).transpose(0, 2, 1))
-            by_increment = _blocks(turned, so3.tangent(n[:, 3:]))
-        else:
-            before, by_increment = se3.adjoint(se3.exp(-n)), se3.tangent(n)
-        chosen = np.s_[:, : block.width, : block.width]
-        F = by_increment[chosen]
-        held = None if block.dirichlet is None else block.dirichlet[own]
-        return cls(before[chosen], F, np.linalg.inv(F), axes[chosen], held)
+        out = np.empty((4, block.owned, 27))
+        step_maps(block.nodes.memory, accepted, out)
+        held = None if block.dirichlet is None else block.dirichlet[: block.owned]
+        before, by_increment, inverse, axes = (TwistMap(own) for own in out)
+        return cls(before, by_increment, inverse, axes, held)
 
     def hold(self, twists: FloatArray) -> FloatArray:
         """Local twists without fixed unknowns, in place."""
@@ -127,7 +143,7 @@ class StepMaps:
         """Rates of increments, or what multiplies them, without those along fixed unknowns."""
         if self.held is None:
             return rates
-        return applied(self.inverse, self.hold(applied(self.by_increment, rates)))
+        return self.inverse(self.hold(self.by_increment(rates)))
 
 
 @dataclass(frozen=True)
@@ -156,10 +172,3 @@ class RateMaps:
             (moved[:, 0] - still[:, 0]) @ F, still[:, 0], (moved[:, 1] - still[:, 1]) @ F,
             still[:, 1],
         )  # fmt: skip
-
-
-def _blocks(first: FloatArray, second: FloatArray) -> FloatArray:
-    """Block-diagonal matrices (n, 6, 6) of two (n, 3, 3) each."""
-    found = np.zeros((len(first), 6, 6))
-    found[:, :3, :3], found[:, 3:, 3:] = first, second
-    return found

@@ -8,18 +8,16 @@ change with positions at fixed rates of the increments, with velocities, and wit
 Element matrices are not assembled.
 """
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Iterator
+from dataclasses import replace
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray
 from flexfem.core.nodes.action_kernels import subtract_forces
 from flexfem.gradients.equations.kernels import add_products, add_transposed_products
-from flexfem.layout.elements import SeveralTangents
-from flexfem.layout.tangent_request import TangentRequest
-from flexfem.solvers.linear.tangent import part_values
-from flexfem.system.mechanics import END_POINT, EndPoint
+from flexfem.layout.elements import StepMatrices
+from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = ["STEP", "BlockVectors", "StepTangent", "forces_on_blocks", "put_steps"]
@@ -32,20 +30,75 @@ POSITIONS, VELOCITIES, ACCELERATIONS, STEP = range(4)
 _WITH_POSITIONS = (POSITIONS, STEP)
 
 
-@dataclass
-class _Blocks:
-    """Dense blocks of the matrices of a part.
+class _PartMatrices:
+    """Dense blocks of the matrices of a part, those of fixed unknowns included.
 
     Attributes:
-        nodes: local nodes (m, j) and (m, k) of the rows and columns of equal blocks, each with the
-            number of its first entry.
-        held: (h,) fixed unknowns of the owned nodes, flat, whose entries are the last ones.
-        values: (4, entries).
+        places: local nodes (m, j) and (m, k) of the rows and columns of equal blocks: of cells, of
+            forces inside them, of masses and of forces at nodes.
     """
 
-    nodes: list[tuple[IntArray, IntArray, int]]
-    held: IntArray
-    values: FloatArray
+    def __init__(self, part: BlockPart) -> None:
+        """Find the places of all entries."""
+        self._part, width = part, part.block.width
+        own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)[:, np.newaxis]
+        self.places = [
+            (np.ascontiguousarray(i, dtype=np.int64), np.ascontiguousarray(j, dtype=np.int64))
+            for i, j in (*part.couplings(), (own, own))
+        ]
+        sizes = [width**2 * i.shape[0] * i.shape[1] * j.shape[1] for i, j in self.places]
+        self._inside = 0 if part.elements is None else len(part.elements.couplings)
+        self._cells = np.zeros((4, sum(sizes[: self._inside])))
+        self._others = np.zeros((4, sum(sizes[self._inside :])))
+        self._first = [
+            first
+            for part in (sizes[: self._inside], sizes[self._inside :])
+            for first in np.cumsum(part) - part
+        ]
+        self._known = False
+
+    def take(self, system: System, shifts: Shifts) -> None:
+        """Compute all matrices but that by positions, where it is the rest."""
+        part, width = self._part, self._part.block.width
+        every = _parts_of(shifts)
+        for values, own in zip(self._others, every, strict=False):
+            inside = [
+                one.tangent(part.block, system.factors, own.scale) for one in part.line_forces
+            ]
+            at_nodes = END_POINT.masses(system, part, own), END_POINT.forces(system, part, own)
+            matrices = [*inside, *(one[:, :width, :width] for one in at_nodes)]
+            values[:] = np.concatenate([one.ravel() for one in matrices])
+        _separate(self._others)
+        self._known = not isinstance(part.elements, StepMatrices)
+        if isinstance(part.elements, StepMatrices):
+            part.elements.step_values(
+                part.block, system.gravity, shifts.array, shifts.scale, self._cells[1:]
+            )
+        elif part.elements is not None:
+            for values, own in zip(self._cells, every, strict=False):
+                values[:] = END_POINT.element_values(system, part, own, own.request())
+            _separate(self._cells)
+
+    def values(self, matrix: int) -> Iterator[FloatArray]:
+        """Entries of a matrix at all places, row by row; more may follow those of a place."""
+        if matrix == POSITIONS and not self._known:
+            by_velocity, by_acceleration, step = self._cells[1:]
+            self._cells[POSITIONS] = step - by_velocity - by_acceleration
+            self._known = True
+        for k, first in enumerate(self._first):
+            yield (self._cells if k < self._inside else self._others)[matrix, first:]
+
+
+def _parts_of(shifts: Shifts) -> tuple[Shifts, Shifts, Shifts]:
+    """Shifts without rates, without accelerations, and without velocities."""
+    still = replace(shifts, velocity=0.0, acceleration=0.0)
+    return still, replace(shifts, acceleration=0.0), replace(shifts, velocity=0.0)
+
+
+def _separate(values: FloatArray) -> None:
+    """Parts of matrices (4, k) from the first three, for these shifts."""
+    values[1:STEP] -= values[POSITIONS]
+    np.sum(values[:STEP], axis=0, out=values[STEP])
 
 
 class StepTangent:
@@ -54,9 +107,8 @@ class StepTangent:
     def __init__(self, system: System) -> None:
         """Find the places of all entries."""
         self._system = system
-        self._blocks = [_blocks(part) for part in system.parts]
-        terms = system.constraints.row_of_term
-        self._rows = np.zeros((4, len(terms), 2, 6))
+        self._matrices = [_PartMatrices(part) for part in system.parts]
+        self._rows = np.zeros((4, len(system.constraints.row_of_term), 2, 6))
         self._hessians = np.zeros((0, 12, 12))
 
     def take(self, shifts: Shifts) -> None:
@@ -65,26 +117,17 @@ class StepTangent:
         Residuals of blocks and rows are left evaluated with these shifts.
         """
         system, rows = self._system, self._system.constraints
-        still = replace(shifts, velocity=0.0, acceleration=0.0)
-        moved = replace(shifts, acceleration=0.0), replace(shifts, velocity=0.0)
         END_POINT.evaluate(system, shifts)
-        compliance = rows.compliance.copy()
-        for part, own in zip(system.parts, self._blocks, strict=True):
-            mechanics = _Together(system, part, (still, *moved))
-            for k, chosen in enumerate((still, *moved)):
-                own.values[k] = part_values(system, part, chosen, mechanics=mechanics)
-            own.values[1:STEP] -= own.values[0]
-        for k, chosen in enumerate((still, *moved)):
-            END_POINT.evaluate_rows(system, chosen)
-            # equations of force laws are scaled by the slopes, and so by the shifts
-            law = rows.compliance > 0.0
-            scale = np.divide(compliance, rows.compliance, out=np.ones(rows.size), where=law)
-            self._rows[k] = scale[rows.row_of_term][:, np.newaxis, np.newaxis] * rows.step_jacobian
-            if k:
-                self._rows[k] -= self._rows[0]
-        for own in self._blocks:
-            np.sum(own.values[:STEP], axis=0, out=own.values[STEP])
-        np.sum(self._rows[:STEP], axis=0, out=self._rows[STEP])
+        for own in self._matrices:
+            own.take(system, shifts)
+        compliance, by = rows.compliance.copy(), self._rows
+        by[STEP] = rows.step_jacobian
+        END_POINT.evaluate_rows(system, replace(shifts, velocity=0.0))
+        # equations of force laws are scaled by the slopes, and so by the shifts
+        law = rows.compliance > 0.0
+        scale = np.divide(compliance, rows.compliance, out=np.ones(rows.size), where=law)
+        by[POSITIONS] = scale[rows.row_of_term][:, np.newaxis, np.newaxis] * rows.step_jacobian
+        by[VELOCITIES] = by[STEP] - by[POSITIONS]
         END_POINT.evaluate_rows(system, shifts)
         self._hessians = rows.hessians(rows.multipliers)
 
@@ -135,13 +178,10 @@ class StepTangent:
     def _multiply(self, matrix: int, *, transposed: bool) -> None:
         """Add the products of the blocks' own matrices and steps to the residuals."""
         product = add_transposed_products if transposed else add_products
-        for part, own in zip(self._system.parts, self._blocks, strict=True):
-            block, values = part.block, own.values[matrix]
-            for rows, columns, first in own.nodes:
-                product(rows, columns, values[first:], block.width, block.step, block.residual)
-            if len(own.held):
-                places = np.divmod(own.held, block.width)
-                block.residual[places] += values[-len(own.held) :] * block.step[places]
+        for part, own in zip(self._system.parts, self._matrices, strict=True):
+            block = part.block
+            for (rows, columns), values in zip(own.places, own.values(matrix), strict=True):
+                product(rows, columns, values, block.width, block.step, block.residual)
             block.add_ghosts()
 
     def _turn(self, hessians: FloatArray) -> None:
@@ -155,6 +195,7 @@ def put_steps(system: System, blocks: BlockVectors) -> None:
     """Write vectors to the steps of blocks and interface, and clear the residuals (collective)."""
     for part, values in zip(system.parts, blocks, strict=True):
         part.block.owned_step[:] = values
+        part.block.hold(part.block.owned_step)
         part.block.spread_step()
         part.block.residual[:] = 0.0
     system.interface.update_steps()
@@ -178,38 +219,3 @@ def _subtract(system: System, forces: FloatArray) -> None:
 def _collected(system: System) -> BlockVectors:
     """Residuals of the blocks, without those of what is fixed."""
     return [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
-
-
-class _Together(EndPoint):
-    """Equations of a part whose elements compute the matrices of several shifts together."""
-
-    def __init__(self, system: System, part: BlockPart, shifts: Sequence[Shifts]) -> None:
-        """Compute the matrices of the elements, if these can do so."""
-        self._shifts, self._values = list(shifts), None
-        if isinstance(part.elements, SeveralTangents):
-            self._values = part.elements.several_values(
-                part.block, system.gravity, [one.array for one in shifts], shifts[0].scale
-            )
-
-    def element_values(
-        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest
-    ) -> FloatArray:
-        """See :class:`EndPoint`."""
-        if self._values is None:
-            return super().element_values(system, part, shifts, request)
-        return self._values[self._shifts.index(shifts)]
-
-
-def _blocks(part: BlockPart) -> _Blocks:
-    """Blocks of ``part_values``: of cells, masses, forces, and entries of fixed unknowns."""
-    width, block = part.block.width, part.block
-    own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)[:, np.newaxis]
-    nodes, first = [], 0
-    for i, j in (*part.couplings(), (own, own)):
-        rows, columns = (np.ascontiguousarray(side, dtype=np.int64) for side in (i, j))
-        nodes.append((rows, columns, first))
-        first += width**2 * rows.shape[0] * rows.shape[1] * columns.shape[1]
-    held = np.zeros(0, dtype=np.int64)
-    if block.dirichlet is not None:
-        held = np.flatnonzero(block.dirichlet[: block.owned]).astype(np.int64)
-    return _Blocks(nodes, held, np.zeros((4, first + len(held))))

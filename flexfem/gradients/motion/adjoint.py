@@ -34,7 +34,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.equations.node_maps import RateMaps, StepMaps, applied, transposed
+from flexfem.gradients.equations.node_maps import RateMaps, StepMaps, transposed
 from flexfem.gradients.equations.step_tangent import (
     ACCELERATIONS,
     POSITIONS,
@@ -166,7 +166,7 @@ class Adjoint:
         for own, by in zip(self.carried, maps, strict=True):
             own.v, own.a, own.w = (by.hold_rates(x) for x in (own.v, own.a, own.w))
             rates = one.h * one.gamma * own.v + own.a + one.share * own.w
-            right.append(own.q + transposed(by.inverse, rates) / one.square)
+            right.append(own.q + by.inverse.transposed(rates) / one.square)
         rows = np.zeros(self._motion.system.constraints.size)
         solution, missed = linear.solve(
             [by.hold(r) for by, r in zip(maps, right, strict=True)], rows, transposed=True,
@@ -187,11 +187,11 @@ class Adjoint:
         """Sums in the axes of the trial state, with those of what the memories take from there."""
         found = self._motion.memories.gather(self.remembered)
         for k, (own, by) in enumerate(zip(self.carried, maps, strict=True)):
-            q = transposed(by.axes, own.q)
+            q = by.axes.transposed(own.q)
             if found is not None:
                 by_position, by_rate = (blocks[k] for blocks in found)
                 q += by_position
-                own.v += transposed(by.by_increment, by_rate) / one.by_velocity
+                own.v += by.by_increment.transposed(by_rate) / one.by_velocity
             own.q = by.hold(q)
 
     def _back(
@@ -201,12 +201,12 @@ class Adjoint:
         """Carry the sums of one block over a step."""
         one, by = scheme
         F = by.by_increment
-        v = own.v - transposed(F, changes[0]) / one.by_velocity
-        w = own.w - transposed(F, changes[1]) / one.by_acceleration
-        n = transposed(F, missed)
+        v = own.v - F.transposed(changes[0]) / one.by_velocity
+        w = own.w - F.transposed(changes[1]) / one.by_acceleration
+        n = F.transposed(missed)
         n -= (one.h * one.gamma * v + own.a + one.share * w) / one.square
         over = 1.0 / (1.0 - one.alpha_f)
-        own.q = transposed(by.before, transposed(by.inverse, n))
+        own.q = by.before.transposed(by.inverse.transposed(n))
         own.v = one.h * n + v
         own.a = one.h**2 * (0.5 - one.beta) * n + one.h * (1.0 - one.gamma) * v
         own.a += one.alpha_m * over * w
@@ -263,7 +263,7 @@ class Tangent:
         predicted: list[Carried] = []
         for own, by in zip(self.carried, maps, strict=True):
             n = one.h * own.v + one.h**2 * (0.5 - one.beta) * own.a
-            q = by.hold(applied(by.before, own.q) + applied(by.by_increment, n))
+            q = by.hold(by.before(own.q) + by.by_increment(n))
             v = own.v + one.h * (1.0 - one.gamma) * own.a
             w = over * (one.alpha_m * own.a - one.alpha_f * own.w)
             predicted.append(Carried(q, v, own.a, w))
@@ -272,11 +272,11 @@ class Tangent:
         for matrix, vectors in (
             (POSITIONS, [own.q for own in predicted]),
             (VELOCITIES, [
-                applied(by.by_increment, own.v) / one.by_velocity
+                by.by_increment(own.v) / one.by_velocity
                 for own, by in zip(predicted, maps, strict=True)
             ]),
             (ACCELERATIONS, [
-                applied(by.by_increment, own.w) / one.by_acceleration
+                by.by_increment(own.w) / one.by_acceleration
                 for own, by in zip(predicted, maps, strict=True)
             ]),
         ):  # fmt: skip
@@ -287,12 +287,12 @@ class Tangent:
         found, self.multipliers = linear.parts(solution)
         self.carried, moves = [], [list[FloatArray](), list[FloatArray]()]
         for own, by, x in zip(predicted, maps, found, strict=True):
-            a = applied(by.inverse, x) / one.square
+            a = by.inverse(x) / one.square
             q = own.q + x
             v, w = own.v + one.h * one.gamma * a, own.w + one.share * a
             v, a, w = (by.hold_rates(y) for y in (v, a, w))
-            self.carried.append(Carried(applied(by.axes, q), v, a, w))
+            self.carried.append(Carried(by.axes(q), v, a, w))
             moves[0].append(q)
-            moves[1].append(applied(by.by_increment, v) / one.by_velocity)
+            moves[1].append(by.by_increment(v) / one.by_velocity)
         self.remembered = self._motion.memories.ahead(self.remembered, moves)
         self._lead(step)

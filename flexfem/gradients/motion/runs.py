@@ -34,19 +34,28 @@ def backward(
     """Derivatives of functionals by all parameters (collective).
 
     Returns:
-        (functionals, parameters), and the growth of an adjoint that begins with the sum of all
-        columns at the end: the largest of any step over that of the last one.
+        (functionals, parameters), and the growth of an adjoint that begins at the end, of a
+        functional of the end or of the sum of all columns: the largest of any step over that of the
+        last one.
     """
     names = sorted({name for one in functionals for name in one.columns})
     columns = ColumnDerivatives(motion, names)
-    weights = np.zeros((len(functionals) + 1, len(names), motion.steps + 1))
-    weights[:-1, :, motion.rows_at] = history_weights(
+    count = len(functionals)
+    weights = np.zeros((count, len(names), motion.steps + 1))
+    weights[:, :, motion.rows_at] = history_weights(
         functionals, names, len(motion.rows_at), motion.history(), motion.system.comm
     )
-    weights[-1, :, -1] = 1.0  # the sum of all columns at the end
-    adjoints = [*(Adjoint(motion) for _ in functionals), Adjoint(motion, _ROUGHLY)]
+    adjoints = [Adjoint(motion) for _ in functionals]
+    ending = np.flatnonzero(weights[:, :, -1].any(axis=1) & ~weights[:, :, :-1].any(axis=(1, 2)))
+    if len(ending):
+        growing = adjoints[ending[0]]
+    else:
+        growing = Adjoint(motion, _ROUGHLY)
+        adjoints.append(growing)
+        weights = np.append(weights, np.zeros((1, len(names), motion.steps + 1)), axis=0)
+        weights[-1, :, -1] = 1.0  # the sum of all columns
     total = sum(one.count for one in influences.values())
-    sums, sizes = np.zeros((len(functionals), total)), np.zeros(motion.steps + 1)
+    sums, sizes = np.zeros((count, total)), np.zeros(motion.steps + 1)
 
     measured = ColumnDerivatives(motion, motion.measured)
 
@@ -54,7 +63,7 @@ def backward(
         if not weights[:, :, step].any():
             return
         motion.go_to(step)
-        every = columns.every(weights[:-1, :, step])
+        every = columns.every(weights[:count, :, step])
         direct = [one.direct_products(step, every) for one in influences.values()]
         np.add(sums, np.hstack(direct), out=sums)
         for adjoint, own in zip(adjoints, weights, strict=True):
@@ -80,16 +89,16 @@ def backward(
             maps = maps_of(motion, step)
             for adjoint in adjoints:
                 adjoint.step(step, linear, maps)
-            sizes[step] = sum(float((z**2).sum()) for z in adjoints[-1].z)
+            sizes[step] = sum(float((z**2).sum()) for z in growing.z)
         # the numbers of memories follow by their own equations, of the form s1 - N = 0
-        factors = [(one.z, one.mu, -one.arrived) for one in adjoints[:-1]]
+        factors = [(one.z, one.mu, -one.arrived) for one in adjoints[:count]]
         sums -= np.hstack([one.products(step, factors) for one in influences.values()])
         seed(step - 1)
         seed_memories(step - 1)
     motion.go_to(0)
     for adjoint in adjoints:
         adjoint.to_step(0)
-    carried = [(one.carried, one.remembered) for one in adjoints[:-1]]
+    carried = [(one.carried, one.remembered) for one in adjoints[:count]]
     sums += np.hstack([one.start_products(carried) for one in influences.values()])
     for values in (sums, sizes):
         motion.system.comm.Allreduce(MPI.IN_PLACE, values)

@@ -22,7 +22,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
 from flexfem.gradients.equations.carried import Carried
-from flexfem.gradients.equations.node_maps import StepMaps, applied, transposed
+from flexfem.gradients.equations.node_maps import StepMaps
 from flexfem.gradients.equations.step_tangent import (
     POSITIONS,
     VELOCITIES,
@@ -111,18 +111,16 @@ class Renewal(ABC):
 
     def _local(self, rates: Sequence[FloatArray]) -> BlockVectors:
         """Rates of increments in local axes."""
-        return [
-            by.hold(applied(by.by_increment, x)) for by, x in zip(self._maps, rates, strict=True)
-        ]
+        return [by.hold(by.by_increment(x)) for by, x in zip(self._maps, rates, strict=True)]
 
     def _from_rates(self, sums: Sequence[FloatArray]) -> BlockVectors:
         """Sums of influences of rates of increments as those of rates in local axes."""
-        return [by.hold(transposed(by.inverse, x)) for by, x in zip(self._maps, sums, strict=True)]
+        return [by.hold(by.inverse.transposed(x)) for by, x in zip(self._maps, sums, strict=True)]
 
     def _to_rates(self, sums: Sequence[FloatArray]) -> BlockVectors:
         """The contrary."""
         return [
-            transposed(by.by_increment, by.hold(x)) for by, x in zip(self._maps, sums, strict=True)
+            by.by_increment.transposed(by.hold(x)) for by, x in zip(self._maps, sums, strict=True)
         ]
 
     def _to_state(self) -> None:
@@ -216,7 +214,7 @@ class Projection(Renewal):
         ]
         found, _ = self._solved(total, -(rows + turning) * self._system.constraints.rigid)
         for own, by, x in zip(carried, self._maps, found, strict=True):
-            own.v = by.hold_rates(applied(by.inverse, x))
+            own.v = by.hold_rates(by.inverse(x))
 
 
 class Accelerations(Renewal):
@@ -269,7 +267,7 @@ class Accelerations(Renewal):
             carried, self._maps, by_q, turned, by_v, slowed, strict=True
         ):
             own.q -= by.hold(q[0] + q[1])
-            own.v -= by.hold_rates(transposed(by.by_increment, v) + slow)
+            own.v -= by.hold_rates(by.by_increment.transposed(v) + slow)
             own.a, own.w = np.zeros_like(own.a), np.zeros_like(own.w)
         return z, np.where(rows.rigid, mu, by_laws)
 
@@ -285,7 +283,7 @@ class Accelerations(Renewal):
         left = changes[1] + np.where(rows.rigid, turning, by_q[1] + by_v[1])
         found, _ = self._solved(total, -left)
         for own, by, x in zip(carried, self._maps, found, strict=True):
-            own.w = by.hold_rates(applied(by.inverse, x))
+            own.w = by.hold_rates(by.inverse(x))
             own.a = own.w.copy()
 
 

@@ -14,7 +14,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.node_maps import StepMaps, applied, transposed
+from flexfem.gradients.equations.node_maps import StepMaps
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.system.system import System
 
@@ -99,8 +99,8 @@ class RowPaths:
             for k, part in enumerate(parts):
                 maps = StepMaps.of(part.block, part.block.frames)
                 forces = weight * part.block.owned_residual
-                q[k] += transposed(maps.before, forces)
-                v[k] += t * transposed(maps.by_increment, forces)
+                q[k] += maps.before.transposed(forces)
+                v[k] += t * maps.by_increment.transposed(forces)
         return q, v
 
     def changes(self, q: BlockVectors, v: BlockVectors) -> FloatArray:
@@ -110,7 +110,7 @@ class RowPaths:
         for t, weight in self._places(self._step):
             for part, own_q, own_v in zip(system.parts, q, v, strict=True):
                 maps = StepMaps.of(part.block, part.block.frames)
-                moved = applied(maps.before, own_q) + t * applied(maps.by_increment, own_v)
+                moved = maps.before(own_q) + t * maps.by_increment(own_v)
                 part.block.owned_step[:] = moved
                 part.block.spread_step()
             system.interface.update_steps()
