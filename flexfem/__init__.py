@@ -135,6 +135,8 @@ _MODULES = {
     "Uncertainty": "gradients.uncertainty",
     "jax_function": "gradients.jax_function",
     "torch_function": "gradients.torch_function",
+    "ParameterSearch": "gradients.parameter_search",
+    "FoundParameters": "gradients.parameter_search",
     "Probe": "model.probes.base",
     "PositionProbe": "model.probes.base",
     "MarkerState": "model.probes.base",

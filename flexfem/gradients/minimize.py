@@ -88,6 +88,7 @@ def minimize(
     ks_rho: float | None = None,
     output: Path | str | None = None,
     restart: Path | str | None = None,
+    report: Callable[[Mapping[str, float]], None] | None = None,
     comm: MPI.Intracomm | None = None,
 ) -> Optimum:
     """Minimise a number of a motion, of equilibria or of modes (collective).
@@ -117,6 +118,7 @@ def minimize(
         restart: file ``optimisation.jsonl`` of one that was interrupted, with the same model and
             options: gradients that are in it are not computed again, so that the same method goes
             the same way and on.
+        report: called on all ranks with each row of the table.
         comm: communicator, all ranks by default.
 
     Raises:
@@ -133,6 +135,7 @@ def minimize(
     problem.cost, problem.most = cost, most
     problem.scale = _scales(values, scale or {})
     problem.output = None if output is None else Path(output)
+    problem.report = report
     limits = _limits(values, bounds or {})
     if restart is not None:
         problem.remember(Path(restart))
@@ -151,6 +154,7 @@ class _Problem:
     most: int
     scale: Values
     output: Path | None
+    report: Callable[[Mapping[str, float]], None] | None
 
     def __init__(
         self, analysis: Differentiation, values: Values, comm: MPI.Intracomm | None
@@ -268,6 +272,8 @@ class _Problem:
         """Add a row to the history and to its table (collective)."""
         self.history.append(row)
         self._written(lambda folder: write_table(folder / "optimisation.csv", self.history))
+        if self.report is not None:
+            self.report(row)
 
     def _written(self, write: Callable[[Path], None]) -> None:
         """Write into the folder, on the first rank; all ranks raise its error (collective)."""

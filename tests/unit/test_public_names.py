@@ -20,6 +20,7 @@ NUMERICAL = {
     "check", "gradient", "tangent_motion", "Gradient", "TangentMotion",
     "minimize", "Optimum", "identify", "Identification", "uncertainty", "Uncertainty",
     "jax_function", "torch_function",
+    "ParameterSearch", "FoundParameters",
 }  # fmt: skip
 RESEARCH_NUMERICAL = {
     "floating_model", "simulate_mechanism", "compare_formalisms", "ElementMatrices",

@@ -1,0 +1,95 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Cases whose parameters are found by gradients, in short forms: closed forms, tables, ranks."""
+
+import csv
+import json
+from pathlib import Path
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.cli import load_case
+from tests.unit.refusals import assert_on_page
+
+COMM = MPI.COMM_WORLD
+
+
+def table(file: Path) -> list[dict[str, str]]:
+    return list(csv.DictReader(file.read_text().splitlines()))
+
+
+@pytest.mark.three_ranks
+def test_strongest_column(shared_tmp_path: Path) -> None:
+    """Keller's 4/3, and his areas between the thin ends; the tables and both runs are there."""
+    case, count = load_case("optimal_column"), 12
+    outcome = case.run(
+        elements=count, iterations=3, load_steps=1, split_above=1, output=shared_tmp_path
+    )
+    assert outcome.status == "ok"
+    load = outcome.summary["results"]["load"]
+    # the same on any number of ranks, to the rounding of differences of matrices
+    assert load == pytest.approx(1.31856, abs=2e-5)
+    # 12 elements of constant areas lack 1 %; the uniform column has 1
+    assert load == pytest.approx(4.0 / 3.0, rel=0.02)
+    if COMM.rank:
+        return
+    rows = table(shared_tmp_path / "parameters.csv")
+    assert [row["name"] for row in rows] == ["areas"] * (count // 2)
+    assert {float(row["start"]) for row in rows} == {1e-4}
+    found = np.array([float(row["found"]) for row in rows])
+    a = np.linspace(0.0, 0.5 * np.pi, 501)
+    keller = 4.0 / 3.0 * np.sin(a) ** 2
+    x = (a - 0.5 * np.sin(2.0 * a)) / np.pi
+    ends = 0.5 * np.linspace(0.0, 1.0, count // 2 + 1) ** 1.7
+    middles = np.interp(0.5 * (ends[1:] + ends[:-1]), x, keller)
+    # a uniform column is off by a third there; elements have the mean of a curved profile
+    np.testing.assert_allclose(found[2:] / 1e-4, middles[2:], rtol=0.03)
+    assert len(table(shared_tmp_path / "iterations.csv")) == 3
+    loads = [
+        json.loads((shared_tmp_path / folder / "summary.json").read_text())["buckling"][0]
+        for folder in ("start", ".")
+    ]
+    assert loads == pytest.approx([1.0, load], rel=0.01)
+
+
+def searched(start: float, **more: object) -> ff.ParameterSearch:
+    """A weight whose search is a given function."""
+
+    def build(mass: float) -> ff.Model:
+        model = ff.Model("weight")
+        model.add(
+            ff.RigidBody("bob", mass, (0.1, 0.1, 0.1)),
+            ff.Gravity((0.0, 0.0, -9.81)),
+            ff.PositionProbe("path", ff.Marker("bob")),
+        )
+        return model
+
+    return ff.ParameterSearch("weight", build, {"mass": start}, **more)
+
+
+def test_search_that_fails_and_what_is_refused(shared_tmp_path: Path) -> None:
+    """A failed search ends with its reason, and leaves the rows that it has reported."""
+    from flexfem.gradients.motion.trajectory import StoppedError
+    from flexfem.gradients.parameter_search import search_and_run
+
+    def find(search, options, report):
+        assert options.output is None
+        report({"value": 3.0})
+        raise StoppedError("no motion")
+
+    options = ff.RunOptions(dt=0.1, t_end=0.2, quiet=True, output=shared_tmp_path)
+    outcome = search_and_run(searched(1.0, find=find), options)
+    assert outcome.status == "no motion"
+    if not COMM.rank:
+        assert json.loads((shared_tmp_path / "summary.json").read_text())["status"] == "no motion"
+        assert table(shared_tmp_path / "iterations.csv") == [{"iteration": "0", "value": "3.0"}]
+    with pytest.raises(ValueError, match="analysis must be one of") as told:
+        searched(1.0, find=find, analysis="relaxation").validate()
+    assert_on_page(str(told.value))
+    again = ff.RunOptions(dt=0.1, t_end=0.2, quiet=True, restart=shared_tmp_path / "a.h5")
+    with pytest.raises(ValueError, match="cannot go on from a checkpoint") as told:
+        search_and_run(searched(1.0, find=find), again)
+    assert_on_page(str(told.value))
