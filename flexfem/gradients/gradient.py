@@ -16,9 +16,10 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.equations.linearized import LinearizedStep
+from flexfem.gradients.motion.arrays import Known, influence_of
 from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.functionals import Functional
-from flexfem.gradients.motion.influence import NumberInfluence, Owners, influence_of
+from flexfem.gradients.motion.influence import NumberInfluence
 from flexfem.gradients.motion.parameters import Build, Values, parameters, plain
 from flexfem.gradients.motion.runs import backward, forward
 from flexfem.gradients.motion.support import check_columns
@@ -110,7 +111,7 @@ class Differentiation:
         self._build, self._options, self._comm = build, options, comm
         self.functionals = numbers_of(of, ks_rho, options)
         self._accuracy, self._memory = accuracy, memory
-        self._owners: Owners = {}
+        self._known: Known = {}
 
     def at(self, values: Values, *, check: bool = False) -> Gradient:
         """Derivatives at values of all parameters (collective)."""
@@ -156,7 +157,7 @@ class Differentiation:
         history = motion.history()
         done, middle = motion.system.counters.factorizations, time.perf_counter()
         influences = {
-            name: influence_of(motion, build, values, name, self._owners) for name in values
+            name: influence_of(motion, build, values, name, self._known) for name in values
         }
         linear = linearized(motion, self._accuracy)
         sums, growth = backward(motion, linear, functionals, influences)

@@ -29,9 +29,9 @@ def test_strongest_column(shared_tmp_path: Path) -> None:
         elements=count, iterations=3, load_steps=1, split_above=1, output=shared_tmp_path
     )
     assert outcome.status == "ok"
-    load = outcome.summary["results"]["load"]
+    load = COMM.bcast(outcome.summary["results"])["load"]
     # the same on any number of ranks, to the rounding of differences of matrices
-    assert load == pytest.approx(1.31856, abs=2e-5)
+    assert load == pytest.approx(1.3267861, abs=1e-6)
     # 12 elements of constant areas lack 1 %; the uniform column has 1
     assert load == pytest.approx(4.0 / 3.0, rel=0.02)
     if COMM.rank:

@@ -33,7 +33,7 @@ class DirectEffect:
     """
 
     def __init__(self, motion: Motion, others: Sequence[Simulation]) -> None:
-        """Compare the columns at a state at random, at both ends of time (collective).
+        """Compare the columns at a state at random, at all times of steps (collective).
 
         The motion is at another state after it.
         """
@@ -42,14 +42,12 @@ class DirectEffect:
         own = _Columns(motion.simulation)
         motion.go_to(0)
         disturb(motion)
-        change = 0.0
-        for t in (motion.times[0], motion.times[-1]):
-            still = own.values(t)
-            for moved in self._values(t):
-                size = np.maximum(np.abs(still), np.abs(moved))
-                both = np.isfinite(still) & np.isfinite(moved) & (size > 0.0)
-                apart = np.abs(still - moved)[both] / size[both]
-                change = max(change, float(apart.max(initial=0.0)))
+        still, change = own.values(motion.times), 0.0
+        for moved in self._values(motion.times):
+            size = np.maximum(np.abs(still), np.abs(moved))
+            both = np.isfinite(still) & np.isfinite(moved) & (size > 0.0)
+            apart = np.abs(still - moved)[both] / size[both]
+            change = max(change, float(apart.max(initial=0.0)))
         self.present = motion.on_all_ranks(change) > _SEEN
         motion.go_to(0)
 
@@ -59,15 +57,15 @@ class DirectEffect:
         Args:
             step: number of the step, at whose accepted state the system of the motion is.
         """
-        first, second = self._values(self._motion.times[step])
-        found: FloatArray = np.nan_to_num(first - second)
+        first, second = self._values([self._motion.times[step]])
+        found: FloatArray = np.nan_to_num(first - second)[0]
         return found
 
-    def _values(self, t: float) -> Iterator[FloatArray]:
-        """Columns of the models at the present state."""
+    def _values(self, times: Sequence[float] | FloatArray) -> Iterator[FloatArray]:
+        """Columns of the models at the present state and some times."""
         for one in self._others:
             copy_state(self._motion.system, one.simulation.system)
-            yield one.values(t)
+            yield one.values(times)
 
 
 class _Columns:
@@ -77,18 +75,22 @@ class _Columns:
         self.simulation = simulation
         self._recorder = ProbeRecorder(simulation.system, simulation.serial, depth=1)
 
-    def values(self, t: float) -> FloatArray:
-        """All columns at the present state, on the first rank only (collective)."""
+    def values(self, times: Sequence[float] | FloatArray) -> FloatArray:
+        """All columns (n, columns) at the present state and some times (collective).
+
+        They are zero on other ranks than the first.
+        """
         states, at, found = self._recorder.states(), 0, []
         for probe in self.simulation.serial.model.probes:
+            own = np.zeros((len(times), len(probe.columns)))
             if not isinstance(probe, Probe):
-                found.append(np.full(len(probe.columns), np.nan))
+                own[:] = np.nan
             elif self.simulation.system.comm.rank == 0:
-                found.append(probe.evaluate(t, states[at : at + len(probe.markers)]))
+                seen = states[at : at + len(probe.markers)]
+                own[:] = [probe.evaluate(t, seen) for t in times]
                 at += len(probe.markers)
-            else:
-                found.append(np.zeros(len(probe.columns)))
-        return np.concatenate(found) if found else np.zeros(0)
+            found.append(own)
+        return np.hstack(found) if found else np.zeros((len(times), 0))
 
 
 def copy_state(source: System, target: System) -> None:

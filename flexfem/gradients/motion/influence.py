@@ -9,7 +9,7 @@ An array of parameters that act on elements each, as the sections of a beam do, 
 for all of them. Parameters with numbers that are equal modulo a small one are changed together, so
 that each equation changes by one of them alone (Curtis, Powell, Reid, J. Inst. Math. Appl. 13
 (1974) 117-119). By which one, is known from models in which each changes by a part that is a digit
-of its number. Where an equation depends on several, each parameter has models of its own.
+of its number. Other arrays are in ``arrays.py``.
 """
 
 from __future__ import annotations
@@ -38,7 +38,8 @@ from flexfem.simulation.run.setup import set_up
 from flexfem.system.system import MASS, Shifts, System
 
 __all__ = [
-    "Factors", "Influence", "NumberInfluence", "check_layout", "influence_of",
+    "ElementInfluence", "Factors", "Influence", "NumberInfluence", "Owners", "Sums",
+    "beside", "check_layout", "difference_of", "element_owners", "evaluated",
 ]  # fmt: skip
 
 #: Difference of a parameter, relative to it, or itself for one that is zero.
@@ -113,8 +114,9 @@ class NumberInfluence:
     count = 1
 
     def __init__(
-        self, motion: Motion, build: Build, values: Values, name: str, entry: int | None = None
-    ) -> None:
+        self, motion: Motion, build: Build, values: Values, name: str,
+        entry: int | IntArray | None = None,
+    ) -> None:  # fmt: skip
         """Build both models (collective).
 
         Args:
@@ -122,28 +124,22 @@ class NumberInfluence:
             build: a model of all values.
             values: of all parameters.
             name: of this one.
-            entry: number of the entry of an array.
+            entry: number of the entry of an array, or of several that change together.
 
         Raises:
             InputError: the model does not exist at one of the values, or has another layout there.
             StoppedError: it does not start there.
         """
-        self._motion, self._name = motion, name if entry is None else f"{name}[{entry}]"
-        value = float(values[name] if entry is None else values[name][entry])
-        self.scale = abs(value) or 1.0
-        self._step = _STEP * self.scale
+        self._motion = motion
+        self._name = f"{name}[{entry}]" if isinstance(entry, int) else name
+        at = () if entry is None else entry
+        self._step = difference_of(values[name][at])
+        self.scale = self._step / _STEP
         simulations = []
         for sign in (1.0, -1.0):
             moved: FloatArray = np.array(values[name])
-            moved[() if entry is None else entry] = value + sign * self._step
-            one = Simulation(
-                build(**plain({**values, name: moved})), motion.options, motion.system.comm
-            )
-            if one.status is not Status.OK:
-                raise StoppedError(f'gradient: the motion with another "{name}" does not start')
-            check_layout(motion.system, one.system, name)
-            _check_times(motion, one, name)
-            simulations.append(one)
+            moved[at] += sign * self._step
+            simulations.append(beside(motion, build, {**values, name: moved}, name))
         self._pair = simulations
         # later the models are at other states
         for other in self._pair:
@@ -186,7 +182,7 @@ class NumberInfluence:
             own = self._direct.difference(step)[[motion.columns.index(c) for c in motion.measured]]
         found, numbers = [], []
         for one, sign in zip(self._pair, (1.0, -1.0), strict=True):
-            found.append(_evaluated(motion, one, step))
+            found.append(evaluated(motion, one, step))
             if motion.renewal is None:
                 numbers.append(motion.memories.moved(one, motion.end(step), 0.5 * sign * own))
             else:  # there are none
@@ -261,25 +257,24 @@ class NumberInfluence:
         return self._direct.difference(step) / (2.0 * self._step)
 
 
-class SeparateInfluence:
-    """An array of parameters each of which has models of its own."""
+def difference_of(values: FloatArray) -> float:
+    """Difference of a number, or of several that change together."""
+    return _STEP * (float(np.abs(values).max()) or 1.0)
 
-    def __init__(self, motion: Motion, build: Build, values: Values, name: str) -> None:
-        """Build all models (collective)."""
-        self.count = len(values[name])
-        self._every = [NumberInfluence(motion, build, values, name, k) for k in range(self.count)]
 
-    def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
-        """See :class:`Influence`."""
-        return np.hstack([one.products(step, factors) for one in self._every])
+def beside(motion: Motion, build: Build, values: Values, name: str) -> Simulation:
+    """Start of a model of other values of one parameter (collective).
 
-    def start_products(self, carried: Sequence[Sums]) -> FloatArray:
-        """See :class:`Influence`."""
-        return np.hstack([one.start_products(carried) for one in self._every])
-
-    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
-        """See :class:`Influence`."""
-        return np.hstack([one.direct_products(step, weights) for one in self._every])
+    Raises:
+        InputError: the model does not exist at one of the values, or has another layout there.
+        StoppedError: it does not start there.
+    """
+    one = Simulation(build(**plain(values)), motion.options, motion.system.comm)
+    if one.status is not Status.OK:
+        raise StoppedError(f'gradient: the motion with another "{name}" does not start')
+    check_layout(motion.system, one.system, name)
+    _check_times(motion, one, name)
+    return one
 
 
 @dataclass
@@ -300,18 +295,26 @@ class ElementInfluence:
     """An array of parameters that act on some elements each: a few models for all of them."""
 
     def __init__(
-        self, motion: Motion, build: Build, values: Values, name: str, groups: Sequence[_Group]
+        self, motion: Motion, build: Build, values: Values, name: str, owners: Owners
     ) -> None:
-        """Store the groups, see :func:`_grouped`."""
-        self._motion, self._groups = motion, groups
-        self.count = len(values[name])
+        """Build the models of the groups (collective).
+
+        Args:
+            motion: the motion.
+            build: a model of all values.
+            values: of all parameters.
+            name: of this array.
+            owners: see :func:`element_owners`.
+        """
+        self._motion, self.count = motion, len(values[name])
+        self._groups = _pairs(_Builder(motion, build, values, name), self.count, owners)
         self._steps = _steps(values[name])
 
     def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
         """See :class:`Influence`."""
         found = np.zeros((len(factors), self.count))
         for group in self._groups:
-            first, second = (_evaluated(self._motion, one, step)[0] for one in group.pair)
+            first, second = (evaluated(self._motion, one, step)[0] for one in group.pair)
             self._add(group, first, second, ([z for z, *_ in factors], found))
         return found
 
@@ -336,7 +339,7 @@ class ElementInfluence:
             motion.tangent.solve(right, np.zeros(system.constraints.size))
             every.append([-part.block.owned_step for part in system.parts])
         for group in self._groups:
-            first, second = (_evaluated(motion, one, 0)[0] for one in group.pair)
+            first, second = (evaluated(motion, one, 0)[0] for one in group.pair)
             self._add(group, first, second, (every, found))
         return found
 
@@ -358,34 +361,11 @@ class ElementInfluence:
                 out[:] += np.bincount(index, own, minlength=self.count)
 
 
-#: Owners of groups, see :class:`_Group`, by the names of arrays; None if there are none.
-Owners = dict[str, list[list[IntArray]] | None]
+#: Owners of groups, see :class:`_Group`.
+Owners = list[list[IntArray]]
 
 
-def influence_of(
-    motion: Motion, build: Build, values: Values, name: str, known: Owners
-) -> Influence:
-    """What a parameter, or an array of them, changes (collective).
-
-    Args:
-        motion: the motion.
-        build: a model of all values.
-        values: of all parameters.
-        name: of this one.
-        known: owners that were found with other values, to which those found are added.
-    """
-    if values[name].ndim == 0:
-        return NumberInfluence(motion, build, values, name)
-    if name not in known:
-        known[name] = _owners(motion, build, values, name)
-    owners = known[name]
-    if owners is None:
-        return SeparateInfluence(motion, build, values, name)
-    groups = _pairs(_Builder(motion, build, values, name), len(values[name]), owners)
-    return ElementInfluence(motion, build, values, name, groups)
-
-
-def _owners(motion: Motion, build: Build, values: Values, name: str) -> list[list[IntArray]] | None:
+def element_owners(motion: Motion, build: Build, values: Values, name: str) -> Owners | None:
     """Owners of the fewest groups, None if there are none (collective)."""
     if len(values[name]) <= _GROUPS or motion.system.viscous() or motion.remembering:
         return None
@@ -450,7 +430,7 @@ def _check_fixed(system: System, other: System, name: str) -> None:
         )
 
 
-def _evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
+def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     """Residuals of another model at the trial state of the motion, after a step, or at the start.
 
     Those of the start are not scaled (collective).

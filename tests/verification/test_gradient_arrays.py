@@ -1,0 +1,96 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Arrays of parameters that act one after the other, as coefficients of splines over time."""
+
+from collections.abc import Callable
+
+import numpy as np
+import pytest
+from scipy.interpolate import BSpline
+
+import flexfem as ff
+from flexfem.gradients.gradient import Differentiation
+
+END = 0.1
+OPTIONS = ff.RunOptions(dt=5e-3, t_end=END, rho_inf=0.8, quiet=True)
+NUMBERS = ["rms:z", "final:v", "mean:torque"]
+
+
+def local(values: np.ndarray) -> Callable[[float], float]:
+    """Cubic spline of coefficients, four of which act at a time."""
+    inner = np.linspace(0.0, END, len(values) - 2)
+    spline = BSpline(np.concatenate([[0.0] * 3, inner, [END] * 3]), values, 3)
+    return lambda t: float(spline(min(max(t, 0.0), END)))
+
+
+def symmetric(values: np.ndarray) -> Callable[[float], float]:
+    """Means of three values, each at a step: at its time the middle one counts twice."""
+    times = np.linspace(0.0, END, len(values))
+    means = np.convolve(np.pad(values, 1, mode="edge"), [0.25, 0.5, 0.25], mode="valid")
+    return ff.Spline(times, means)
+
+
+def knots(values: np.ndarray) -> Callable[[float], float]:
+    """Bumps at times that are the parameters: they act one after the other, but move."""
+    return lambda t: float((np.maximum(1.0 - ((t - values) / 7e-3) ** 2, 0.0) ** 3).sum())
+
+
+class Pendulum:
+    """A pendulum with a torque of some parameters; counts its models."""
+
+    def __init__(self, torque: Callable[[np.ndarray], Callable[[float], float]]) -> None:
+        self.torque, self.models = torque, 0
+
+    def __call__(self, values: np.ndarray) -> ff.Model:
+        self.models += 1
+        force, model, bob = self.torque(values), ff.Model("pendulum"), ff.Marker("bob")
+        hinge = ff.Ground(), ff.Marker("bob", offset=(-1.0, 0.0, 0.0))
+        model.add(
+            ff.Gravity((0.0, 0.0, -9.81)),
+            ff.RigidBody("bob", 2.0, (0.1, 0.1, 0.1), position=(1.0, 0.0, 0.0)),
+            ff.Revolute("hinge", *hinge, axis=(0.0, 1.0, 0.0)),
+            ff.Actuator("drive", *hinge, axis=(0.0, 1.0, 0.0), force=force),
+            ff.Probe("path", bob, ("z", "v"), lambda t, s: (s.position[2], s.velocity[0])),
+            ff.Probe("power", (), ("torque",), lambda t: (force(t),)),
+        )
+        return model
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize(
+    ("torque", "values", "few"),
+    [
+        (local, 1.0 + 3.0 * np.sin(np.arange(16.0)), True),
+        (symmetric, 1.0 + 3.0 * np.sin(np.arange(21.0)), False),
+        (knots, np.linspace(0.013, 0.088, 6), False),
+    ],
+)
+def test_gradient_by_what_acts_one_after_the_other(
+    torque: Callable[[np.ndarray], Callable[[float], float]], values: np.ndarray, few: bool
+) -> None:
+    """Agrees with the linearised motion, in which each entry has models of its own.
+
+    An entry that is taken for its neighbour, or a column that lacks its own dependence at times
+    between the start and the end, is off by a tenth and more.
+    """
+    build = Pendulum(torque)
+    differentiation = Differentiation(build, NUMBERS, OPTIONS)
+    differentiation.at({"values": values})
+    build.models = 0
+    found = differentiation.at({"values": 0.9 * values})
+    # two models for each of four groups, and the one of the motion
+    assert (build.models == 9) is few
+    along = np.cos(3.0 * np.arange(len(values)))
+    moved = ff.tangent_motion(build, {"values": 0.9 * values}, {"values": along}, OPTIONS)
+    if not moved.derivative:
+        return
+    history, by = moved.history, moved.derivative
+    expected = {
+        "rms:z": np.trapezoid(history["z"] * by["z"], dx=1.0 / (len(history["t"]) - 1))
+        / found.value["rms:z"],
+        "final:v": by["v"][-1],
+        "mean:torque": np.trapezoid(by["torque"], dx=1.0 / (len(history["t"]) - 1)),
+    }
+    for name, value in expected.items():
+        own = np.asarray(found.gradient[name]["values"])
+        # rounding of differences of 1e-5 of the entries
+        assert own @ along == pytest.approx(value, abs=1e-7 * np.abs(own).sum()), name
