@@ -20,7 +20,9 @@ def check_definite(owner: str, what: str, matrix: FloatArray, *, semidefinite: b
     Raises:
         ValueError: It is not; the message names the owner, the matrix and the offending value.
     """
-    diagonal = np.diagonal(matrix)
+    diagonal = matrix.diagonal()
+    if np.count_nonzero(matrix) == len(matrix) and diagonal.min() > 0.0:
+        return  # diagonal, as most are: sections along a beam are many
     kind = "semidefinite" if semidefinite else "definite"
     bad = diagonal < 0.0 if semidefinite else diagonal <= 0.0
     if bad.any():
@@ -54,6 +56,9 @@ def check_inertia_form(owner: str, inertia: FloatArray) -> None:
         ValueError: It is not.
     """
     mass, coupling = inertia[:3, :3], inertia[3:, :3]
+    equal = mass[0, 0] == mass[1, 1] == mass[2, 2]
+    if equal and np.count_nonzero(inertia) == np.count_nonzero(inertia.diagonal()):
+        return
     size = max(float(np.abs(inertia).max()), np.finfo(float).tiny)
     if (
         np.abs(mass - mass[0, 0] * np.eye(3)).max() > _SYMMETRY_TOLERANCE * size

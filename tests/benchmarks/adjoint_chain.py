@@ -34,10 +34,10 @@ def chain(stiffness: np.ndarray, links: int, elements: int) -> ff.Model:
     model = ff.Model("chain", mesh=ff.LineMesh(np.array(points), np.array(cells), groups))
     model.add(ff.Gravity((0.0, 0.0, -9.81)))
     for b in range(links):
+        sections = [ff.Section.general(factor * BASE.stiffness, BASE.inertia) for factor in own[b]]
 
-        def section(s: float, row: np.ndarray = own[b]) -> ff.Section:
-            factor = float(row[min(int(s / LENGTH * elements), elements - 1)])
-            return ff.Section.general(factor * BASE.stiffness, BASE.inertia)
+        def section(s: float, own: list[ff.Section] = sections) -> ff.Section:
+            return own[min(int(s / LENGTH * elements), elements - 1)]
 
         before = ff.Marker(f"link_{b - 1}", "end") if b else ff.Ground()
         model.add(

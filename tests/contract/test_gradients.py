@@ -141,15 +141,22 @@ def test_ranks_agree(kind):
         assert together.gradient["final:tip_z"][name] == pytest.approx(value, rel=1e-9)
 
 
-def _rod(heights, density):
-    count = len(heights)
+def _rod(density, heights=(), moduli=()):
+    count = len(heights) or len(moduli)
     x = np.linspace(0.0, 0.5, count + 1)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
     cells = np.array([[i, i + 1] for i in range(count)])
     model = ff.Model("rod", mesh=ff.LineMesh(x, cells, {"rod": np.arange(count)}))
-    rubber = ff.Material(5e6, 0.3, density)
+    if not len(heights):
+        heights = np.full(count, 0.02)
+    if not len(moduli):
+        moduli = np.full(count, 5e6)
+    sections = [
+        ff.Section.rectangle(0.03, height, ff.Material(modulus, 0.3, density))
+        for height, modulus in zip(heights, moduli, strict=True)
+    ]
 
     def section(s):
-        return ff.Section.rectangle(0.03, heights[min(int(s / 0.5 * count), count - 1)], rubber)
+        return sections[min(int(s / 0.5 * count), count - 1)]
 
     model.add(
         ff.Gravity((0.0, 0.0, -9.81)), ff.Beam("rod", section),
@@ -159,24 +166,26 @@ def _rod(heights, density):
     return model
 
 
-def test_arrays_of_elements_take_few_models():
-    """One height for each element, against the tangent with models of each entry."""
+@pytest.mark.parametrize(("name", "size", "models"), [("heights", 0.02, 12), ("moduli", 5e6, 10)])
+def test_arrays_of_elements_take_few_models(name, size, models):
+    """One number for each element, against the tangent with models of each entry."""
     count = 7
-    heights = 0.02 * (1.0 + 0.3 * np.sin(np.arange(count)))
+    numbers = size * (1.0 + 0.3 * np.sin(np.arange(count)))
     options = ff.RunOptions(dt=1e-3, t_end=0.01, tolerance=1e-12)
-    values, built = {"heights": heights, "density": 1100.0}, []
+    values, built = {name: numbers, "density": 1100.0}, []
 
     def build(**given):
         built.append(0)
         return _rod(**given)
 
     found = ff.gradient(build, "final:tip_z", values, options, accuracy=1e-12)
-    # the motion, a pair for the density, and 2 + 2 + 1 for the array; 15 more with a pair for each
-    assert len(built) < 15
-    along = {"heights": heights * np.cos(np.arange(count)), "density": 50.0}
+    # the motion, a pair for the density, for the array 2 that find one group too few, 2 for each
+    # of two, 1 with all, and 2 more where they are not linear; 14 with a pair for each entry
+    assert len(built) == models
+    along = {name: numbers * np.cos(np.arange(count)), "density": 50.0}
     tangent = ff.tangent_motion(_rod, values, along, options, accuracy=1e-12)
     own = found.gradient["final:tip_z"]
-    sums = own["heights"] @ along["heights"] + 50.0 * own["density"]
+    sums = own[name] @ along[name] + 50.0 * own["density"]
     expected = MPI.COMM_WORLD.bcast(tangent.derivative.get("tip_z"))[-1]
     # an entry given to its neighbour changes the sum by a tenth
     assert sums == pytest.approx(expected, rel=1e-9)

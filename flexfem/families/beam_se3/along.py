@@ -46,14 +46,21 @@ def cell_sections(beam: Beam, arcs: FloatArray) -> list[Section]:
         places = Places.of(arcs, unit * section.stations)
         inertia = places.means(section.at(places.at / unit)[1])
         outlines = [section.outline_at(s / unit) for s in middle]
+        whole: list[Section | None] = [None for _ in middle]
     else:
         assert callable(section)
         places = Places.of(arcs)
         found = [called_section(owner, section, s) for s in places.at.tolist()]
         stiffness = places.means(np.array([one.stiffness for one in found]))
         inertia = places.means(np.array([one.inertia for one in found]))
-        outlines = [called_section(owner, section, s).outline for s in middle.tolist()]
-    return [Section(*given) for given in zip(stiffness, inertia, outlines, strict=True)]
+        centres = [called_section(owner, section, s) for s in middle.tolist()]
+        outlines = [one.outline for one in centres]
+        whole = [*centres]  # of cells with one section, which may be many
+        for cell, one in zip(places.cell.tolist(), found, strict=True):
+            if one is not centres[cell]:
+                whole[cell] = None
+    every = zip(whole, stiffness, inertia, outlines, strict=True)
+    return [one or Section(*given) for one, *given in every]
 
 
 def rest_twists(beam: Beam, arcs: FloatArray, twists: FloatArray) -> FloatArray:

@@ -22,16 +22,19 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.gradients.motion.direct import DirectEffect
+from flexfem.gradients.motion.element_arrays import (
+    Builder,
+    Owners,
+    element_influence,
+    element_owners,
+)
 from flexfem.gradients.motion.influence import (
-    ElementInfluence,
     Factors,
     Influence,
     NumberInfluence,
-    Owners,
     Sums,
     beside,
     difference_of,
-    element_owners,
     evaluated,
 )
 from flexfem.gradients.motion.parameters import Build, Values
@@ -89,8 +92,9 @@ def influence_of(
     """
     if values[name].ndim == 0:
         return NumberInfluence(motion, build, values, name)
+    builder = Builder(motion, build, values, name)
     if name not in known or _of_other_steps(known[name], motion):
-        found: Owners | list[Times] | None = element_owners(motion, build, values, name)
+        found: Owners | list[Times] | None = element_owners(motion, builder)
         known[name] = _times(motion, build, values, name) if found is None else found
     owners = known[name]
     if owners is None:
@@ -99,7 +103,9 @@ def influence_of(
     if timed:
         return TimedInfluence(motion, build, values, name, timed)
     elements = [one for one in owners if not isinstance(one, Times)]
-    return ElementInfluence(motion, build, values, name, elements)
+    return element_influence(motion, builder, elements) or SeparateInfluence(
+        motion, build, values, name
+    )
 
 
 def _of_other_steps(known: Owners | list[Times] | None, motion: Motion) -> bool:

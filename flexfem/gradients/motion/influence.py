@@ -4,18 +4,11 @@
 Both are differentiated by central differences between two models that differ in one parameter: at a
 fixed state, one step after the other, not between two motions. What is linear in a parameter is
 exact.
-
-An array of parameters that act on elements each, as the sections of a beam do, takes a few models
-for all of them. Parameters with numbers that are equal modulo a small one are changed together, so
-that each equation changes by one of them alone (Curtis, Powell, Reid, J. Inst. Math. Appl. 13
-(1974) 117-119). By which one, is known from models in which each changes by a part that is a digit
-of its number. Other arrays are in ``arrays.py``.
 """
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
 from typing import Protocol
 
 from mpi4py import MPI
@@ -26,38 +19,30 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.status import Status
 from flexfem.gradients.equations.carried import CARRIED, Carried
-from flexfem.gradients.equations.node_maps import RateMaps, applied, twists
+from flexfem.gradients.equations.node_maps import twists
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations, equations_at, jump
-from flexfem.gradients.motion.direct import DirectEffect, copy_state, disturb
+from flexfem.gradients.motion.direct import DirectEffect, copy_state
 from flexfem.gradients.motion.parameters import Build, Values, plain
 from flexfem.gradients.motion.trajectory import Motion, StoppedError
-from flexfem.model.model import Model
 from flexfem.simulation.motion.stepping import Simulation
-from flexfem.simulation.run.setup import set_up
-from flexfem.system.system import MASS, Shifts, System
+from flexfem.system.system import Shifts, System
 
 __all__ = [
-    "ElementInfluence", "Factors", "Influence", "NumberInfluence", "Owners", "Sums",
-    "beside", "check_layout", "difference_of", "element_owners", "evaluated",
+    "STEP", "UNSCALED", "Factors", "Influence", "NumberInfluence", "Sums", "beside",
+    "check_layout", "check_times", "difference_of", "evaluated",
 ]  # fmt: skip
 
 #: Difference of a parameter, relative to it, or itself for one that is zero.
-_STEP = 1e-5
-#: Largest number of groups of an array's parameters.
-_GROUPS = 4
-#: Base of the digits of their numbers.
-_BASE = 64
-#: Part of the largest change of an equation below which it does not depend on a parameter, and
-#: deviation of changes from equal ones.
-_NOTHING, _ALIKE = 1e-12, 1e-3
-#: Largest change of positions and velocities of a start that is the same, m and so on.
-_SAME_START = 1e-13
+STEP = 1e-5
 #: Second differences of the equations over first ones, from which on they are no smooth functions
 #: of a parameter.
 _ROUGH = 3e-3
 #: Motion of fixed nodes, m and rad, up to which it is none.
 _ROUNDING = 1e-13
+
+#: Equations without scale.
+UNSCALED = Shifts(velocity=0.0, acceleration=0.0, scale=1.0)
 
 #: Factors of the equations of blocks, of rows (r,) and of the memories' numbers (n,).
 Factors = tuple[BlockVectors, FloatArray, FloatArray]
@@ -134,7 +119,7 @@ class NumberInfluence:
         self._name = f"{name}[{entry}]" if isinstance(entry, int) else name
         at = () if entry is None else entry
         self._step = difference_of(values[name][at])
-        self.scale = self._step / _STEP
+        self.scale = self._step / STEP
         simulations = []
         for sign in (1.0, -1.0):
             moved: FloatArray = np.array(values[name])
@@ -259,7 +244,7 @@ class NumberInfluence:
 
 def difference_of(values: FloatArray) -> float:
     """Difference of a number, or of several that change together."""
-    return _STEP * (float(np.abs(values).max()) or 1.0)
+    return STEP * (float(np.abs(values).max()) or 1.0)
 
 
 def beside(motion: Motion, build: Build, values: Values, name: str) -> Simulation:
@@ -273,123 +258,8 @@ def beside(motion: Motion, build: Build, values: Values, name: str) -> Simulatio
     if one.status is not Status.OK:
         raise StoppedError(f'gradient: the motion with another "{name}" does not start')
     check_layout(motion.system, one.system, name)
-    _check_times(motion, one, name)
+    check_times(motion, one, name)
     return one
-
-
-@dataclass
-class _Group:
-    """Parameters that are changed together.
-
-    Attributes:
-        pair: starts with more and with less of them.
-        owners: for each block, (n_owned,) number of the parameter that each node depends on, -1
-            for none.
-    """
-
-    pair: list[Simulation]
-    owners: list[IntArray]
-
-
-class ElementInfluence:
-    """An array of parameters that act on some elements each: a few models for all of them."""
-
-    def __init__(
-        self, motion: Motion, build: Build, values: Values, name: str, owners: Owners
-    ) -> None:
-        """Build the models of the groups (collective).
-
-        Args:
-            motion: the motion.
-            build: a model of all values.
-            values: of all parameters.
-            name: of this array.
-            owners: see :func:`element_owners`.
-        """
-        self._motion, self.count = motion, len(values[name])
-        self._groups = _pairs(_Builder(motion, build, values, name), self.count, owners)
-        self._steps = _steps(values[name])
-
-    def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
-        """See :class:`Influence`."""
-        found = np.zeros((len(factors), self.count))
-        for group in self._groups:
-            first, second = (evaluated(self._motion, one, step)[0] for one in group.pair)
-            self._add(group, first, second, ([z for z, *_ in factors], found))
-        return found
-
-    def start_products(self, carried: Sequence[Sums]) -> FloatArray:
-        """See :class:`Influence`.
-
-        Parameters of elements change the accelerations of the start alone, which satisfy
-        ``M W + f = 0`` on the constraints: the factors of these equations take one solve with the
-        mass matrix.
-        """
-        motion, system = self._motion, self._motion.system
-        found, every = np.zeros((len(carried), self.count)), []
-        for own, _ in carried:
-            motion.tangent.assemble(MASS)
-            motion.tangent.factor()
-            right = [
-                part.block.hold(
-                    applied(_lv(part.block.width, RateMaps.of(part.block)), one.a + one.w)
-                )
-                for part, one in zip(system.parts, own, strict=True)
-            ]
-            motion.tangent.solve(right, np.zeros(system.constraints.size))
-            every.append([-part.block.owned_step for part in system.parts])
-        for group in self._groups:
-            first, second = (evaluated(motion, one, 0)[0] for one in group.pair)
-            self._add(group, first, second, (every, found))
-        return found
-
-    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
-        """See :class:`Influence`: none, see :func:`_grouped`."""
-        return np.zeros((len(weights), self.count))
-
-    def _add(
-        self, group: _Group, first: BlockVectors, second: BlockVectors,
-        into: tuple[Sequence[BlockVectors], FloatArray],
-    ) -> None:  # fmt: skip
-        """Add factors times differences of equations, by parameter."""
-        for owners, a, b, k in zip(group.owners, first, second, range(len(first)), strict=True):
-            held = owners >= 0
-            index = owners[held]
-            change = (a - b)[held] / (2.0 * self._steps[index])[:, np.newaxis]
-            for z, out in zip(into[0], into[1], strict=True):
-                own = (z[k][held] * change).sum(axis=1)
-                out[:] += np.bincount(index, own, minlength=self.count)
-
-
-#: Owners of groups, see :class:`_Group`.
-Owners = list[list[IntArray]]
-
-
-def element_owners(motion: Motion, build: Build, values: Values, name: str) -> Owners | None:
-    """Owners of the fewest groups, None if there are none (collective)."""
-    if len(values[name]) <= _GROUPS or motion.system.viscous() or motion.remembering:
-        return None
-    builder = _Builder(motion, build, values, name)
-    for count in range(1, _GROUPS):
-        found = _grouped(motion, builder, len(values[name]), count)
-        if found is not None:
-            return found
-    return None
-
-
-def _pairs(builder: _Builder, size: int, owners: list[list[IntArray]]) -> list[_Group]:
-    """Groups with their systems (collective)."""
-    found = []
-    for first, own in enumerate(owners):
-        parts = (np.arange(size) % len(owners) == first).astype(np.float64)
-        pair = [builder.started(parts), builder.started(-parts)]
-        found.append(_Group([one for one in pair if one is not None], own))
-    return found
-
-
-def _steps(values: FloatArray) -> FloatArray:
-    """Differences (n,) of an array of parameters."""
-    return np.where(values == 0.0, _STEP, _STEP * np.abs(values))
 
 
 def check_layout(system: System, other: System, name: str) -> None:
@@ -406,7 +276,7 @@ def check_layout(system: System, other: System, name: str) -> None:
         )
 
 
-def _check_times(motion: Motion, other: Simulation, name: str) -> None:
+def check_times(motion: Motion, other: Simulation, name: str) -> None:
     """Refuse parameters that move jumps and kinks at which steps end (same on all ranks)."""
     if not other.breakpoints.same(motion.simulation.breakpoints):
         raise InputError(
@@ -437,7 +307,12 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     """
     state, system = motion.state(max(step - 1, 0)), other.system
     for part in system.parts:
-        part.block.restore(state.rows[part.block.name])
+        accepted = state.rows[part.block.name]
+        if motion.remembering:  # what is carried starts from there
+            part.block.restore(accepted)
+            continue
+        for name, values in part.block.state().items():
+            values[:] = accepted[name]
     # of the rows what a motion changes, and not their targets, which are the other model's own
     rows = system.constraints
     rows.angles[:] = state.rows["terms"]["angles"]
@@ -448,7 +323,7 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     if not step:
         system.set_time(motion.times[step])
         copy_state(motion.system, system)
-        return equations_at(system, _UNSCALED)
+        return equations_at(system, UNSCALED)
     if motion.renewal is not None:
         system.set_time(motion.times[step])
         copy_state(motion.system, system)
@@ -463,120 +338,3 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     scaled, own = rows.of_elements, motion.system.constraints
     values[scaled] *= own.compliance[scaled] / rows.compliance[scaled]
     return blocks, values
-
-
-#: Equations without scale.
-_UNSCALED = Shifts(velocity=0.0, acceleration=0.0, scale=1.0)
-
-
-class _Builder:
-    """Systems of models with changed entries of one array of parameters."""
-
-    def __init__(self, motion: Motion, build: Build, values: Values, name: str) -> None:
-        self._motion, self._build, self._values, self._name = motion, build, values, name
-
-    def _model(self, parts: FloatArray) -> Model:
-        """The model with entries changed by parts (n,) of their differences."""
-        given = self._values[self._name]
-        moved = given + parts * _steps(given)
-        return self._build(**plain({**self._values, self._name: moved}))
-
-    def system(self, parts: FloatArray) -> System:
-        """Its system (collective)."""
-        options, comm = self._motion.options, self._motion.system.comm
-        _, system = set_up(
-            self._model(parts), comm, options.split_above, kernels=options.kernels,
-            moving=True,
-        )  # fmt: skip
-        check_layout(self._motion.system, system, self._name)
-        return system
-
-    def started(self, parts: FloatArray) -> Simulation | None:
-        """Its start, None if positions or velocities there differ (collective)."""
-        motion = self._motion
-        one = Simulation(self._model(parts), motion.options, motion.system.comm)
-        check_layout(motion.system, one.system, self._name)
-        _check_times(motion, one, self._name)
-        state, worst = motion.state(0), 0.0
-        for part in one.system.parts:
-            for name in ("frames", "velocity"):
-                change = part.block.state()[name] - state.rows[part.block.name][name]
-                worst = max(worst, float(np.abs(change).max(initial=0.0)))
-        worst = motion.system.comm.allreduce(worst, op=MPI.MAX)
-        return one if worst < _SAME_START else None
-
-
-def _grouped(
-    motion: Motion, builder: _Builder, size: int, count: int
-) -> list[list[IntArray]] | None:
-    """Owners of groups of the entries of an array, whose numbers are equal modulo a count.
-
-    None if an equation depends on two of a group, or rows, the start or columns depend on any
-    (collective).
-    """
-    numbers, found = np.arange(size), []
-    for first in range(count):
-        own = (numbers % count == first).astype(np.float64)
-        other = builder.started(own)
-        if other is None or DirectEffect(motion, [other]).present:
-            return None
-        disturb(motion)
-        still = equations_at(motion.system, _UNSCALED)
-        whole = _changes(motion.system, other.system, still)
-        if whole is None:
-            return None
-        owners, place = [np.zeros(len(change), dtype=np.int64) for change in whole], 1
-        while place <= numbers[-1]:
-            part = own * (1.0 + numbers // place % _BASE) / _BASE
-            changes = _changes(motion.system, builder.system(part), still)
-            digits = None if changes is None else _digits(motion.system, whole, changes)
-            if digits is None:
-                return None
-            for total, digit in zip(owners, digits, strict=True):
-                total[:] += place * digit
-                total[digit < 0] = -1
-            place *= _BASE
-        found.append(owners)
-    return found
-
-
-def _changes(source: System, system: System, still: Equations) -> BlockVectors | None:
-    """Changes of the equations of blocks in another model; None if rows change (collective)."""
-    system.set_time(source.time)
-    copy_state(source, system)
-    blocks, rows = equations_at(system, _UNSCALED)
-    changed = float(np.abs(rows - still[1]).max(initial=0.0))
-    if source.comm.allreduce(changed, op=MPI.MAX) != 0.0:
-        return None
-    return [a - b for a, b in zip(blocks, still[0], strict=True)]
-
-
-def _digits(system: System, whole: BlockVectors, changes: BlockVectors) -> list[IntArray] | None:
-    """For each block, (n_owned,) digit of the parameter of each node, -1 for none.
-
-    None if a node depends on two of them (collective).
-
-    Args:
-        system: of the motion.
-        whole: changes of the equations if all parameters change by their differences.
-        changes: those if they change by parts ``(digit + 1)/base`` of them.
-    """
-    largest = max((float(np.abs(change).max(initial=0.0)) for change in whole), default=0.0)
-    largest = system.comm.allreduce(largest, op=MPI.MAX)
-    found, clear = [], True
-    for change, part in zip(whole, changes, strict=True):
-        square = (change**2).sum(axis=1)
-        seen = np.sqrt(square) > _NOTHING * largest
-        share = np.divide((part * change).sum(axis=1), square, where=seen, out=0.0 * square)
-        digit = np.rint(share * _BASE) - 1.0
-        rest = np.abs(part - ((digit + 1.0) / _BASE)[:, np.newaxis] * change)
-        clear = clear and bool((rest[seen] <= _ALIKE * np.sqrt(square[seen, np.newaxis])).all())
-        clear = clear and bool((digit[seen] >= 0.0).all() and (digit[seen] < _BASE).all())
-        clear = clear and bool((np.abs(part[~seen]) <= _NOTHING * largest).all())
-        found.append(np.where(seen, digit, -1.0).astype(np.int64))
-    return found if system.comm.allreduce(clear, op=MPI.LAND) else None
-
-
-def _lv(width: int, maps: RateMaps) -> FloatArray:
-    """Maps (n, w, w) from rates of increments to those of local twists."""
-    return maps.by_rate[:, :width, :width]

@@ -1,0 +1,312 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Arrays of parameters that act on elements.
+
+An array of parameters that act on elements each, as the sections of a beam do, takes a few models
+for all of them. Parameters with numbers that are equal modulo a small one are changed together, so
+that each equation changes by one of them alone (Curtis, Powell, Reid, J. Inst. Math. Appl. 13
+(1974) 117-119). By which one, is known from models in which each changes by a part that is a digit
+of its number.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.gradients.equations.node_maps import RateMaps, applied
+from flexfem.gradients.equations.step_tangent import BlockVectors
+from flexfem.gradients.equations.values import Equations, equations_at
+from flexfem.gradients.motion.direct import DirectEffect, copy_state, disturb
+from flexfem.gradients.motion.influence import (
+    STEP,
+    UNSCALED,
+    Factors,
+    Sums,
+    check_layout,
+    check_times,
+    evaluated,
+)
+from flexfem.gradients.motion.parameters import Build, Values, plain
+from flexfem.gradients.motion.trajectory import Motion
+from flexfem.model.model import Model
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.simulation.run.setup import set_up
+from flexfem.system.system import MASS, System
+
+__all__ = ["Builder", "ElementInfluence", "Owners", "element_influence", "element_owners"]
+
+#: Largest number of groups of an array's parameters.
+_GROUPS = 4
+#: Base of the digits of their numbers.
+_BASE = 128
+#: Part of the largest change of an equation below which it does not depend on a parameter, and
+#: deviation of changes from equal ones.
+_NOTHING, _ALIKE = 1e-12, 1e-3
+#: Largest change of positions and velocities of a start that is the same, m and so on.
+_SAME_START = 1e-13
+#: Second differences over first ones up to which equations are linear in parameters, and rounding
+#: of the equations. Squares of parameters have 1e-5.
+_LINEAR, _ROUNDED = 1e-9, 3e-14
+
+#: Owners of groups, see :class:`_Group`.
+Owners = list[list[IntArray]]
+
+
+@dataclass
+class _Group:
+    """Parameters that are changed together.
+
+    Attributes:
+        owners: for each block, (n_owned,) number of the parameter that each node depends on, -1
+            for none.
+        more, less: starts with more and with less of them. Where equations are linear in the
+            parameters, the motion itself is the latter.
+    """
+
+    owners: list[IntArray]
+    more: Simulation
+    less: Simulation
+
+
+class ElementInfluence:
+    """An array of parameters that act on some elements each: a few models for all of them."""
+
+    def __init__(self, motion: Motion, steps: FloatArray, groups: Sequence[_Group]) -> None:
+        """Store differences (n,) of the parameters and their groups, see :func:`_grouped`."""
+        self._motion, self._groups, self._steps = motion, groups, steps
+        self.count = len(steps)
+
+    def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
+        """See :class:`Influence`."""
+        return self._products(step, [z for z, *_ in factors])
+
+    def start_products(self, carried: Sequence[Sums]) -> FloatArray:
+        """See :class:`Influence`.
+
+        Parameters of elements change the accelerations of the start alone, which satisfy
+        ``M W + f = 0`` on the constraints: the factors of these equations take one solve with the
+        mass matrix.
+        """
+        motion, system, every = self._motion, self._motion.system, []
+        for own, _ in carried:
+            motion.tangent.assemble(MASS)
+            motion.tangent.factor()
+            right = [
+                part.block.hold(
+                    applied(_lv(part.block.width, RateMaps.of(part.block)), one.a + one.w)
+                )
+                for part, one in zip(system.parts, own, strict=True)
+            ]
+            motion.tangent.solve(right, np.zeros(system.constraints.size))
+            every.append([-part.block.owned_step for part in system.parts])
+        return self._products(0, every)
+
+    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
+        """See :class:`Influence`: none, see :func:`_grouped`."""
+        return np.zeros((len(weights), self.count))
+
+    def _products(self, step: int, factors: Sequence[BlockVectors]) -> FloatArray:
+        """Factors times derivatives of the equations of blocks, see ``influence.evaluated``."""
+        motion, found = self._motion, np.zeros((len(factors), self.count))
+        kept: dict[int, BlockVectors] = {}
+
+        def equations(one: Simulation) -> BlockVectors:
+            if id(one) not in kept:
+                kept[id(one)] = evaluated(motion, one, step)[0]
+            return kept[id(one)]
+
+        for group in self._groups:
+            more, less = equations(group.more), equations(group.less)
+            between = (1.0 if group.less is motion.simulation else 2.0) * self._steps
+            for k, owners in enumerate(group.owners):
+                held = owners >= 0
+                index = owners[held]
+                change = (more[k] - less[k])[held] / between[index][:, np.newaxis]
+                for z, out in zip(factors, found, strict=True):
+                    own = (z[k][held] * change).sum(axis=1)
+                    out[:] += np.bincount(index, own, minlength=self.count)
+        return found
+
+
+class Builder:
+    """Systems of models with changed entries of one array of parameters.
+
+    Attributes:
+        steps: (n,) differences of the parameters.
+    """
+
+    def __init__(self, motion: Motion, build: Build, values: Values, name: str) -> None:
+        """Store what the models are made of."""
+        self._motion, self._build, self._values, self._name = motion, build, values, name
+        given = values[name]
+        self.steps = np.where(given == 0.0, STEP, STEP * np.abs(given))
+        self._started: dict[bytes, Simulation | None] = {}
+
+    def _model(self, parts: FloatArray) -> Model:
+        """The model with entries changed by parts (n,) of their differences."""
+        moved = self._values[self._name] + parts * self.steps
+        return self._build(**plain({**self._values, self._name: moved}))
+
+    def system(self, parts: FloatArray) -> System:
+        """Its system (collective)."""
+        options, comm = self._motion.options, self._motion.system.comm
+        _, system = set_up(
+            self._model(parts), comm, options.split_above, kernels=options.kernels,
+            moving=True,
+        )  # fmt: skip
+        check_layout(self._motion.system, system, self._name)
+        return system
+
+    def started(self, parts: FloatArray) -> Simulation | None:
+        """Its start, None if positions or velocities there differ (collective); made once."""
+        key = parts.tobytes()
+        if key not in self._started:
+            self._started[key] = self._start(parts)
+        return self._started[key]
+
+    def _start(self, parts: FloatArray) -> Simulation | None:
+        motion = self._motion
+        one = Simulation(self._model(parts), motion.options, motion.system.comm)
+        check_layout(motion.system, one.system, self._name)
+        check_times(motion, one, self._name)
+        state, worst = motion.state(0), 0.0
+        for part in one.system.parts:
+            for name in ("frames", "velocity"):
+                change = part.block.state()[name] - state.rows[part.block.name][name]
+                worst = max(worst, float(np.abs(change).max(initial=0.0)))
+        worst = motion.system.comm.allreduce(worst, op=MPI.MAX)
+        return one if worst < _SAME_START else None
+
+
+def element_owners(motion: Motion, builder: Builder) -> Owners | None:
+    """Owners of the fewest groups, None if there are none (collective)."""
+    size = len(builder.steps)
+    if size <= _GROUPS or motion.system.viscous() or motion.remembering:
+        return None
+    for count in range(1, _GROUPS):
+        found = _grouped(motion, builder, size, count)
+        if found is not None:
+            return found
+    return None
+
+
+def element_influence(motion: Motion, builder: Builder, owners: Owners) -> ElementInfluence | None:
+    """What the parameters of some groups change, None if they move the start (collective)."""
+    size, count = len(builder.steps), len(owners)
+    parts = [(np.arange(size) % count == first).astype(np.float64) for first in range(count)]
+    more = [one for own in parts if (one := builder.started(own))]
+    if len(more) < count:
+        return None
+    less = count * [motion.simulation]
+    if not _linear(motion, more, builder.started(-np.ones(size))):
+        less = [one for own in parts if (one := builder.started(-own))]
+    if len(less) < count:
+        return None
+    groups = [_Group(*group) for group in zip(owners, more, less, strict=True)]
+    return ElementInfluence(motion, builder.steps, groups)
+
+
+def _linear(motion: Motion, more: Sequence[Simulation], less: Simulation | None) -> bool:
+    """True if the equations are linear in the parameters (collective).
+
+    Args:
+        motion: the motion, which is at another state after it.
+        more: starts with more of the parameters of each group.
+        less: that with less of all.
+    """
+    if less is None:
+        return False
+    motion.go_to(0)
+    disturb(motion)
+    still, clear = equations_at(motion.system, UNSCALED), True
+    largest = max((float(np.abs(own).max(initial=0.0)) for own in still[0]), default=0.0)
+    largest = motion.system.comm.allreduce(largest, op=MPI.MAX)
+    found = [_changes(motion.system, one.system, still) for one in (*more, less)]
+    changes = [one for one in found if one is not None]
+    for every in zip(*changes, strict=True):
+        size = sum(np.abs(change) for change in every)
+        bent = np.abs(sum(every))
+        clear = clear and bool((bent <= _LINEAR * size + _ROUNDED * largest).all())
+    clear = clear and len(changes) == len(found)
+    return bool(motion.system.comm.allreduce(clear, op=MPI.LAND))
+
+
+def _grouped(
+    motion: Motion, builder: Builder, size: int, count: int
+) -> list[list[IntArray]] | None:
+    """Owners of groups of the entries of an array, whose numbers are equal modulo a count.
+
+    None if an equation depends on two of a group, or rows, the start or columns depend on any
+    (collective).
+    """
+    numbers, found = np.arange(size), []
+    for first in range(count):
+        own = (numbers % count == first).astype(np.float64)
+        other = builder.started(own)
+        if other is None or DirectEffect(motion, [other]).present:
+            return None
+        disturb(motion)
+        still = equations_at(motion.system, UNSCALED)
+        whole = _changes(motion.system, other.system, still)
+        if whole is None:
+            return None
+        owners, place = [np.zeros(len(change), dtype=np.int64) for change in whole], 1
+        while place <= numbers[-1]:
+            part = own * (1.0 + numbers // place % _BASE) / _BASE
+            changes = _changes(motion.system, builder.system(part), still)
+            digits = None if changes is None else _digits(motion.system, whole, changes)
+            if digits is None:
+                return None
+            for total, digit in zip(owners, digits, strict=True):
+                total[:] += place * digit
+                total[digit < 0] = -1
+            place *= _BASE
+        found.append(owners)
+    return found
+
+
+def _changes(source: System, system: System, still: Equations) -> BlockVectors | None:
+    """Changes of the equations of blocks in another model; None if rows change (collective)."""
+    system.set_time(source.time)
+    copy_state(source, system)
+    blocks, rows = equations_at(system, UNSCALED)
+    changed = float(np.abs(rows - still[1]).max(initial=0.0))
+    if source.comm.allreduce(changed, op=MPI.MAX) != 0.0:
+        return None
+    return [a - b for a, b in zip(blocks, still[0], strict=True)]
+
+
+def _digits(system: System, whole: BlockVectors, changes: BlockVectors) -> list[IntArray] | None:
+    """For each block, (n_owned,) digit of the parameter of each node, -1 for none.
+
+    None if a node depends on two of them (collective).
+
+    Args:
+        system: of the motion.
+        whole: changes of the equations if all parameters change by their differences.
+        changes: those if they change by parts ``(digit + 1)/base`` of them.
+    """
+    largest = max((float(np.abs(change).max(initial=0.0)) for change in whole), default=0.0)
+    largest = system.comm.allreduce(largest, op=MPI.MAX)
+    found, clear = [], True
+    for change, part in zip(whole, changes, strict=True):
+        square = (change**2).sum(axis=1)
+        seen = np.sqrt(square) > _NOTHING * largest
+        share = np.divide((part * change).sum(axis=1), square, where=seen, out=0.0 * square)
+        digit = np.rint(share * _BASE) - 1.0
+        rest = np.abs(part - ((digit + 1.0) / _BASE)[:, np.newaxis] * change)
+        clear = clear and bool((rest[seen] <= _ALIKE * np.sqrt(square[seen, np.newaxis])).all())
+        clear = clear and bool((digit[seen] >= 0.0).all() and (digit[seen] < _BASE).all())
+        clear = clear and bool((np.abs(part[~seen]) <= _NOTHING * largest).all())
+        found.append(np.where(seen, digit, -1.0).astype(np.int64))
+    return found if system.comm.allreduce(clear, op=MPI.LAND) else None
+
+
+def _lv(width: int, maps: RateMaps) -> FloatArray:
+    """Maps (n, w, w) from rates of increments to those of local twists."""
+    return maps.by_rate[:, :width, :width]
