@@ -60,7 +60,7 @@ def test_wrong_arguments(text, given):
 
 def _unsupported():
     yield (
-        'Event "stop" has no derivatives yet',
+        'Event "stop" has an action Stop, which has no derivatives yet',
         [ff.Event("stop", BOB, lambda t, bob: bob.position[2] + 9.0, ff.Stop())],
     )
     yield (
@@ -195,6 +195,26 @@ def test_parameters_that_make_another_model():
         return model
 
     _refused("changes the number of nodes or joints", model=build, wrt={"length": 0.5})
+
+
+def _falling(*actions):
+    return [
+        ff.Event(f"event {k}", BOB, lambda t, bob: t - 1.5e-3, action)
+        for k, action in enumerate(actions)
+    ]
+
+
+def test_events():
+    release = ff.ReleaseJoint("pin"), ff.ReleaseJoint("spring")
+    _refused("several events happen at the same time", model=_model(*_falling(*release)))
+    _refused("has an action function, which", model=_model(*_falling(lambda mechanism: None)))
+    holding = _model(*_falling(ff.LockJoint("spring")))
+    _refused("an event holds a joint with a force law", model=holding)
+    force = ff.Table([0.0, 0.0013, 1.0], [0.0, 1.0, 0.0])
+    kinked = _model(
+        *_falling(release[0]), ff.PointForce("push", BOB, (0.0, 1.0, 0.0), amplitude=force)
+    )
+    _refused("an event happens in a step with a kink", model=kinked)
 
 
 def test_jumps_with_damping():

@@ -27,12 +27,13 @@ Oberpeilsteiner, Steiner, Nachbagauer, Multibody Syst. Dyn. 42 (2018) 431-464.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.carried import Carried
+from flexfem.gradients.equations.carried import CARRIED, Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.equations.node_maps import RateMaps, StepMaps, transposed
 from flexfem.gradients.equations.step_tangent import (
@@ -46,7 +47,27 @@ from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.renewals.renewal import Renewal
 
-__all__ = ["Adjoint", "Scheme", "Tangent", "maps_of"]
+__all__ = ["Adjoint", "Scheme", "SizeChange", "Tangent", "maps_of"]
+
+
+@dataclass(frozen=True)
+class SizeChange:
+    """What the size of a step changes at fixed increments.
+
+    Attributes:
+        rates: changes of v, a and w of each block's owned nodes, (3, n, w).
+        equations: changes of the equations of blocks and rows.
+    """
+
+    rates: list[FloatArray]
+    equations: Equations
+
+    def along(self, carried: Sequence[Carried]) -> float:
+        """Sums for each block times the changes of rates."""
+        return sum(
+            float((own.v * rates[0] + own.a * rates[1] + own.w * rates[2]).sum())
+            for own, rates in zip(carried, self.rates, strict=True)
+        )
 
 
 @dataclass(frozen=True)
@@ -103,6 +124,9 @@ class Adjoint:
         arrived: sums of influences of the memories' numbers after it, (n,).
         carried: by the state before it, for each block.
         remembered: those of the memories' numbers before it, (n,).
+        targets: (r,) those of the targets of held rows before it.
+        time: this rank's part of that of its time, if this is the time of an event.
+        by_size: this rank's part of the influence of the size of the step done last, if it changes.
     """
 
     z: BlockVectors
@@ -120,6 +144,8 @@ class Adjoint:
         shapes = [part.block.owned_step.shape for part in motion.system.parts]
         self.carried = [Carried.nothing(shape) for shape in shapes]
         self.remembered = np.zeros(len(motion.memories.owned))
+        self.targets = np.zeros(motion.system.constraints.size)
+        self.time = self.by_size = 0.0
         self._last: FloatArray | None = None
         # of accelerations at earlier states, by their numbers
         self._early: dict[int, BlockVectors] = {}
@@ -155,11 +181,36 @@ class Adjoint:
     def renew(self, step: int, renewal: Renewal) -> None:
         """Go back over a part of a renewal, which is linearised (collective)."""
         self.to_step(step)
-        self.z, self.mu = renewal.back(self.carried)
+        self.z, self.mu = renewal.back(self.carried, self.targets)
         self.arrived = self.remembered
 
-    def step(self, step: int, linear: LinearizedStep, maps: list[StepMaps]) -> None:
-        """Go back over a step, at whose end the equations are linearised (collective)."""
+    def subtract(self, other: Adjoint, factor: float) -> None:
+        """Subtract a multiple of another one, which has done the same step last."""
+        for own, less in zip(self.carried, other.carried, strict=True):
+            for name in CARRIED:
+                setattr(own, name, getattr(own, name) - factor * getattr(less, name))
+        self.z = [a - factor * b for a, b in zip(self.z, other.z, strict=True)]
+        self.mu = self.mu - factor * other.mu
+        self.targets -= factor * other.targets
+        self.by_size -= factor * other.by_size
+
+    def times(self, equations: Equations) -> float:
+        """This rank's part of the factors of the last step times changes of its equations."""
+        blocks = sum(float((a * b).sum()) for a, b in zip(self.z, equations[0], strict=True))
+        return blocks + float(self.mu @ (self._motion.system.constraints.owned * equations[1]))
+
+    def step(
+        self, step: int, linear: LinearizedStep, maps: list[StepMaps],
+        size: SizeChange | None = None,
+    ) -> None:  # fmt: skip
+        """Go back over a step, at whose end the equations are linearised (collective).
+
+        Args:
+            step: its number.
+            linear: the linearised equations.
+            maps: those of all blocks.
+            size: what its size changes, None if that counts as given.
+        """
         self.to_step(step)
         one, right, memories = Scheme.of(self._motion, step), [], self._motion.memories
         self._gather(one, maps)
@@ -174,6 +225,11 @@ class Adjoint:
         )  # fmt: skip
         self._last = solution
         self.z, self.mu = linear.parts(solution)
+        held = self._motion.system.constraints
+        self.targets += self.mu * (held.held & held.rigid)
+        self.by_size = 0.0
+        if size is not None:
+            self.by_size = size.along(self.carried) - self.times(size.equations)
         by_velocity, _ = linear.tangent.apply_transposed(self.z, self.mu, VELOCITIES)
         by_acceleration, _ = linear.tangent.apply_transposed(self.z, self.mu, ACCELERATIONS)
         for own, by, e, dv, dw in zip(
@@ -220,6 +276,8 @@ class Tangent:
         carried: changes of the state, for each block, as those of :class:`Adjoint`.
         remembered: (n,) changes of the memories' numbers.
         multipliers: (r,) changes of the rows' forces times ``beta h^2`` over the last step.
+        targets: (r,) those of the targets of held rows.
+        time: that of the time of the state, if this is the time of an event, s.
     """
 
     def __init__(self, motion: Motion, start: list[Carried], remembered: FloatArray) -> None:
@@ -227,6 +285,7 @@ class Tangent:
         self._motion = motion
         self.carried, self.remembered = start, remembered
         self.multipliers = np.zeros(motion.system.constraints.size)
+        self.targets, self.time = np.zeros_like(self.multipliers), 0.0
         self._accelerations: dict[int, BlockVectors] = {}
         self._lead(0)
 
@@ -240,12 +299,33 @@ class Tangent:
 
     def renew(self, step: int, renewal: Renewal, changes: Equations) -> None:
         """Go over a part of a renewal, which is linearised (collective)."""
-        renewal.ahead(self.carried, changes)
+        renewal.ahead(self.carried, self.targets, changes)
         self._lead(step)
 
+    def like(self) -> Tangent:
+        """One without changes of this state, for those of what comes."""
+        nothing = [Carried.nothing(own.q.shape) for own in self.carried]
+        found = Tangent(self._motion, nothing, np.zeros_like(self.remembered))
+        found._accelerations = {
+            state: [np.zeros_like(w) for w in every] for state, every in self._accelerations.items()
+        }
+        return found
+
+    def add(self, other: Tangent, factor: float) -> None:
+        """Add a multiple of another one at the same state."""
+        for own, more in zip(self.carried, other.carried, strict=True):
+            for name in CARRIED:
+                setattr(own, name, getattr(own, name) + factor * getattr(more, name))
+        self.targets += factor * other.targets
+        for state, every in other._accelerations.items():
+            self._accelerations[state] = [
+                a + factor * b for a, b in zip(self._accelerations[state], every, strict=True)
+            ]
+
     def step(
-        self, step: int, linear: LinearizedStep, maps: list[StepMaps], changes: Equations
-    ) -> None:
+        self, step: int, linear: LinearizedStep, maps: list[StepMaps], changes: Equations,
+        size: tuple[SizeChange, float] | None = None,
+    ) -> None:  # fmt: skip
         """Go over a step, at whose end the equations are linearised (collective).
 
         Args:
@@ -253,6 +333,7 @@ class Tangent:
             linear: the linearised equations.
             maps: those of all blocks.
             changes: of the equations of blocks and of rows, at a fixed state.
+            size: what its size changes, and its change, s; None if that counts as given.
         """
         one = Scheme.of(self._motion, step)
         self._accelerations = {step - 1: self._accelerations[step - 1]}
@@ -260,6 +341,11 @@ class Tangent:
         if (own_equations := self._motion.memories.equations(self.remembered)) is not None:
             forces = [a + b for a, b in zip(forces, own_equations[0], strict=True)]
             rows = rows + own_equations[1]
+        held = self._motion.system.constraints
+        rows = rows - self.targets * (held.held & held.rigid)
+        if size is not None:
+            forces = [a + size[1] * b for a, b in zip(forces, size[0].equations[0], strict=True)]
+            rows = rows + size[1] * size[0].equations[1]
         predicted: list[Carried] = []
         for own, by in zip(self.carried, maps, strict=True):
             n = one.h * own.v + one.h**2 * (0.5 - one.beta) * own.a
@@ -290,6 +376,11 @@ class Tangent:
             a = by.inverse(x) / one.square
             q = own.q + x
             v, w = own.v + one.h * one.gamma * a, own.w + one.share * a
+            if size is not None:
+                v, a, w = (
+                    x + size[1] * y
+                    for x, y in zip((v, a, w), size[0].rates[len(moves[0])], strict=True)
+                )
             v, a, w = (by.hold_rates(y) for y in (v, a, w))
             self.carried.append(Carried(by.axes(q), v, a, w))
             moves[0].append(q)

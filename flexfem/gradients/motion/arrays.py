@@ -130,6 +130,10 @@ class SeparateInfluence:
         """See :class:`Influence`."""
         return np.hstack([one.start_products(carried) for one in self._every])
 
+    def event_changes(self, state: int) -> FloatArray:
+        """See :class:`Influence`."""
+        return np.concatenate([one.event_changes(state) for one in self._every])
+
     def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
         """See :class:`Influence`."""
         return np.hstack([one.direct_products(step, weights) for one in self._every])
@@ -164,6 +168,10 @@ class TimedInfluence:
                 found[:, group.equations[0]] = one.start_products(carried)[:, 0]
         return found
 
+    def event_changes(self, state: int) -> FloatArray:
+        """See :class:`Influence`; there are no events, see :func:`_times`."""
+        return np.zeros(self.count)
+
     def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
         """See :class:`Influence`."""
         found = np.zeros((len(weights), self.count))
@@ -175,8 +183,8 @@ class TimedInfluence:
 
 def _times(motion: Motion, build: Build, values: Values, name: str) -> list[Times] | None:
     """Times of the fewest groups, None if there are none (collective)."""
-    size, steps = len(values[name]), range(motion.steps + 1)
-    if motion.remembering or any(motion.grid.renewal(step) is not None for step in steps):
+    size = len(values[name])
+    if motion.remembering or len(motion.grid.steps) < motion.steps:  # there are renewals
         return None
     for count in _GROUPS:
         if size < _WORTH * count:

@@ -106,6 +106,10 @@ class ElementInfluence:
             every.append([-part.block.owned_step for part in system.parts])
         return self._products(0, every)
 
+    def event_changes(self, state: int) -> FloatArray:
+        """See :class:`Influence`: none, see :func:`element_owners`."""
+        return np.zeros(self.count)
+
     def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
         """See :class:`Influence`: none, see :func:`_grouped`."""
         return np.zeros((len(weights), self.count))
@@ -186,7 +190,8 @@ class Builder:
 def element_owners(motion: Motion, builder: Builder) -> Owners | None:
     """Owners of the fewest groups, None if there are none (collective)."""
     size = len(builder.steps)
-    if size <= _GROUPS or motion.system.viscous() or motion.remembering:
+    apart = motion.system.viscous() or motion.remembering or bool(motion.grid.events)
+    if size <= _GROUPS or apart:
         return None
     for count in range(1, _GROUPS):
         found = _grouped(motion, builder, size, count)

@@ -76,6 +76,13 @@ class Influence(Protocol):
         """
         ...
 
+    def event_changes(self, state: int) -> FloatArray:
+        """Derivatives (count,) of the function of the event at a state, where the system is.
+
+        They are the same on all ranks (collective).
+        """
+        ...
+
     def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
         """Weights (k, columns) times derivatives of all columns at a fixed state, on one rank.
 
@@ -192,6 +199,16 @@ class NumberInfluence:
                 f'gradient: the equations jump where "{self._name}" changes by '
                 f"{self._step:.2g}, and have no derivative"
             )
+
+    def event_changes(self, state: int) -> FloatArray:
+        """See :class:`Influence`."""
+        motion, values = self._motion, []
+        number = motion.grid.events[state]
+        for one in self._pair:
+            copy_state(motion.system, one.system)
+            one.system.time = float(motion.times[state])
+            values.append(float(one.events.evaluate()[number]))
+        return np.array([(values[0] - values[1]) / (2.0 * self._step)])
 
     def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
         """See :class:`Influence`."""
@@ -318,6 +335,9 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     rows.angles[:] = state.rows["terms"]["angles"]
     rows.lines.restore_places(state.rows["places"]["places"])
     rows.lines.angles[:] = state.rows["line_terms"]["line_angles"]
+    own = motion.system.constraints  # events may have changed these
+    rows.active[:], rows.held[:] = own.active, own.held
+    rows.targets[own.held] = own.targets[own.held]
     system.interface.update()
     system.lead = motion.system.lead
     if not step:
@@ -327,7 +347,7 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     if motion.renewal is not None:
         system.set_time(motion.times[step])
         copy_state(motion.system, system)
-        return motion.renewal.equations(system)
+        return motion.renewal.equations(system, motion.restitution(other, step))
     end = motion.end(step)
     motion.memories.recall(other, step)
     system.set_time(motion.times[step])
@@ -335,6 +355,6 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     copy_state(motion.system, system)
     blocks, values = equations_at(system, end.shifts)
     # equations of force elements are scaled by the derivatives in use
-    scaled, own = rows.of_elements, motion.system.constraints
+    scaled = rows.of_elements
     values[scaled] *= own.compliance[scaled] / rows.compliance[scaled]
     return blocks, values

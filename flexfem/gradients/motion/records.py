@@ -50,6 +50,7 @@ class Records:
         self._check(steps)
         self.times: list[float] = []
         self._starts: dict[int, State] = {}
+        self._kept: set[int] = set()
         self._near: dict[int, dict[int, State]] = {}
 
     def _check(self, steps: int) -> None:
@@ -60,22 +61,33 @@ class Records:
                 f"rank, got {self._memory / 1e9:.2g} GB"
             )
 
-    def add(self, state: State, time: float) -> None:
+    def add(self, state: State, time: float, *, keep: bool = False) -> None:
         """Add the state after the next step.
+
+        Args:
+            state: the state.
+            time: its time, s.
+            keep: True for one that is not computed again, whatever the memory.
 
         Raises:
             InputError: the memory does not suffice.
         """
         step = len(self.times)
         self.times.append(time)
-        if step % self._length:
+        if keep:
+            self._kept.add(step)
+        if step % self._length and not keep:
             return
         self._starts[step] = _copied(state)
         most = self._memory / self._size
-        while len(self._starts) > (most if self._length == 1 else most / 3.0):
+        while len(self._starts) - len(self._kept) > (most if self._length == 1 else most / 3.0):
             self._length *= 2
             self._check(step)
-            self._starts = {k: one for k, one in self._starts.items() if k % self._length == 0}
+            self._starts = {
+                k: one
+                for k, one in self._starts.items()
+                if k % self._length == 0 or k in self._kept
+            }
 
     def change(self, state: State) -> None:
         """Replace the state that was added last."""
@@ -97,7 +109,10 @@ class Records:
             self._system.restore(self._starts[block])
             self._near[block] = own = {block: self._starts[block]}
             for step in range(block + 1, min(block + self._length, len(self.times))):
-                self._advance(step)
+                if step in self._kept:
+                    self._system.restore(self._starts[step])
+                else:
+                    self._advance(step)
                 own[step] = _copied(self._system.state())
 
     def state(self, step: int) -> State:

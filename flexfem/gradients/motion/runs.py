@@ -13,7 +13,8 @@ from flexfem._types import FloatArray
 from flexfem.gradients.equations.carried import CARRIED, Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.motion.adjoint import Adjoint, Tangent, maps_of
-from flexfem.gradients.motion.columns import ColumnDerivatives, NodeSeeds, history_weights
+from flexfem.gradients.motion.columns import ColumnDerivatives, history_weights
+from flexfem.gradients.motion.event_times import EventTimes, along
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence
 from flexfem.gradients.motion.trajectory import Motion
@@ -77,22 +78,31 @@ def backward(
                 own = motion.memories.weights(step, adjoint.remembered)
                 adjoint.add(measured.seeds(step, own))
 
+    events = EventTimes(motion)
     seed(motion.steps)
     for step in range(motion.steps, 0, -1):
+        if step in motion.grid.events:
+            events.reach(step)
+            changes = np.concatenate([one.event_changes(step) for one in influences.values()])
         motion.go_to_end(step)
         if motion.renewal is not None:
             for adjoint in adjoints:
                 adjoint.renew(step, motion.renewal)
+            events.renew(step, adjoints)
         else:
             linear.take(motion.laws(step).shifts)
             motion.memories.take(motion.end(step))
             maps = maps_of(motion, step)
+            size = events.size(step, linear, maps)
             for adjoint in adjoints:
-                adjoint.step(step, linear, maps)
+                adjoint.step(step, linear, maps, size)
+            factors = events.back(step, linear, maps, adjoints)
+            if step in motion.grid.events:
+                sums -= np.outer(factors[:count], changes) * (motion.system.comm.rank == 0)
             sizes[step] = sum(float((z**2).sum()) for z in growing.z)
         # the numbers of memories follow by their own equations, of the form s1 - N = 0
-        factors = [(one.z, one.mu, -one.arrived) for one in adjoints[:count]]
-        sums -= np.hstack([one.products(step, factors) for one in influences.values()])
+        every = [(one.z, one.mu, -one.arrived) for one in adjoints[:count]]
+        sums -= np.hstack([one.products(step, every) for one in influences.values()])
         seed(step - 1)
         seed_memories(step - 1)
     motion.go_to(0)
@@ -121,8 +131,12 @@ def forward(
     tangents = [Tangent(motion, *_start(motion, own)) for own in directions]
     found = np.zeros((len(directions), len(motion.rows_at), len(columns)))
     row_of = {int(step): row for row, step in enumerate(motion.rows_at)}
+    events = EventTimes(motion)
     for step in range(motion.steps + 1):
         if step:
+            if step in motion.grid.events:
+                events.reach(step)
+                moved = [_at_event(step, own) for own in directions]
             motion.go_to_end(step)
             if motion.renewal is None:
                 linear.take(motion.laws(step).shifts)
@@ -131,12 +145,20 @@ def forward(
                 id(one): one.equations(step) for own in directions for one, _ in own
             }  # each parameter's
             every = [_combined(motion, own, once) for own in directions]
-            for tangent, (blocks, rows, _) in zip(tangents, every, strict=True):
-                if motion.renewal is not None:
-                    tangent.renew(step, motion.renewal, (blocks, rows))
+            changes = [(blocks, rows) for blocks, rows, _ in every]
+            if motion.renewal is not None:
+                events.renew_ahead(step, tangents, changes)
+            else:
+                maps = maps_of(motion, step)
+                size = events.size(step, linear, maps)
+                for tangent, change in zip(tangents, changes, strict=True):
+                    own_size = None if size is None else (size, -tangent.time)
+                    tangent.step(step, linear, maps, change, own_size)
+                if step in motion.grid.events:
+                    events.ahead(step, linear, maps, list(zip(tangents, moved, strict=True)))
                 else:
-                    tangent.step(step, linear, maps_of(motion, step), (blocks, rows))
-            if motion.renewal is None:
+                    for tangent in tangents:
+                        tangent.time = 0.0
                 _arrive(motion, measured, step, (tangents, every))
         if step not in row_of:
             continue
@@ -148,7 +170,7 @@ def forward(
                     values[row] += factor * influence.columns(step)[places]
         seeds = derivatives.each(step)
         for values, tangent in zip(found, tangents, strict=True):
-            values[row] += [_along(motion, own, tangent) for own in seeds]
+            values[row] += [along(motion, own, tangent) for own in seeds]
     motion.system.comm.Allreduce(MPI.IN_PLACE, found)
     return found
 
@@ -163,21 +185,15 @@ def _arrive(
         motion.go_to(step)
         seeds = measured.each(step)
     for tangent, (*_, numbers) in zip(*changed, strict=True):
-        changes = np.array([_along(motion, own, tangent) for own in seeds])
+        changes = np.array([along(motion, own, tangent) for own in seeds])
         motion.system.comm.Allreduce(MPI.IN_PLACE, changes)
         arrived = motion.memories.arrive(step, tangent.remembered, changes)
         tangent.remembered = arrived + numbers
 
 
-def _along(motion: Motion, seeds: list[NodeSeeds], tangent: Tangent) -> float:
-    """This rank's part of the change of a column by that of the nodes."""
-    one = Adjoint(motion)
-    one.add(seeds)
-    return sum(
-        float((getattr(a, name) * getattr(b, name)).sum())
-        for a, b in zip(one.carried, tangent.carried, strict=True)
-        for name in CARRIED
-    )
+def _at_event(state: int, direction: Direction) -> float:
+    """Change of the function of an event along a direction, at a fixed state (collective)."""
+    return sum(factor * float(one.event_changes(state)[0]) for one, factor in direction)
 
 
 def _start(motion: Motion, direction: Direction) -> tuple[list[Carried], FloatArray]:

@@ -6,6 +6,7 @@ from collections.abc import Iterable
 from flexfem._checks import InputError
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.control.fmu import FmuLaw
+from flexfem.model.event import LockJoint, Rebound, ReleaseJoint
 from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
 from flexfem.options import meant
@@ -39,7 +40,7 @@ def check_supported(model: Model, options: RunOptions) -> None:
         InputError: naming it.
     """
     for kind, things in (
-        ("Event", model.events), ("Contact", model.contacts),
+        ("Contact", model.contacts),
         ("ModalDamping", model.modal_dampings),
     ):  # fmt: skip
         if things:
@@ -54,6 +55,14 @@ def check_supported(model: Model, options: RunOptions) -> None:
             )
         measured = [probe.columns[k] for probe, k in controller.measured(model)]
         check_columns(model, measured)
+    for event in model.events:
+        for action in event.actions:
+            if not isinstance(action, (LockJoint, Rebound, ReleaseJoint)):
+                name = getattr(type(action), "__name__", "function")
+                raise InputError(
+                    f'gradient: Event "{event.name}" has an action {name}, which has no '
+                    "derivatives yet; leave it out"
+                )
     chosen = {
         "integrator": "generalized_alpha", "linear_solver": "direct",
     }  # fmt: skip

@@ -21,12 +21,13 @@ from flexfem.gradients.equations.node_maps import rotations
 from flexfem.gradients.memory.base import Memories, Memory, StepEnd
 from flexfem.gradients.memory.controllers import ControllerMemory, recall
 from flexfem.gradients.memory.elements import ElementMemory
-from flexfem.gradients.motion.grid import Grid
 from flexfem.gradients.motion.records import Records
 from flexfem.gradients.motion.support import check_supported
+from flexfem.gradients.renewals.grid import Grid, Step
 from flexfem.gradients.renewals.renewal import Projection, Renewal
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.lie import se3, so3
+from flexfem.model.event import Rebound
 from flexfem.model.model import Model
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.simulation.run.time_grid import TimeGrid
@@ -83,7 +84,7 @@ class Motion:
         self.recorder = ProbeRecorder(self.system, self.simulation.serial)
         self.columns = self.recorder.columns
         main = GeneralizedAlpha(options.rho_inf)
-        self.grid = Grid(self._add, self._change, self._check_renewal, main)
+        self.grid = Grid(self._add, self._change, self._check_renewal, self._locked, main)
         self.renewal: Renewal | None = None
         # what controllers know after each step
         self.known: list[dict[str, FloatArray]] = []
@@ -125,7 +126,8 @@ class Motion:
         simulation, options = self.simulation, self.options
         if simulation.status is not Status.OK:
             raise StoppedError(f"gradient: the motion did not start: {simulation.status.value}")
-        simulation.journal, count = self.grid, grid.steps(options.t_end)
+        simulation.journal = simulation.events.journal = self.grid
+        count = grid.steps(options.t_end)
         self._records = Records(self.system, count, memory, self._repeat)
         self._add()
         rows_at, values = list[int](), list[FloatArray]()
@@ -161,7 +163,8 @@ class Motion:
 
     def _add(self) -> None:
         """Record the accepted state."""
-        self._records.add(self.system.state(), self.simulation.time)
+        kept = bool(self.grid.moves) and not isinstance(self.grid.moves[-1], Step)
+        self._records.add(self.system.state(), self.simulation.time, keep=kept)
         self.known.append(self._knowledge())
 
     def _change(self) -> None:
@@ -170,14 +173,9 @@ class Motion:
 
     def _repeat(self, step: int) -> None:
         """Take a step again from the state before it."""
-        status, end = Status.OK, float(self.times[step])
-        renewal = self.grid.renewal(step)
-        if renewal is None:
-            taken = self.grid.step(step)
-            recall(self.simulation, self.known[step - 1])
-            status = self.simulation.repeat(taken.scheme, taken.h, end)
-        elif renewal is Projection:  # and all that follows with it
-            status = self.simulation.renew()
+        taken, end = self.grid.step(step), float(self.times[step])
+        recall(self.simulation, self.known[step - 1])
+        status = self.simulation.repeat(taken.scheme, taken.h, end)
         if status is not Status.OK:
             raise StoppedError(
                 f"gradient: the step to t = {end:.6g} s failed when it was taken again; allow "
@@ -228,9 +226,25 @@ class Motion:
     def _go_to_renewal(self, step: int, renewal: type[Renewal]) -> None:
         """Linearise a part of a renewal at its end."""
         self.go_to(step - 1 if renewal is Projection else step)
+        rows, own = self.system.constraints, self.rows(step)  # which events may have switched
+        rows.active[:], rows.held[:] = own["active"] > 0.0, own["held"] > 0.0
+        rows.targets[rows.held] = own["targets"][rows.held]
         self.system.set_time(self.times[step])  # with the loads behind a jump
-        self.renewal = renewal(self.system, self.tangent, self.options.dt)
+        factors = self.grid.restitutions.get(step, np.zeros(rows.size))
+        self.renewal = renewal(self.system, self.tangent, self.options.dt, factors)
         self.renewal.take()
+
+    def restitution(self, simulation: Simulation, step: int) -> FloatArray | None:
+        """Restitution (r,) of another model in the projection to a state; None without impact."""
+        found, event = self.grid.restitutions.get(step), self.grid.event(step)
+        if found is None or event is None:
+            return None
+        found, rows = found.copy(), simulation.system.constraints
+        for action in simulation.serial.model.events[event].actions:
+            if isinstance(action, Rebound):
+                own = rows.rows_of(action.joint)
+                found[own] = np.where(found[own] != 0.0, action.restitution, 0.0)
+        return found
 
     def _set_lead(self, step: int, *, before: bool) -> None:
         """Let loads be those just before or after a jump at a state."""
@@ -266,6 +280,16 @@ class Motion:
         """The accepted state after a step."""
         return self._records.state(step)
 
+    def _locked(self) -> bool:
+        """True if rows are held at values of the motion (collective)."""
+        rows = self.system.constraints
+        if self.system.comm.allreduce(bool((rows.held & ~rows.rigid).any()), op=MPI.LOR):
+            raise InputError(
+                "gradient: an event holds a joint with a force law, or one that it opens, which "
+                "has no derivatives yet"
+            )
+        return bool(self.system.comm.allreduce(bool(rows.held.any()), op=MPI.LOR))
+
     def _check_renewal(self) -> None:
         """Refuse to make a state consistent where that has no derivatives (collective)."""
         system, rows = self.system, self.system.constraints
@@ -279,8 +303,9 @@ class Motion:
         for name, present in found.items():
             if system.comm.allreduce(present, op=MPI.LOR):
                 raise InputError(
-                    f"gradient: a load jumps or has a kink at t = {system.time:.6g} s, where "
-                    f"accelerations are computed again, which has no derivatives with {name} yet"
+                    "gradient: a load jumps, or an event happens, at t = "
+                    f"{system.time:.6g} s, where accelerations are computed again, which has no "
+                    f"derivatives with {name} yet"
                 )
 
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Derivatives of states whose velocities and accelerations are made consistent."""
+"""Steps that a motion took, and derivatives of states that are made consistent between them."""

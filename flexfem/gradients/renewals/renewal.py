@@ -2,12 +2,13 @@
 """Derivatives of states that are made consistent, as after a jump of loads.
 
 Positions stay. Velocities are projected onto the constraints, ``M (v' - v) + G^T Lambda = 0`` and
-``G v' + dPhi/dt = 0``; then accelerations and forces of rows follow from ``M w + f + G^T L = 0``
-and ``d(G v')/dt = 0`` (``integrators.start``), with the laws of forces at the state. Both are
-linear in what they determine, with the symmetric matrix of masses and constraints, so that their
-adjoint is one more solve with it. Derivatives by positions are those of ``gradients.equations``,
-with accelerations ``v' - v`` without velocities for the first equations; those of rates of rows by
-positions are in ``gradients.renewals.row_paths``.
+``G v' + dPhi/dt = 0``, or ``-e`` times what it was with the restitution e of an impact; then
+accelerations and forces of rows follow from ``M w + f + G^T L = 0`` and ``d(G v')/dt = 0``
+(``integrators.start``), with the laws of forces at the state. Both are linear in what they
+determine, with the symmetric matrix of masses and constraints, so that their adjoint is one more
+solve with it. Derivatives by positions are those of ``gradients.equations``, with accelerations
+``v' - v`` without velocities for the first equations; those of rates of rows by positions are in
+``gradients.renewals.row_paths``.
 """
 
 from __future__ import annotations
@@ -57,27 +58,53 @@ class Renewal(ABC):
     _paths: RowPaths
     _maps: list[StepMaps]
 
-    def __init__(self, system: System, solver: TangentSolver, dt: float) -> None:
-        """Store them; ``dt`` (s) is the span over which drives are differentiated."""
+    def __init__(
+        self, system: System, solver: TangentSolver, dt: float, restitution: FloatArray
+    ) -> None:
+        """Store them.
+
+        Args:
+            system: the system.
+            solver: of masses and constraints.
+            dt: span over which drives are differentiated, s.
+            restitution: (r,) factors by which rates of rows are reversed, zero but for impacts.
+        """
         self._system, self._solver, self._dt = system, solver, dt
+        self._restitution = restitution
 
     @abstractmethod
     def take(self) -> None:
         """Linearise, with the system at its accepted state and loads as they are then on."""
 
     @abstractmethod
-    def equations(self, system: System) -> Equations:
-        """Equations of a system at the trial state of :meth:`take` (collective)."""
+    def equations(self, system: System, restitution: FloatArray | None = None) -> Equations:
+        """Equations of a system at the trial state of :meth:`take` (collective).
 
-    def back(self, carried: Sequence[Carried]) -> Equations:
-        """Go back in place; returns factors of the equations (collective)."""
-        found = self._back(carried)
+        Args:
+            system: that of the motion, or of a model like it.
+            restitution: (r,) its own, None for that of the motion.
+        """
+
+    def back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
+        """Go back in place; returns factors of the equations (collective).
+
+        Args:
+            carried: sums for each block.
+            targets: (r,) those of the targets of held rows.
+        """
+        found = self._back(carried, targets)
         self._to_trial()
         return found
 
-    def ahead(self, carried: Sequence[Carried], changes: Equations) -> None:
-        """Go ahead in place, with changes of the equations at a fixed state (collective)."""
-        self._ahead(carried, changes)
+    def ahead(self, carried: Sequence[Carried], targets: FloatArray, changes: Equations) -> None:
+        """Go ahead in place, with changes of the equations at a fixed state (collective).
+
+        Args:
+            carried: changes of each block.
+            targets: (r,) those of the targets of held rows.
+            changes: of the equations.
+        """
+        self._ahead(carried, targets, changes)
         self._to_trial()
 
     @abstractmethod
@@ -85,11 +112,11 @@ class Renewal(ABC):
         """Return to the trial state of :meth:`take`."""
 
     @abstractmethod
-    def _back(self, carried: Sequence[Carried]) -> Equations:
+    def _back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
         """See :meth:`back`; the system is left at any trial state."""
 
     @abstractmethod
-    def _ahead(self, carried: Sequence[Carried], changes: Equations) -> None:
+    def _ahead(self, carried: Sequence[Carried], targets: FloatArray, changes: Equations) -> None:
         """See :meth:`ahead`; the system is left at any trial state."""
 
     def _factor(self) -> None:
@@ -141,14 +168,19 @@ class Projection(Renewal):
         """See :class:`Renewal`."""
         system, rows = self._system, self._system.constraints
         self._to_state()
-        if project_velocities(system, self._solver, self._dt, np.zeros(rows.size)) is not Status.OK:
+        self._before = self._velocities()
+        status = project_velocities(system, self._solver, self._dt, self._restitution)
+        if status is not Status.OK:
             raise UnsolvableError(_SINGULAR)
+        self._after = self._velocities()
         self._changes = [part.block.step.copy() for part in system.parts]
         self._impulses = self._solver.multiplier_step.copy()
-        for part in system.parts:
-            part.block.start()
         self._take_maps()
-        self._to_state()
+        self._impact = bool(system.comm.allreduce(self._restitution.any(), op=MPI.LOR))
+        if self._impact:
+            self._start(self._before)
+            self._paths_before = RowPaths(system, 1, rows.rates())
+        self._start(self._after)
         self._paths = RowPaths(system, 1, rows.rates())
         sizes = [float(np.abs(x).max(initial=0.0)) for x in (*self._changes, self._impulses)]
         size = system.comm.allreduce(max(sizes), op=MPI.MAX)
@@ -158,6 +190,16 @@ class Projection(Renewal):
             self._set(0.0, factor)
             tangent.take(_AT_STATE)
         self._to_trial()
+
+    def _velocities(self) -> list[FloatArray]:
+        return [part.block.velocity.copy() for part in self._system.parts]
+
+    def _start(self, velocities: Sequence[FloatArray]) -> None:
+        """Accept velocities, without accelerations."""
+        for part, own in zip(self._system.parts, velocities, strict=True):
+            part.block.velocity[:], part.block.acceleration[:] = own, 0.0
+            part.block.start()
+        self._to_state()
 
     def _set(self, speed: float, factor: float) -> None:
         """Set the trial state, with parts of the velocities and of their changes."""
@@ -172,26 +214,34 @@ class Projection(Renewal):
         """See :class:`Renewal`."""
         self._set(1.0, 1.0)
 
-    def equations(self, system: System) -> Equations:
+    def equations(self, system: System, restitution: FloatArray | None = None) -> Equations:
         """See :class:`Renewal`."""
         rows = system.constraints
+        changes = [part.block.acceleration.copy() for part in system.parts]
         system.interface.update()
         _, rates = drives(system, self._dt)
-        _mass_times(system, [p.block.acceleration.copy() for p in system.parts])
+        if self._impact:
+            for part, own in zip(system.parts, changes, strict=True):
+                part.block.velocity -= own
+            system.interface.update()
+            factors = self._restitution if restitution is None else restitution
+            rates += factors * drives(system, self._dt)[1]
+            for part, own in zip(system.parts, changes, strict=True):
+                part.block.velocity += own
+            system.interface.update()
+        _mass_times(system, changes)
         system.add_constraint_forces(rows.multipliers * rows.rigid)
         blocks = [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
         return blocks, (rates - rows.relaxation * rows.multipliers) * rows.rigid
 
-    def _back(self, carried: Sequence[Carried]) -> Equations:
+    def _back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
         """See :class:`Renewal`."""
         z, mu = self._solved(
             self._from_rates([own.v for own in carried]), np.zeros(self._system.constraints.size)
         )
-        turned, _ = self._paths.transposed(mu)
-        self._to_state()
+        turned, momenta = self._turned(mu), self._momenta(z, mu)
         with_changes, _ = self._moving.apply_transposed(z, 0.0 * mu, POSITIONS)
         without, _ = self._still.apply_transposed(z, 0.0 * mu, POSITIONS)
-        momenta = self._to_rates(_mass_times(self._system, z))
         for own, by, *moves, momentum in zip(
             carried, self._maps, with_changes, without, turned, momenta, strict=True
         ):
@@ -199,15 +249,31 @@ class Projection(Renewal):
             own.v = momentum
         return z, mu
 
-    def _ahead(self, carried: Sequence[Carried], changes: Equations) -> None:
-        """See :class:`Renewal`."""
-        q = [own.q for own in carried]
-        nothing, (forces, rows) = np.zeros(self._system.constraints.size), changes
-        turning = self._paths.changes(q, [np.zeros_like(one) for one in q])
+    def _turned(self, mu: FloatArray) -> BlockVectors:
+        """Factors of rows times derivatives of their rates by positions."""
+        turned, _ = self._paths.transposed(mu)
+        if self._impact:
+            self._start(self._before)
+            more, _ = self._paths_before.transposed(self._restitution * mu)
+            turned = [a + b for a, b in zip(turned, more, strict=True)]
+            self._start(self._after)
+        return turned
+
+    def _momenta(self, z: BlockVectors, mu: FloatArray) -> BlockVectors:
+        """The same times derivatives by the velocities before."""
         self._to_state()
+        _mass_times(self._system, z)
+        self._system.add_constraint_forces(-self._restitution * mu)
+        return self._to_rates([part.block.owned_residual.copy() for part in self._system.parts])
+
+    def _ahead(self, carried: Sequence[Carried], targets: FloatArray, changes: Equations) -> None:
+        """See :class:`Renewal`."""
+        q, v = [own.q for own in carried], self._local([own.v for own in carried])
+        nothing, (forces, rows) = np.zeros(self._system.constraints.size), changes
+        turning = self._turning(q, v)
         with_changes, _ = self._moving.apply(q, nothing, POSITIONS)
         without, _ = self._still.apply(q, nothing, POSITIONS)
-        momenta = _mass_times(self._system, self._local([own.v for own in carried]))
+        momenta = _mass_times(self._system, v)
         total = [
             a - (b - c) / self._scale - d
             for a, b, c, d in zip(momenta, with_changes, without, forces, strict=True)
@@ -215,6 +281,20 @@ class Projection(Renewal):
         found, _ = self._solved(total, -(rows + turning) * self._system.constraints.rigid)
         for own, by, x in zip(carried, self._maps, found, strict=True):
             own.v = by.hold_rates(by.inverse(x))
+
+    def _turning(self, q: BlockVectors, v: BlockVectors) -> FloatArray:
+        """Changes (r,) of the rates of rows by positions, and by the velocities before."""
+        nothing = [np.zeros_like(one) for one in q]
+        found = self._paths.changes(q, nothing)
+        if self._impact:
+            self._start(self._before)
+            found += self._restitution * self._paths_before.changes(q, nothing)
+            self._start(self._after)
+        self._to_state()
+        put_steps(self._system, v)
+        rows = self._system.constraints
+        found += self._restitution * rows.changes(self._system.interface.steps)
+        return found
 
 
 class Accelerations(Renewal):
@@ -240,7 +320,7 @@ class Accelerations(Renewal):
         rows = self._system.constraints
         rows.multipliers[:] = rows.forces
 
-    def equations(self, system: System) -> Equations:
+    def equations(self, system: System, restitution: FloatArray | None = None) -> Equations:
         """See :class:`Renewal`."""
         rows = system.constraints
         blocks, laws = equations_at(system, _AT_STATE)
@@ -249,7 +329,7 @@ class Accelerations(Renewal):
         rates -= rows.relaxation * rows.multipliers
         return blocks, np.where(rows.rigid, rates, laws)
 
-    def _back(self, carried: Sequence[Carried]) -> Equations:
+    def _back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
         """See :class:`Renewal`."""
         system, rows = self._system, self._system.constraints
         z, mu = self._solved(
@@ -271,7 +351,7 @@ class Accelerations(Renewal):
             own.a, own.w = np.zeros_like(own.a), np.zeros_like(own.w)
         return z, np.where(rows.rigid, mu, by_laws)
 
-    def _ahead(self, carried: Sequence[Carried], changes: Equations) -> None:
+    def _ahead(self, carried: Sequence[Carried], targets: FloatArray, changes: Equations) -> None:
         """See :class:`Renewal`."""
         q, v = [own.q for own in carried], [own.v for own in carried]
         rows, nothing = self._system.constraints, np.zeros(self._system.constraints.size)

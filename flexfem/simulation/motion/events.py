@@ -25,6 +25,7 @@ from flexfem.integrators.start import make_consistent, project_velocities
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.event import Event, LockJoint, Rebound, ReleaseJoint, Stop
 from flexfem.model.model import Model
+from flexfem.simulation.motion.journal import Journal
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.measure.marker_states import MarkerStates
 from flexfem.system.system import System
@@ -60,6 +61,7 @@ class Events:
         fired: name and time of each event so far.
         stopped_by: name of the event that ended the run, None before.
         bad: name of an event whose function was not finite, None if there is none.
+        journal: is told of events and their changes.
     """
 
     def __init__(
@@ -85,6 +87,7 @@ class Events:
         self.fired: list[tuple[str, float]] = []
         self.stopped_by: str | None = None
         self.bad: str | None = None
+        self.journal = Journal()
         self._largest = np.zeros(len(self._events))
         _check_rebounds(system.constraints, serial.model)
         self._reversing: BoolArray = np.array([e.reverses for e in self._events], dtype=np.bool_)
@@ -224,6 +227,7 @@ class Events:
             _Moving(system, self.fired),
             deepcopy((self.state(), system.constraints.state())),
         )
+        self.journal.happened(np.flatnonzero(hits).tolist())
         for i in np.flatnonzero(hits):
             event = self._events[i]
             self.fired.append((event.name, system.time))
@@ -238,11 +242,14 @@ class Events:
             if mechanism.stopped:
                 self.stopped_by = event.name
                 return Status.OK
+        if mechanism.changed:
+            self.journal.switched()
         status = Status.OK
         for impact in mechanism.impacts:
             status = self._rebound(impact) if status is Status.OK else status
         if status is Status.OK and mechanism.changed:
             status = make_consistent(system, self._tangent, self._span)
+            self.journal.renewed()
             system.prediction = Prediction.VELOCITY
         after = self.evaluate()
         others = ~hits & (after != 0.0)
@@ -273,6 +280,9 @@ class Events:
         rests = impact.restitution * speed <= impact.rest_speed
         restitution[own] = 0.0 if rests else impact.restitution
         status = project_velocities(system, self._tangent, self._span, restitution)
+        for part in system.parts:
+            part.block.start()
+        self.journal.rebounded(restitution)
         if rests:  # a function that rests at zero does not cross it
             self._armed[impact.event] = False
         else:

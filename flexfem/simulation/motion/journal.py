@@ -1,6 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What a simulation does with its state, for those who follow a motion step by step."""
 
+from collections.abc import Sequence
+
+from flexfem._types import FloatArray
 from flexfem.integrators.integrator import Integrator
 
 __all__ = ["Journal"]
@@ -11,6 +14,15 @@ class Journal:
 
     def stepped(self, scheme: Integrator, h: float) -> None:
         """A step of size ``h`` (s) was accepted."""
+
+    def happened(self, events: Sequence[int]) -> None:
+        """These events, by their numbers, have happened at the state; nothing is changed yet."""
+
+    def switched(self) -> None:
+        """Joints were closed, locked or opened; velocities are not consistent yet."""
+
+    def rebounded(self, restitution: FloatArray) -> None:
+        """Rates of rows (r,) were reversed by these factors, those of others made zero."""
 
     def renewed(self) -> None:
         """Velocities, accelerations and multipliers were made consistent at the same positions."""

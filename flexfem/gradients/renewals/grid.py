@@ -3,14 +3,18 @@
 
 A gradient goes over the same steps, whose sizes count as given: those of parts of a step between
 kinks of loads, of steps that were halved after a failure, and of adaptive ones. Where a load jumps,
-states follow one another at the same time.
+or an event happens, states follow one another at the same time. Times of events do not count as
+given: sizes of steps that end or begin at one depend on the motion.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.gradients.renewals.hold import Hold
 from flexfem.gradients.renewals.renewal import Accelerations, Projection, Renewal
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.integrators.integrator import Integrator
@@ -32,7 +36,7 @@ class Step:
     h: float
 
 
-#: What leads to a state: a step, or one of both parts of a renewal at the same time.
+#: What leads to a state: a step, or one of the parts of a renewal at the same time.
 Move = Step | type[Renewal]
 
 
@@ -59,17 +63,24 @@ class Grid(Journal):
         add: called for each new state.
         change: called where the last state changes.
         allow: called for each state that is made consistent, to refuse it.
+        locked: called where joints are switched; refuses it, or returns True if some rows are held
+            at new values.
         main: coefficients of whole steps.
         moves: what leads to each state but the first.
         leads: changes of states by their numbers.
+        events: numbers of the events that happen at states, by the numbers of these.
+        restitutions: (r,) factors by which rates of rows are reversed by a projection to a state.
     """
 
     add: Callable[[], None]
     change: Callable[[], None]
     allow: Callable[[], None]
+    locked: Callable[[], bool]
     main: GeneralizedAlpha
     moves: list[Move] = field(default_factory=list)
     leads: dict[int, Lead] = field(default_factory=dict)
+    events: dict[int, int] = field(default_factory=dict)
+    restitutions: dict[int, FloatArray] = field(default_factory=dict)
 
     def step(self, state: int) -> Step:
         """The step to a state."""
@@ -87,10 +98,46 @@ class Grid(Journal):
         found = self.moves[state - 1]
         return None if isinstance(found, Step) else found
 
+    def event(self, state: int) -> int | None:
+        """Number of the event whose time is that of a state; None if that is given."""
+        while state > 0 and state not in self.events and self.renewal(state) is not None:
+            state -= 1
+        return self.events.get(state)
+
+    def free(self, state: int) -> bool:
+        """True if the time of a state is that of an event."""
+        return self.event(state) is not None
+
     def stepped(self, scheme: Integrator, h: float) -> None:
         """See :class:`Journal`."""
         assert isinstance(scheme, GeneralizedAlpha)
         self.moves.append(Step(scheme, h))
+        self.add()
+
+    def happened(self, events: Sequence[int]) -> None:
+        """See :class:`Journal`.
+
+        Raises:
+            InputError: there are several.
+        """
+        state = len(self.moves)
+        if len(events) > 1 or self.free(state):
+            raise InputError(
+                "gradient: several events happen at the same time, which has no derivatives"
+            )
+        self.events[state] = events[0]
+
+    def switched(self) -> None:
+        """See :class:`Journal`."""
+        self.allow()
+        if self.locked():
+            self.moves.append(Hold)
+            self.add()
+
+    def rebounded(self, restitution: FloatArray) -> None:
+        """See :class:`Journal`."""
+        self.moves.append(Projection)
+        self.restitutions[len(self.moves)] = restitution.copy()
         self.add()
 
     def renewed(self) -> None:
@@ -112,6 +159,11 @@ class Grid(Journal):
         last = len(self.moves)
         before = last
         if part:  # the start of the last step
-            before = max(k for k in self.steps) - 1
+            before = self.steps[-1] - 1
+            if self.free(before + 1) or self.free(before):
+                raise InputError(
+                    "gradient: an event happens in a step with a kink of a load or drive, which "
+                    "has no derivatives yet; take another dt"
+                )
         self.leads[last] = Lead(part, before)
         self.change()

@@ -1,0 +1,274 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Times of events, which depend on the motion and on parameters.
+
+A step that ends at an event has the size h for which the event's function g is zero at its end, and
+the next one has another size: with the changes D of its end by h, that of the time of the loads
+included, ``dh = -(g_x dx + g_p dp)/(g_x D + g_t)``, where dx is the change of the end with given h.
+Backwards, with the sums xb of influences of the end of the step and tb of those of its time,
+
+``xb -= k g_x`` and a gradient loses ``k g_p``, with ``k = (xb D + tb)/(g_x D + g_t)``
+
+(compare Corner, Sandu, Sandu, ACM Trans. Math. Softw. 46 (2020) 13, on jumps of adjoints at
+events). The equations of a step depend on its size at fixed increments n by the rates
+``v(n; h)``, ``w(n; h)``, linearly, and on its time by loads and drives.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from copy import copy
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._checks import InputError
+from flexfem._types import FloatArray
+from flexfem.gradients.equations.carried import CARRIED
+from flexfem.gradients.equations.linearized import LinearizedStep
+from flexfem.gradients.equations.node_maps import StepMaps
+from flexfem.gradients.equations.step_tangent import ACCELERATIONS, VELOCITIES, BlockVectors
+from flexfem.gradients.equations.values import Equations, equations_at
+from flexfem.gradients.motion.adjoint import Adjoint, SizeChange, Tangent
+from flexfem.gradients.motion.columns import ColumnDerivatives, NodeSeeds
+from flexfem.gradients.motion.trajectory import Motion
+from flexfem.integrators.generalized_alpha import step_laws
+from flexfem.model.model import Model
+from flexfem.model.probes.base import Probe
+from flexfem.system.measure.probes import ProbeRecorder
+
+__all__ = ["EventTimes", "along", "by_time", "size_change"]
+
+#: Differences of fourth order: places and weights.
+_STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
+#: Difference of sizes of steps, relative; of times, as a part of ``dt``.
+_SIZE, _TIME = 1e-3, 1e-2
+#: Part of the terms of the rate of an event's function below which it is zero.
+_GRAZING = 1e-9
+
+
+class _Functions:
+    """Functions of the events of a motion, and their derivatives at accepted states."""
+
+    def __init__(self, motion: Motion) -> None:
+        """Find their markers."""
+        self._motion = motion
+        self.system, self.times = motion.system, motion.times
+        self._model = copy(motion.model)
+        self._model.probes = [
+            Probe(f"event {k}", event.markers, (f"event {k}",), _row_of(event.function))
+            for k, event in enumerate(motion.model.events)
+        ]
+        serial = copy(motion.simulation.serial)
+        serial.model = self._model
+        self.recorder = ProbeRecorder(self.system, serial, depth=1)
+        self.columns = self.recorder.columns
+        self._derivatives: dict[int, ColumnDerivatives] = {}
+
+    @property
+    def model(self) -> Model:
+        """A model whose probes are the functions."""
+        return self._model
+
+    def seeds(self, state: int) -> list[NodeSeeds]:
+        """Derivatives of the function of the event at a state by nodes (collective)."""
+        number = self._motion.grid.events[state]
+        if number not in self._derivatives:
+            own = ColumnDerivatives(self, [self.columns[number]])
+            self._derivatives[number] = own
+        return self._derivatives[number].seeds(state, np.ones(1))
+
+    def by_time(self, state: int) -> float:
+        """Derivative of the function by time at a fixed motion, 1/s (collective)."""
+        number, system = self._motion.grid.events[state], self.system
+        step, total = _TIME * self._motion.options.dt, 0.0
+        for place, weight in _STENCIL:
+            system.time = float(self.times[state]) + place * step
+            values = self._motion.simulation.events.evaluate()
+            total += weight / step * float(values[number])
+        system.time = float(self.times[state])
+        return total
+
+
+def _row_of(function: Callable[..., float]) -> Callable[..., Sequence[float]]:
+    """A function of a probe of a function of an event."""
+    return lambda t, *states: (function(t, *states),)
+
+
+def size_change(
+    motion: Motion, step: int, linear: LinearizedStep, maps: list[StepMaps]
+) -> SizeChange:
+    """What the size of a step changes, at whose end it is linearised (collective)."""
+    taken, shifts = motion.grid.step(step), motion.laws(step).shifts
+    laws = np.zeros(10)
+    for place, weight in _STENCIL:
+        h = taken.h * (1.0 + place * _SIZE)
+        own = step_laws(taken.scheme.rho_inf, h)
+        plain = own.predict[0]  # whose increments are zero
+        values = np.concatenate([plain[2:], own.rates, own.accept])
+        laws += weight / (_SIZE * taken.h) * values
+    found, velocities, accelerations = [], list[FloatArray](), list[FloatArray]()
+    for part, by in zip(motion.system.parts, maps, strict=True):
+        block = part.block
+        state = motion.state(step - 1).rows[block.name]
+        own_nodes = np.s_[: block.owned, : block.width]
+        v0, a0, w0, n = (
+            x[own_nodes]
+            for x in (state["velocity"], state["auxiliary"], state["acceleration"], block.increment)
+        )
+        v = laws[0] * v0 + laws[1] * a0 + laws[5] * n
+        w = laws[2] * v0 + laws[3] * a0 + laws[4] * w0 + laws[6] * n
+        a = laws[7] * n + laws[8] * v0 + laws[9] * a0
+        found.append(np.array([by.hold_rates(x) for x in (v, a, w)]))
+        velocities.append(by.by_increment(found[-1][0]) / shifts.velocity)
+        accelerations.append(by.by_increment(found[-1][2]) / shifts.acceleration)
+    nothing = np.zeros(motion.system.constraints.size)
+    by_v = linear.tangent.apply(velocities, nothing, VELOCITIES)
+    by_w = linear.tangent.apply(accelerations, nothing, ACCELERATIONS)
+    return SizeChange(found, (_sum(by_v[0], by_w[0]), by_v[1] + by_w[1]))
+
+
+def by_time(motion: Motion, state: int) -> Equations:
+    """Derivatives of the equations at the end of a step, or of a renewal, by time (collective).
+
+    They are those of loads and drives.
+    """
+    system, step = motion.system, _TIME * motion.options.dt
+    blocks: BlockVectors = [np.zeros_like(part.block.owned_step) for part in system.parts]
+    rows, instant = np.zeros(system.constraints.size), float(motion.times[state])
+    for place, weight in _STENCIL:
+        system.set_time(instant + place * step)
+        if motion.renewal is not None:
+            own = motion.renewal.equations(system)
+        else:
+            own = equations_at(system, motion.laws(state).shifts)
+        blocks = [a + weight / step * b for a, b in zip(blocks, own[0], strict=True)]
+        rows = rows + weight / step * own[1]
+    system.set_time(instant)
+    if motion.renewal is None:
+        equations_at(system, motion.laws(state).shifts)
+    return blocks, rows
+
+
+class EventTimes:
+    """Times of the events of a motion, and the steps whose sizes depend on them."""
+
+    def __init__(self, motion: Motion) -> None:
+        """Find the markers of all functions."""
+        self._motion = motion
+        self._functions = _Functions(motion) if motion.grid.events else None
+        self._first = motion.system.comm.rank == 0
+
+    def reach(self, state: int) -> None:
+        """Differentiate the function of the event at a state (collective)."""
+        assert self._functions is not None
+        self._motion.go_to(state)
+        self._seeds = self._functions.seeds(state)
+        self._rate = self._functions.by_time(state)
+        self._adjoint = Adjoint(self._motion)
+        self._adjoint.add(self._seeds)
+
+    def size(self, step: int, linear: LinearizedStep, maps: list[StepMaps]) -> SizeChange | None:
+        """What the size of a step changes, which is linearised at its end; None if it is given."""
+        grid = self._motion.grid
+        if not (grid.free(step) or grid.free(step - 1)):
+            return None
+        self._size = size_change(self._motion, step, linear, maps)
+        return self._size
+
+    def renew(self, state: int, adjoints: Sequence[Adjoint]) -> None:
+        """Add influences of the time of a part of a renewal that adjoints have gone back over."""
+        if self._motion.grid.free(state):
+            changes = by_time(self._motion, state)
+            for adjoint in adjoints:
+                adjoint.time -= adjoint.times(changes)
+
+    def renew_ahead(
+        self, state: int, tangents: Sequence[Tangent], changes: Sequence[Equations]
+    ) -> None:
+        """Go over a part of a renewal, with the changes of its time (collective)."""
+        renewal = self._motion.renewal
+        assert renewal is not None
+        own = by_time(self._motion, state) if self._motion.grid.free(state) else None
+        for tangent, change in zip(tangents, changes, strict=True):
+            total = change
+            if own is not None:
+                blocks = [a + tangent.time * b for a, b in zip(change[0], own[0], strict=True)]
+                total = blocks, change[1] + tangent.time * own[1]
+            tangent.renew(state, renewal, total)
+
+    def back(
+        self, step: int, linear: LinearizedStep, maps: list[StepMaps], adjoints: Sequence[Adjoint]
+    ) -> FloatArray:
+        """Complete adjoints that have gone back over a step with its size as given (collective).
+
+        Returns:
+            k of each, zero for a step that ends at no event.
+        """
+        factors = np.zeros(len(adjoints))
+        if step in self._motion.grid.events:
+            changes, own = by_time(self._motion, step), self._adjoint
+            own.step(step, linear, maps, self._size)
+            below = own.by_size - own.times(changes)
+            for k, adjoint in enumerate(adjoints):
+                above = adjoint.by_size - adjoint.times(changes) + adjoint.time
+                factors[k] = self._quotient(above, below)
+                adjoint.subtract(own, factors[k])
+        free = self._motion.grid.free(step - 1)
+        for adjoint in adjoints:
+            adjoint.time = -adjoint.by_size if free else 0.0
+        return factors
+
+    def ahead(
+        self, step: int, linear: LinearizedStep, maps: list[StepMaps],
+        tangents: Sequence[tuple[Tangent, float]],
+    ) -> None:  # fmt: skip
+        """Change the times and ends of tangents that have done the step (collective).
+
+        Args:
+            step: its number, at whose end it is linearised.
+            linear: the linearised equations.
+            maps: those of all blocks.
+            tangents: with changes of the function by parameters.
+        """
+        motion = self._motion
+        changed = tangents[0][0].like()
+        changed.step(step, linear, maps, by_time(motion, step), (self._size, 1.0))
+        motion.go_to(step)
+        end = along(motion, self._seeds, changed)
+        for tangent, change in tangents:
+            own = along(motion, self._seeds, tangent) + (change if self._first else 0.0)
+            tangent.time = -self._quotient(own, end)
+            tangent.add(changed, tangent.time)
+
+    def _quotient(self, above: float, below: float) -> float:
+        """Over the rate of the function along the motion (collective).
+
+        Raises:
+            InputError: it touches zero.
+        """
+        motion, own = self._motion, self._rate if self._first else 0.0
+        parts = motion.system.comm.allreduce(
+            np.array([above, below + own, abs(below) + abs(own)]), op=MPI.SUM
+        )
+        if not abs(parts[1]) > _GRAZING * parts[2]:
+            raise InputError(
+                f"gradient: the function of an event touches zero at t = {motion.system.time:.6g} "
+                "s, and its time has no derivative"
+            )
+        return float(parts[0] / parts[1])
+
+
+def along(motion: Motion, seeds: list[NodeSeeds], tangent: Tangent) -> float:
+    """This rank's part of the change of a column by that of the nodes, at an accepted state."""
+    one = Adjoint(motion)
+    one.add(seeds)
+    return sum(
+        float((getattr(a, name) * getattr(b, name)).sum())
+        for a, b in zip(one.carried, tangent.carried, strict=True)
+        for name in CARRIED
+    )
+
+
+def _sum(first: BlockVectors, second: BlockVectors) -> BlockVectors:
+    return [a + b for a, b in zip(first, second, strict=True)]

@@ -1,0 +1,138 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Gradients of motions with events, whose times depend on all numbers."""
+
+from functools import partial
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from tests.contract.gradient_examples import NUMBERS, body
+from tests.contract.test_gradient_steps import compare
+
+VALUES = {"mass": 0.7, "gravity": 9.81, "stiffness": 30.0, "depth": 0.006, "spin": 1.3, "pull": 3.0}
+COLUMNS = ["final:tip_x", "final:tip_z", "final:falling", "final:turning", "mean:tip_z"]
+#: Time of an event is found to rounding, which differences of motions need.
+EXACT = {"tolerance": 1e-14}
+
+
+def arms(kind, *, mass, gravity, stiffness, depth, spin, pull):
+    """Two hinged arms that fall, on a spring and under a force, until something happens."""
+    model, b = ff.Model("arms"), ff.Marker("b")
+    elbow = ff.Marker("a", offset=(0.5, 0.0, 0.0)), ff.Marker("b", offset=(-0.5, 0.0, 0.0))
+    model.add(
+        ff.Gravity((0.0, 0.3, -gravity)),
+        ff.RigidBody(
+            "a", 1.0, (0.02, 0.03, 0.04), position=(0.5, 0.0, 0.0),
+            velocity=(0.0, 0.0, -0.5 * spin), angular_velocity=(0.0, spin, 0.0),
+        ),
+        ff.RigidBody(
+            "b", mass, (0.01, 0.02, 0.03), position=(1.5, 0.0, 0.0),
+            velocity=(0.0, 0.0, -0.5 * spin), angular_velocity=(0.0, -spin, 0.0),
+        ),
+        ff.Revolute(
+            "root", ff.Ground(), ff.Marker("a", offset=(-0.5, 0.0, 0.0)), axis=(0.0, 1.0, 0.0)
+        ),
+        ff.Revolute("elbow", *elbow, axis=(0.0, 1.0, 0.0)),
+        ff.SpringDamper(
+            "spring", ff.Ground((1.5, 0.2, 0.9)), ff.Marker("b", offset=(0.1, 0.05, 0.0)),
+            stiffness=stiffness, damping=0.4, rest_length=0.5,
+        ),
+        ff.PointForce(
+            "push", ff.Marker("b", offset=(0.2, 0.0, 0.0)), (pull, 0.2, 1.0),
+            amplitude=lambda t: np.sin(30.0 * t),
+        ),
+        ff.PositionProbe("tip", ff.Marker("b", offset=(0.5, 0.1, 0.0))),
+        ff.Probe(
+            "motion", b, ("falling", "turning"),
+            lambda t, s: (s.velocity[2], s.angular_velocity[1]),
+        ),
+    )  # fmt: skip
+    low = ff.Marker("b", offset=(0.1, 0.0, 0.002 * mass))
+    angle = ff.PrescribedAngle("lock", *elbow, axis=(0.0, 1.0, 0.0), angle=lambda t: 0.0)
+    if kind == "time":
+        release = ff.ReleaseJoint("elbow")
+        model.add(ff.Event("late", b, lambda t, s: t - 3.0 * depth, release, **EXACT))
+    elif kind == "bounce":
+        model.add(
+            ff.PointOnPlane("floor", ff.Ground((0.0, 0.0, -depth)), low, axis=(0.0, 0.0, 1.0)),
+            ff.Event(
+                "touch", low, lambda t, s: s.position[2] + depth, ff.Rebound("floor", 0.3 * mass),
+                direction=-1, once=False, **EXACT,
+            ),
+        )  # fmt: skip
+        model.release("floor")
+    elif kind == "lock":  # locked, released within the same step, and opened later
+        for name, action, delay, rate in (
+            ("first", ff.LockJoint("lock"), 0.0, 0.0),
+            ("second", ff.ReleaseJoint("lock"), 0.002, 0.0),
+            ("third", ff.ReleaseJoint("elbow"), 0.004, 1e-3),
+        ):
+            model.add(
+                ff.Event(
+                    name, b,
+                    lambda t, s, delay=delay, rate=rate: s.position[2] + depth + delay
+                    - rate * s.velocity[2],
+                    action, **EXACT,
+                )
+            )  # fmt: skip
+        model.add(angle)
+        model.release("lock")
+    return model
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("kind", ["time", "lock", "bounce"])
+def test_events(kind):
+    """Each time depends on all numbers: with times as given, derivatives are off by a tenth."""
+    options = ff.RunOptions(dt=4e-3, t_end=0.028, tolerance=1e-13)
+    found = compare(partial(arms, kind), VALUES, COLUMNS, options, 2e-7)
+    assert len(found.history["t"]) == 8
+
+
+def latched(**numbers):
+    """A rod that falls until its hinge locks."""
+    model, root = body("se3", **numbers), ff.Marker("rod", "start")
+    model.add(
+        ff.PrescribedAngle("latch", ff.Ground(), root, axis=(0.0, 1.0, 0.0), angle=lambda t: 0.0),
+        ff.Event(
+            "low", ff.Marker("rod", "end"), lambda t, s: s.velocity[2] ** 2 - 1e-4,
+            ff.LockJoint("latch"), **EXACT,
+        ),
+    )  # fmt: skip
+    model.release("latch")
+    return model
+
+
+@pytest.mark.slow
+@pytest.mark.serial
+def test_flexible_bodies():
+    options = ff.RunOptions(dt=1e-3, t_end=0.012, tolerance=1e-13)
+    compare(latched, NUMBERS, ["final:tip_z", "mean:speed"], options, 5e-8, step=3e-4)
+
+
+@pytest.mark.serial
+def test_states_around_events_are_kept():
+    options = ff.RunOptions(dt=1e-3, t_end=0.012, tolerance=1e-13)
+    whole, parts = (
+        ff.gradient(latched, "mean:tip_z", NUMBERS, options, accuracy=1e-12, memory=most)
+        for most in (2e9, 2.4e4)
+    )
+    for name, value in whole.gradient["mean:tip_z"].items():
+        assert parts.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-8)
+
+
+@pytest.mark.three_ranks
+def test_ranks_agree_on_events():
+    """The lock of a rod on several ranks, whose time is that of a marker on one of them."""
+    options = ff.RunOptions(dt=1e-3, t_end=8e-3, tolerance=1e-13, split_above=1)
+    alone, together = (
+        ff.gradient(latched, "final:tip_z", NUMBERS, options, accuracy=1e-13, comm=comm, check=True)
+        for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
+    )
+    assert together.check["final:tip_z"] < 1e-12
+    for name, value in alone.gradient["final:tip_z"].items():
+        # a share that is missing, or counted twice, is a tenth and more
+        assert together.gradient["final:tip_z"][name] == pytest.approx(value, rel=1e-9)
