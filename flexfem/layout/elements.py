@@ -290,6 +290,39 @@ class StepMatrices(Protocol):
         ...
 
 
+class HistoryDerivatives(Protocol):
+    """Derivatives of internal variables of elements at a trial state that was evaluated last.
+
+    The variables of all cells of the rank are (n,) numbers, in the order of
+    :meth:`HistoryElements.history`. Ghosts of the blocks' steps are known, and those of residuals
+    are left to be added.
+    """
+
+    def ended(self) -> FloatArray:
+        """Variables (n,) at the end of the step."""
+        ...
+
+    def ahead(self, block: FrameBlock, change: FloatArray) -> FloatArray:
+        """Their change (n,) by that of the accepted ones and along the block's steps."""
+        ...
+
+    def add_ends(self, block: FrameBlock, factors: FloatArray) -> None:
+        """Add derivatives of their sum with factors (n,), along local twists, to the residual."""
+        ...
+
+    def before(self, factors: FloatArray) -> FloatArray:
+        """Derivatives (n,) of the same sum by the accepted variables."""
+        ...
+
+    def add_forces(self, block: FrameBlock, change: FloatArray, scale: float) -> None:
+        """Add ``scale`` times the change of forces by accepted variables to the residual."""
+        ...
+
+    def powers(self, block: FrameBlock) -> FloatArray:
+        """Derivatives (n,) of the work of forces on the block's steps by accepted variables."""
+        ...
+
+
 @runtime_checkable
 class HistoryElements(Protocol):
     """Elements with internal variables, which advance from one accepted state to the next.
@@ -314,6 +347,10 @@ class HistoryElements(Protocol):
 
     def restore_history(self, history: Mapping[str, FloatArray]) -> None:
         """Accept internal variables, by the names of :meth:`history`, at the time set last."""
+        ...
+
+    def history_derivatives(self) -> HistoryDerivatives | None:
+        """Derivatives of the internal variables, None where there are none (collective)."""
         ...
 
     def lost(self) -> FloatArray:

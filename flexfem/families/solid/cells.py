@@ -130,6 +130,17 @@ class Kernels:
         results["stiffening"] = 3 * _functions(kind.degree, kind.cell)
         return _calls(self.comm, self.forms, results, self.columns)
 
+    @cached_property
+    def remembering(self) -> Mapping[str, CellKernel]:
+        """Kernels of derivatives by internal variables (collective the first time)."""
+        kind, count = self.forms.kind, self.forms.coefficients["history"].ufl_element().dim
+        nodes = 3 * _functions(kind.degree, kind.cell)
+        results = dict.fromkeys(
+            ("advanced_action", "advanced_by_history", "power_by_history"), count
+        )
+        results |= dict.fromkeys(("force_action_of_history", "advanced_by_positions"), nodes)
+        return _calls(self.comm, self.forms, results, self.columns)
+
 
 def _functions(degree: int, cell: str) -> int:
     """Number of polynomials of a degree in a cell, 0 for a negative one."""
@@ -447,10 +458,47 @@ class SolidCells:
     def advance(self, motion: Memory) -> None:
         """Take the internal variables at the end of the step, and end it."""
         if len(self.kernels.initial) and len(self.nodes):
-            values = self._evaluated(self.kernels.calls["advanced"], self._plain, motion)
-            weights = np.repeat(self._weights, len(self.kernels.initial))
-            self.data("history")[:] = values / weights
+            self.data("history")[:] = self.advanced(motion)
             self.data("span")[:] = 0.0
+
+    def advanced(self, motion: Memory) -> FloatArray:
+        """Internal variables (m, z q) at the end of the step."""
+        values = self._evaluated(self.kernels.calls["advanced"], self._plain, motion)
+        return values / self._point_weights
+
+    @property
+    def _point_weights(self) -> FloatArray:
+        """(z q,) weight of the point of each internal variable."""
+        weights: FloatArray = np.repeat(self._weights, len(self.kernels.initial))
+        return weights
+
+    def advanced_along(self, motion: Memory, change: FloatArray) -> FloatArray:
+        """Their change (m, z q) by that at the beginning and along the steps of positions."""
+        self.data("history_step")[:] = change
+        call = self.kernels.remembering["advanced_action"]
+        return self._evaluated(call, self._plain, motion) / self._point_weights
+
+    def add_advanced_factors(self, motion: Memory, factors: FloatArray, target: FloatArray) -> None:
+        """Add derivatives of their sum with factors (m, z q) by positions to nodes (n, 3)."""
+        self.data("history_step")[:] = factors / self._point_weights
+        call = self.kernels.remembering["advanced_by_positions"]
+        add_forces(call.memory, self._plain.memory, motion, _NOTHING, 1.0, target)
+
+    def advanced_factors(self, motion: Memory, factors: FloatArray) -> FloatArray:
+        """The same derivatives (m, z q) by the internal variables at the beginning."""
+        self.data("history_step")[:] = factors / self._point_weights
+        call = self.kernels.remembering["advanced_by_history"]
+        return self._evaluated(call, self._plain, motion)
+
+    def add_forces_of_history(self, motion: Memory, change: FloatArray, target: FloatArray) -> None:
+        """Add the change of the forces by that of the internal variables to nodes (n, 3)."""
+        self.data("history_step")[:] = change
+        call = self.kernels.remembering["force_action_of_history"]
+        add_forces(call.memory, self._plain.memory, motion, _NOTHING, 1.0, target)
+
+    def powers_of_history(self, motion: Memory) -> FloatArray:
+        """Derivatives (m, z q) of the work of the forces on the steps by internal variables."""
+        return self._evaluated(self.kernels.remembering["power_by_history"], self._plain, motion)
 
     @property
     def lost(self) -> FloatArray:

@@ -218,6 +218,18 @@ class SolidElements(StresslessElements):
             self._settled[:] = np.nan
         self._accepted = self._time
 
+    def history_derivatives(self) -> SolidHistories | None:
+        """See :class:`flexfem.layout.elements.HistoryElements` (collective the first time).
+
+        Internal variables that change the thickness or the dilatation of a cell have none.
+        """
+        for group in self._histories:
+            kind, split = group.kind, group.kernels.forms.law.split
+            if kind.plane == "stress" or (kind.dilatation >= 0 and not split):
+                return None
+            _ = group.kernels.remembering
+        return SolidHistories(self._histories, self._motion)
+
     def restore_history(self, history: Mapping[str, FloatArray]) -> None:
         """Accept internal variables at the time set last."""
         self._accepted = self._time
@@ -321,3 +333,60 @@ class SolidElements(StresslessElements):
         motion[2:5] += (mass @ x).sum(axis=0)
         motion[5:8] += momenta.sum(axis=0)
         motion[8:11] += np.cross(x, momenta).sum(axis=0)
+
+
+class SolidHistories:
+    """See :class:`flexfem.layout.elements.HistoryDerivatives`; of settled cells."""
+
+    def __init__(self, groups: Sequence[SolidCells], motion: Motion) -> None:
+        """Store the cells with internal variables, and the motion of their nodes."""
+        self._groups, self._motion = groups, motion
+
+    def ended(self) -> FloatArray:
+        """See :class:`flexfem.layout.elements.HistoryDerivatives`."""
+        found = [group.advanced(self._motion.memory) for group in self._groups]
+        return _in_row(found)
+
+    def ahead(self, block: FrameBlock, change: FloatArray) -> FloatArray:
+        """See :class:`flexfem.layout.elements.HistoryDerivatives`."""
+        inertial_into(block.frames, block.step, self._motion.step)
+        memory = self._motion.memory
+        return _in_row([group.advanced_along(memory, own) for group, own in self._split(change)])
+
+    def add_ends(self, block: FrameBlock, factors: FloatArray) -> None:
+        """See :class:`flexfem.layout.elements.HistoryDerivatives`."""
+        total = np.zeros_like(self._motion.points)
+        for group, own in self._split(factors):
+            group.add_advanced_factors(self._motion.memory, own, total)
+        add_to_nodes(block.frames, total, 1.0, block.residual)
+
+    def before(self, factors: FloatArray) -> FloatArray:
+        """See :class:`flexfem.layout.elements.HistoryDerivatives`."""
+        memory = self._motion.memory
+        return _in_row([group.advanced_factors(memory, own) for group, own in self._split(factors)])
+
+    def add_forces(self, block: FrameBlock, change: FloatArray, scale: float) -> None:
+        """See :class:`flexfem.layout.elements.HistoryDerivatives`."""
+        total = np.zeros_like(self._motion.points)
+        for group, own in self._split(change):
+            group.add_forces_of_history(self._motion.memory, own, total)
+        add_to_nodes(block.frames, total, scale, block.residual)
+
+    def powers(self, block: FrameBlock) -> FloatArray:
+        """See :class:`flexfem.layout.elements.HistoryDerivatives`."""
+        inertial_into(block.frames, block.step, self._motion.step)
+        return _in_row([group.powers_of_history(self._motion.memory) for group in self._groups])
+
+    def _split(self, numbers: FloatArray) -> list[tuple[SolidCells, FloatArray]]:
+        """Cells with their numbers (m, z q)."""
+        found, at = [], 0
+        for group in self._groups:
+            shape = group.data("history").shape
+            size = shape[0] * shape[1]
+            found.append((group, numbers[at : at + size].reshape(shape)))
+            at += size
+        return found
+
+
+def _in_row(parts: Sequence[FloatArray]) -> FloatArray:
+    return np.concatenate([np.zeros(0), *(own.ravel() for own in parts)])

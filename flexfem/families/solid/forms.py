@@ -148,7 +148,8 @@ class SolidForms:
                 kind.cell, value_shape=(self._internal,), degree=kind.quadrature
             )
             self._points = ufl.FunctionSpace(self._domain, points)
-            self.coefficients["history"] = ufl.Coefficient(self._points)
+            for name in ("history", "history_step"):
+                self.coefficients[name] = ufl.Coefficient(self._points)
             self.coefficients["span"] = ufl.Coefficient(self._space("DG", 0))
             self._constant = ufl.Coefficient(self._points)
         stresses = basix.ufl.quadrature_element(
@@ -246,6 +247,34 @@ class SolidForms:
         """Internal variables at the end of the step, times the weights of the points."""
         test = ufl.TestFunction(self._points)
         return ufl.inner(self._advanced, test) * self._measure
+
+    @cached_property
+    def advanced_action(self) -> Any:
+        """Change of these along steps of positions and of internal variables at the beginning."""
+        return self._change(self.advanced, ("position", "step"), ("history", "history_step"))
+
+    @cached_property
+    def advanced_by_positions(self) -> Any:
+        """Derivatives of their sum, with steps of internal variables as factors, by positions."""
+        total = ufl.action(self.advanced, self.coefficients["history_step"])
+        return ufl.derivative(total, self.coefficients["position"], ufl.TestFunction(self._vectors))
+
+    @cached_property
+    def advanced_by_history(self) -> Any:
+        """Derivatives of this sum by the internal variables at the beginning."""
+        total = ufl.action(self.advanced, self.coefficients["history_step"])
+        return ufl.derivative(total, self.coefficients["history"], ufl.TestFunction(self._points))
+
+    @cached_property
+    def force_action_of_history(self) -> Any:
+        """Change of the forces along steps of the internal variables at the beginning."""
+        return self._change(self.force, ("history", "history_step"))
+
+    @cached_property
+    def power_by_history(self) -> Any:
+        """Derivatives of the work of the forces on steps of the nodes by these variables."""
+        work = ufl.action(self.force, self.coefficients["step"])
+        return ufl.derivative(work, self.coefficients["history"], ufl.TestFunction(self._points))
 
     @cached_property
     def volumes(self) -> Any:

@@ -21,11 +21,13 @@ from flexfem.gradients.equations.node_maps import rotations
 from flexfem.gradients.memory.base import Memories, Memory, StepEnd
 from flexfem.gradients.memory.controllers import ControllerMemory, recall
 from flexfem.gradients.memory.elements import ElementMemory
+from flexfem.gradients.memory.histories import HistoryMemory
 from flexfem.gradients.motion.records import Records
 from flexfem.gradients.motion.support import check_supported
 from flexfem.gradients.renewals.grid import Grid, Step
 from flexfem.gradients.renewals.renewal import Projection, Renewal
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
+from flexfem.layout.elements import HistoryElements
 from flexfem.lie import se3, so3
 from flexfem.model.event import Rebound
 from flexfem.model.model import Model
@@ -99,6 +101,8 @@ class Motion:
             found.append(ElementMemory(self.system, self.state))
         if len(self.simulation.controls):
             found.append(ControllerMemory(self))
+        if self.system.comm.allreduce(self.system.remembering, op=MPI.LOR):
+            found.append(HistoryMemory(self.system, self.state))
         return found
 
     @property
@@ -316,8 +320,12 @@ def check_supported_system(motion: Motion) -> None:
     found = {
         "friction of cables": bool(len(rows.wrapped_rows)),
         "stops and other unilateral forces": bool(rows.unilateral.any()) or rows.split,
-        "internal variables of elements": system.remembering,
-        "initial strains that change with time": system.timed,
+        "internal variables in plane stress, or of mixed cells that change their volumes": any(
+            isinstance(part.elements, HistoryElements)
+            and part.elements.remembering
+            and part.elements.history_derivatives() is None
+            for part in system.parts
+        ),
         "dampers of modes": system.modal_dampers is not None,
         "contacts": bool(system.contacts),
     }
