@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.gradients.motion.trajectory import Motion
 from tests.contract.gradient_examples import NUMBERS, PARTS, body, mechanism
 from tests.contract.test_gradients import differences
 
@@ -68,6 +69,22 @@ def test_adaptive_steps():
     found = compare(partial(body, "se3"), NUMBERS, of, options, 1e-8, step=1e-4)
     assert len(np.unique(np.diff(found.history["t"]).round(9))) > 1
     assert found.factorizations_backward == 0
+
+
+@pytest.mark.serial
+def test_steps_that_are_cut():
+    """Newton's method fails with whole steps: the bob turns by three radians in each."""
+
+    def thrown(**numbers):
+        model, arm = body("se3", **numbers), ff.Marker("bob", offset=(0.1, 0.1, 0.0))
+        model.add(ff.PointForce("throw", arm, (0.0, 60.0, 200.0)))
+        return model
+
+    options = ff.RunOptions(dt=0.02, t_end=0.02, tolerance=1e-13, quiet=True)
+    motion = Motion(thrown(**NUMBERS), options, None, 2e9)
+    assert motion.simulation.rejected > 0
+    assert motion.steps > 1
+    compare(thrown, NUMBERS, ["final:tip_z", "mean:speed"], options, 1e-8, step=1e-4)
 
 
 @pytest.mark.serial

@@ -120,12 +120,20 @@ class Grid(Journal):
         Raises:
             InputError: there are several.
         """
-        state = len(self.moves)
-        if len(events) > 1 or self.free(state):
-            raise InputError(
-                "gradient: several events happen at the same time, which has no derivatives"
-            )
-        self.events[state] = events[0]
+        if len(events) > 1:
+            self.at_once()
+        self.events[len(self.moves)] = events[0]
+
+    def at_once(self) -> None:
+        """See :class:`Journal`.
+
+        Raises:
+            InputError: always.
+        """
+        raise InputError(
+            "gradient: several events happen at the same time, or one at the end of a step, which "
+            "has no derivatives"
+        )
 
     def switched(self) -> None:
         """See :class:`Journal`."""
@@ -159,7 +167,9 @@ class Grid(Journal):
         last = len(self.moves)
         before = last
         if part:  # the start of the last step
-            before = self.steps[-1] - 1
+            while self.renewal(before) is not None:
+                before -= 1
+            before -= 1
             if self.free(before + 1) or self.free(before):
                 raise InputError(
                     "gradient: an event happens in a step with a kink of a load or drive, which "

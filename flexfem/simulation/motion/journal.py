@@ -18,6 +18,9 @@ class Journal:
     def happened(self, events: Sequence[int]) -> None:
         """These events, by their numbers, have happened at the state; nothing is changed yet."""
 
+    def at_once(self) -> None:
+        """An event is about to happen at a state to which it did not cut a step."""
+
     def switched(self) -> None:
         """Joints were closed, locked or opened; velocities are not consistent yet."""
 

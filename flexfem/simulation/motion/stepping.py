@@ -418,6 +418,8 @@ class Simulation:
             return status
         if size > 0.0:
             status = self._accept_part(start, size, start + size)
+        else:
+            self.journal.at_once()
         if status is Status.OK:
             status = events.carry_out(hits)
             self.controls.accepted(jumped=True)
