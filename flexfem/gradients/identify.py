@@ -15,8 +15,8 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.gradient import MEMORY, SOLVED, made_of
+from flexfem.gradients.motion.arrays import Known, directions_of, influence_of
 from flexfem.gradients.motion.exactness import linearized
-from flexfem.gradients.motion.influence import NumberInfluence
 from flexfem.gradients.motion.parameters import (
     Build,
     Values,
@@ -125,6 +125,7 @@ class _Fit:
         if not self._measured:
             raise ValueError("identify: give measured values of a column at least")
         self._last: tuple[bytes, FloatArray, FloatArray] | None = None
+        self._known: Known = {}
         self.motions = 0
         self._scale = np.concatenate(
             [np.where(x == 0.0, 1.0, np.abs(x)).ravel() for x in values.values()]
@@ -187,11 +188,10 @@ class _Fit:
         check_columns(made, names)
         motion = Motion(made, self._options, self._comm, MEMORY)
         self.motions += 1
-        directions = [
-            [(NumberInfluence(motion, self._build, values, name, entry), 1.0)]
-            for name, value in values.items()
-            for entry in ((None,) if value.ndim == 0 else range(value.size))
+        influences = [
+            influence_of(motion, self._build, values, name, self._known) for name in values
         ]
+        directions = [[(own, 1.0)] for one in influences for own in directions_of(motion, one)]
         changes = forward(motion, linearized(motion, SOLVED), names, directions)
         columns = motion.on_all_ranks(motion.history())
         differences, rows = [], []

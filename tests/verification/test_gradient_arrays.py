@@ -9,6 +9,16 @@ from scipy.interpolate import BSpline
 
 import flexfem as ff
 from flexfem.gradients.gradient import Differentiation
+from flexfem.gradients.motion.arrays import (
+    SeparateInfluence,
+    TimedInfluence,
+    directions_of,
+    influence_of,
+)
+from flexfem.gradients.motion.element_arrays import ElementInfluence
+from flexfem.gradients.motion.exactness import linearized
+from flexfem.gradients.motion.runs import forward
+from flexfem.gradients.motion.trajectory import Motion
 
 END = 0.1
 OPTIONS = ff.RunOptions(dt=5e-3, t_end=END, rho_inf=0.8, quiet=True)
@@ -94,3 +104,58 @@ def test_gradient_by_what_acts_one_after_the_other(
         own = np.asarray(found.gradient[name]["values"])
         # rounding of differences of 1e-5 of the entries
         assert own @ along == pytest.approx(value, abs=1e-7 * np.abs(own).sum()), name
+
+
+def rod(heights: np.ndarray) -> ff.Model:
+    """A rod that swings, by the heights of its elements: mass, inertia and stiffness."""
+    count = len(heights)
+    x = np.linspace(0.0, 0.5, count + 1)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    cells = np.array([[i, i + 1] for i in range(count)])
+    model = ff.Model("rod", mesh=ff.LineMesh(x, cells, {"rod": np.arange(count)}))
+    rubber, tip = ff.Material(5e6, 0.3, 1100.0), ff.Marker("rod", "end")
+
+    def section(s: float) -> ff.Section:
+        return ff.Section.rectangle(0.03, heights[min(int(s / 0.5 * count), count - 1)], rubber)
+
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Beam("rod", section),
+        ff.Revolute("hinge", ff.Ground(), ff.Marker("rod", "start"), axis=(0.0, 1.0, 0.0)),
+        ff.Probe("tip", tip, ("z", "v"), lambda t, s: (s.position[2], s.velocity[2])),
+        ff.Probe("none", (), ("torque",), lambda t: (0.0,)),
+    )
+    return model
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize(
+    ("build", "values", "kind"),
+    [
+        (rod, np.linspace(0.02, 0.03, 8), ElementInfluence),
+        (Pendulum(local), 1.0 + 3.0 * np.sin(np.arange(16.0)), TimedInfluence),
+    ],
+)
+def test_directions_of_an_array_share_its_models(
+    build: Callable[[np.ndarray], ff.Model], values: np.ndarray, kind: type
+) -> None:
+    """Columns along each entry are those with models of its own.
+
+    Without the change of the accelerations of the start, or with that of another entry, they are
+    off in the first digit.
+    """
+    motion = Motion(build(values), OPTIONS, None, 1e9)
+    linear, given = linearized(motion, 1e-9), {"values": values}
+
+    def of(**own: np.ndarray) -> ff.Model:
+        return build(own["values"])
+
+    shared = influence_of(motion, of, given, "values", {})
+    assert isinstance(shared, kind)
+    found = []
+    for influence in (shared, SeparateInfluence(motion, of, given, "values")):
+        directions = [[(one, 1.0)] for one in directions_of(motion, influence)]
+        found.append(forward(motion, linear, ["z", "v", "torque"], directions))
+    for own, expected in zip(found[0].T, found[1].T, strict=True):
+        # rounding of differences of 1e-5 of the entries
+        np.testing.assert_allclose(own, expected, atol=1e-8 * np.abs(expected).max())
+    assert np.abs(found[0][:, :3, 1]).max() > 1e-6 * np.abs(found[0][..., 1]).max()

@@ -13,17 +13,22 @@ changes are as large as the entries, so that what is found holds for all values 
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from functools import partial
 
 from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.gradients.equations.node_maps import RateMaps, transposed
+from flexfem.gradients.equations.step_tangent import BlockVectors
+from flexfem.gradients.motion.adjoint import Carried
 from flexfem.gradients.motion.direct import DirectEffect
 from flexfem.gradients.motion.element_arrays import (
     Builder,
+    ElementInfluence,
     Owners,
     element_influence,
     element_owners,
@@ -40,8 +45,9 @@ from flexfem.gradients.motion.influence import (
 from flexfem.gradients.motion.parameters import Build, Values
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.system import MASS
 
-__all__ = ["Known", "TimedInfluence", "influence_of"]
+__all__ = ["Known", "TimedInfluence", "directions_of", "influence_of"]
 
 #: Numbers of groups that are tried; entries of one have numbers that are equal modulo it.
 _GROUPS = (1, 2, 4, 8)
@@ -120,23 +126,23 @@ class SeparateInfluence:
     def __init__(self, motion: Motion, build: Build, values: Values, name: str) -> None:
         """Build all models (collective)."""
         self.count = len(values[name])
-        self._every = [NumberInfluence(motion, build, values, name, k) for k in range(self.count)]
+        self.every = [NumberInfluence(motion, build, values, name, k) for k in range(self.count)]
 
     def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
         """See :class:`Influence`."""
-        return np.hstack([one.products(step, factors) for one in self._every])
+        return np.hstack([one.products(step, factors) for one in self.every])
 
     def start_products(self, carried: Sequence[Sums]) -> FloatArray:
         """See :class:`Influence`."""
-        return np.hstack([one.start_products(carried) for one in self._every])
+        return np.hstack([one.start_products(carried) for one in self.every])
 
     def event_changes(self, state: int) -> FloatArray:
         """See :class:`Influence`."""
-        return np.concatenate([one.event_changes(state) for one in self._every])
+        return np.concatenate([one.event_changes(state) for one in self.every])
 
     def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
         """See :class:`Influence`."""
-        return np.hstack([one.direct_products(step, weights) for one in self._every])
+        return np.hstack([one.direct_products(step, weights) for one in self.every])
 
 
 class TimedInfluence:
@@ -147,15 +153,15 @@ class TimedInfluence:
     ) -> None:
         """Build the models of the groups (collective)."""
         self.count = len(values[name])
-        self._times = times
-        self._every = [
+        self.times = times
+        self.every = [
             NumberInfluence(motion, build, values, name, group.entries) for group in times
         ]
 
     def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
         """See :class:`Influence`."""
         found = np.zeros((len(factors), self.count))
-        for one, group in zip(self._every, self._times, strict=True):
+        for one, group in zip(self.every, self.times, strict=True):
             if group.equations[step] >= 0:
                 found[:, group.equations[step]] = one.products(step, factors)[:, 0]
         return found
@@ -163,7 +169,7 @@ class TimedInfluence:
     def start_products(self, carried: Sequence[Sums]) -> FloatArray:
         """See :class:`Influence`."""
         found = np.zeros((len(carried), self.count))
-        for one, group in zip(self._every, self._times, strict=True):
+        for one, group in zip(self.every, self.times, strict=True):
             if group.equations[0] >= 0:
                 found[:, group.equations[0]] = one.start_products(carried)[:, 0]
         return found
@@ -175,10 +181,129 @@ class TimedInfluence:
     def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
         """See :class:`Influence`."""
         found = np.zeros((len(weights), self.count))
-        for one, group in zip(self._every, self._times, strict=True):
+        for one, group in zip(self.every, self.times, strict=True):
             if group.columns[step] >= 0:
                 found[:, group.columns[step]] = one.direct_products(step, weights)[:, 0]
         return found
+
+
+@dataclass(frozen=True)
+class Entry:
+    """What one entry of an array changes, where others share its models.
+
+    Attributes:
+        start, numbers, equations, depends_directly, columns: see :class:`NumberInfluence`.
+    """
+
+    start: list[Carried]
+    numbers: FloatArray
+    equations: Callable[[int], Factors]
+    depends_directly: bool
+    columns: Callable[[int], FloatArray]
+
+    def event_changes(self, state: int) -> FloatArray:
+        """None, see those of the arrays."""
+        return np.zeros(1)
+
+
+def directions_of(motion: Motion, influence: Influence) -> list[NumberInfluence | Entry]:
+    """What each number of a parameter changes (collective); the motion is elsewhere after it."""
+    if isinstance(influence, NumberInfluence):
+        return [influence]
+    if isinstance(influence, SeparateInfluence):
+        return [*influence.every]
+    if isinstance(influence, TimedInfluence):
+        return _timed_entries(motion, influence)
+    assert isinstance(influence, ElementInfluence)
+    return _element_entries(motion, influence)
+
+
+def _timed_entries(motion: Motion, influence: TimedInfluence) -> list[NumberInfluence | Entry]:
+    """Entries that act one after the other."""
+    found: dict[int, NumberInfluence | Entry] = {}
+    nothing, no_columns = _nothing(motion), np.zeros(len(motion.columns))
+    still = [Carried.nothing(x.shape) for x in nothing[0]]
+    for one, group in zip(influence.every, influence.times, strict=True):
+        equations, columns = _latest(one.equations), _latest(one.columns)
+        for entry in map(int, group.entries):
+            starts = group.equations[0] == entry
+            found[entry] = Entry(
+                one.start if starts else still, one.numbers if starts else nothing[2],
+                partial(_if_owned, equations, group.equations == entry, nothing),
+                one.depends_directly,
+                partial(_if_owned, columns, group.columns == entry, no_columns),
+            )  # fmt: skip
+    return [found[k] for k in range(influence.count)]
+
+
+def _if_owned[Found](
+    values: Callable[[int], Found], owned: BoolArray, nothing: Found, step: int
+) -> Found:
+    """Values of a step that are an entry's own, and nothing at others (collective)."""
+    return values(step) if owned[step] else nothing
+
+
+def _element_entries(motion: Motion, influence: ElementInfluence) -> list[NumberInfluence | Entry]:
+    """Entries that act on elements each."""
+    _, rows, numbers = _nothing(motion)
+    changes = _latest(influence.changes)
+
+    def of(entry: int, step: int) -> Factors:
+        total: BlockVectors = []
+        for owners, derivatives in changes(step):
+            own = [
+                np.where((a == entry)[:, np.newaxis], b, 0.0)
+                for a, b in zip(owners, derivatives, strict=True)
+            ]
+            total = [a + b for a, b in zip(total, own, strict=True)] if total else own
+        return total, rows, numbers
+
+    motion.go_to(0)
+    no_columns = np.zeros(len(motion.columns))
+    return [
+        Entry(
+            _start_along(motion, of(entry, 0)[0]), numbers, partial(of, entry), False,
+            lambda step: no_columns,
+        )
+        for entry in range(influence.count)
+    ]  # fmt: skip
+
+
+def _start_along(motion: Motion, changes: BlockVectors) -> list[Carried]:
+    """Change of the start by that of its equations (collective).
+
+    It is one of accelerations, see :meth:`ElementInfluence.start_products`.
+    """
+    motion.tangent.assemble(MASS)
+    motion.tangent.factor()
+    parts, found = motion.system.parts, []
+    right = [part.block.hold(x) for part, x in zip(parts, changes, strict=True)]
+    motion.tangent.solve(right, np.zeros(motion.system.constraints.size))
+    for part in parts:
+        maps = RateMaps.of(part.block).by_rate[:, : part.block.width, : part.block.width]
+        accelerations = -transposed(maps, part.block.owned_step)
+        still = np.zeros_like(accelerations)
+        found.append(Carried(still, still.copy(), accelerations, accelerations.copy()))
+    return found
+
+
+def _nothing(motion: Motion) -> Factors:
+    """No change of the equations."""
+    blocks = [np.zeros_like(part.block.owned_step) for part in motion.system.parts]
+    return blocks, np.zeros(motion.system.constraints.size), np.zeros(len(motion.memories.owned))
+
+
+def _latest[Found](function: Callable[[int], Found]) -> Callable[[int], Found]:
+    """A function of steps that is called once for each of them, in turn."""
+    kept: dict[int, Found] = {}
+
+    def found(step: int) -> Found:
+        if step not in kept:
+            kept.clear()
+            kept[step] = function(step)
+        return kept[step]
+
+    return found
 
 
 def _times(motion: Motion, build: Build, values: Values, name: str) -> list[Times] | None:

@@ -50,8 +50,9 @@ _NOTHING, _ALIKE = 1e-12, 1e-3
 #: Largest change of positions and velocities of a start that is the same, m and so on.
 _SAME_START = 1e-13
 #: Second differences over first ones up to which equations are linear in parameters, and rounding
-#: of the equations. Squares of parameters have 1e-5.
-_LINEAR, _ROUNDED = 1e-9, 3e-14
+#: of the equations. Differences are so many times those of gradients: squares of parameters have
+#: 1e-2, which stands out of the rounding of stiffer directions.
+_LINEAR, _ROUNDED, _WIDER = 1e-9, 3e-14, 1e3
 
 #: Owners of groups, see :class:`_Group`.
 Owners = list[list[IntArray]]
@@ -115,8 +116,22 @@ class ElementInfluence:
         return np.zeros((len(weights), self.count))
 
     def _products(self, step: int, factors: Sequence[BlockVectors]) -> FloatArray:
-        """Factors times derivatives of the equations of blocks, see ``influence.evaluated``."""
-        motion, found = self._motion, np.zeros((len(factors), self.count))
+        """Factors times derivatives of the equations of blocks."""
+        found = np.zeros((len(factors), self.count))
+        for owners, changes in self.changes(step):
+            for k, (index, change) in enumerate(zip(owners, changes, strict=True)):
+                held = index >= 0
+                for z, out in zip(factors, found, strict=True):
+                    own = (z[k][held] * change[held]).sum(axis=1)
+                    out[:] += np.bincount(index[held], own, minlength=self.count)
+        return found
+
+    def changes(self, step: int) -> list[tuple[list[IntArray], BlockVectors]]:
+        """Of each group owners of nodes, and derivatives of equations by them (collective).
+
+        Those of the owner -1 are none. The state of the motion is that of ``influence.evaluated``.
+        """
+        motion, found = self._motion, []
         kept: dict[int, BlockVectors] = {}
 
         def equations(one: Simulation) -> BlockVectors:
@@ -125,15 +140,12 @@ class ElementInfluence:
             return kept[id(one)]
 
         for group in self._groups:
-            more, less = equations(group.more), equations(group.less)
+            sides = equations(group.more), equations(group.less)
             between = (1.0 if group.less is motion.simulation else 2.0) * self._steps
-            for k, owners in enumerate(group.owners):
-                held = owners >= 0
-                index = owners[held]
-                change = (more[k] - less[k])[held] / between[index][:, np.newaxis]
-                for z, out in zip(factors, found, strict=True):
-                    own = (z[k][held] * change).sum(axis=1)
-                    out[:] += np.bincount(index, own, minlength=self.count)
+            parts = zip(*sides, group.owners, strict=True)
+            found.append(
+                (group.owners, [(a - b) / between[own][:, np.newaxis] for a, b, own in parts])
+            )
         return found
 
 
@@ -208,7 +220,7 @@ def element_influence(motion: Motion, builder: Builder, owners: Owners) -> Eleme
     if len(more) < count:
         return None
     less = count * [motion.simulation]
-    if not _linear(motion, more, builder.started(-np.ones(size))):
+    if not _linear(motion, [builder.started(sign * _WIDER * np.ones(size)) for sign in (1, -1)]):
         less = [one for own in parts if (one := builder.started(-own))]
     if len(less) < count:
         return None
@@ -216,22 +228,19 @@ def element_influence(motion: Motion, builder: Builder, owners: Owners) -> Eleme
     return ElementInfluence(motion, builder.steps, groups)
 
 
-def _linear(motion: Motion, more: Sequence[Simulation], less: Simulation | None) -> bool:
+def _linear(motion: Motion, pair: Sequence[Simulation | None]) -> bool:
     """True if the equations are linear in the parameters (collective).
 
     Args:
         motion: the motion, which is at another state after it.
-        more: starts with more of the parameters of each group.
-        less: that with less of all.
+        pair: starts with more and with less of all of them.
     """
-    if less is None:
-        return False
     motion.go_to(0)
     disturb(motion)
     still, clear = equations_at(motion.system, UNSCALED), True
     largest = max((float(np.abs(own).max(initial=0.0)) for own in still[0]), default=0.0)
     largest = motion.system.comm.allreduce(largest, op=MPI.MAX)
-    found = [_changes(motion.system, one.system, still) for one in (*more, less)]
+    found = [None if one is None else _changes(motion.system, one.system, still) for one in pair]
     changes = [one for one in found if one is not None]
     for every in zip(*changes, strict=True):
         size = sum(np.abs(change) for change in every)

@@ -13,6 +13,7 @@ from flexfem._types import FloatArray
 from flexfem.gradients.equations.carried import CARRIED, Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.motion.adjoint import Adjoint, Tangent, maps_of
+from flexfem.gradients.motion.arrays import Entry
 from flexfem.gradients.motion.columns import ColumnDerivatives, history_weights
 from flexfem.gradients.motion.event_times import EventTimes, along
 from flexfem.gradients.motion.functionals import Functional
@@ -23,7 +24,7 @@ __all__ = ["backward", "forward"]
 
 
 #: Influences of parameters with the change of each.
-Direction = Sequence[tuple[NumberInfluence, float]]
+Direction = Sequence[tuple[NumberInfluence | Entry, float]]
 #: Relative accuracy of the adjoint that shows the growth.
 _ROUGHLY = 1e-2
 
