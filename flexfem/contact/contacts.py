@@ -37,6 +37,7 @@ class Contacts:
 
     Attributes:
         groups: the contacts in the order of the model.
+        carriers: of their points; frames: of rigid surfaces of simple shapes.
         time: time of the trial state, s.
         stiffness: force per penetration and area of each, N/m^3; zero, where it is not given, until
             the first step.
@@ -63,16 +64,16 @@ class Contacts:
         """
         self._comm, count = comm, len(points.start)
         places = [place for one in described for place in one.rigid]
-        self._frames = SurfaceFrames(comm, places, blocks)
+        self.frames = SurfaceFrames(comm, places, blocks)
         carrying = {kind: blocks[kind] for kind in np.unique(points.kind).tolist() if kind >= 0}
-        self._carriers = Carriers(comm, points, carrying)
-        self._ranks = _triangle_ranks(points, self._carriers.home, element_ranks)
-        moving = self._frames.kind[self._frames.moving].tolist()
+        self.carriers = Carriers(comm, points, carrying)
+        self._ranks = _triangle_ranks(points, self.carriers.home, element_ranks)
+        moving = self.frames.kind[self.frames.moving].tolist()
         self.kinds = sorted({*carrying, *moving})
         self._points, self._forces = points.start.copy(), np.zeros((count, 3))
         self._steps = np.zeros((count, 3))
-        self._rows = NormalRows(self._carriers, self._frames)
-        own = self._carriers.home == comm.rank
+        self._rows = NormalRows(self.carriers, self.frames)
+        own = self.carriers.home == comm.rank
         self.groups = [ContactGroup.of(one, own) for one in described]
         given = [group.surfaces.contact.stiffness or 0.0 for group in self.groups]
         self.set_stiffness(np.array(given))
@@ -110,11 +111,11 @@ class Contacts:
         for group, value in zip(self.groups, stiffness.tolist(), strict=True):
             group.set_stiffness(value)
 
-    def _triangles(self) -> list[tuple[TriangleContact, ContactPass]]:
+    def triangles(self) -> list[tuple[TriangleContact, ContactPass]]:
         """All contacts with triangles, and their passes."""
         return [p for g in self.groups for p in zip(g.triangles, g.passes, strict=True)]
 
-    def _rigid(self) -> Iterator[tuple[ContactGroup, RigidContact, int]]:
+    def rigid(self) -> Iterator[tuple[ContactGroup, RigidContact, int]]:
         """All contacts with rigid surfaces of simple shapes, and the numbers of these."""
         number = 0
         for group in self.groups:
@@ -124,9 +125,9 @@ class Contacts:
 
     def update(self) -> None:
         """Update the neighbour lists for the accepted positions (collective)."""
-        self._carriers.place(self._points, ghosts=True)
-        self._frames.update()
-        passes = self._triangles()
+        self.carriers.place(self._points, ghosts=True)
+        self.frames.update()
+        passes = self.triangles()
         moved = [made.moved(self._points) for made, _ in passes]
         if self._comm.allreduce(any(moved), op=MPI.LOR):
             self._search()
@@ -136,7 +137,7 @@ class Contacts:
 
     def _search(self) -> None:
         """Update the neighbour lists, also those of other ranks' triangles (collective)."""
-        passes = self._triangles()
+        passes = self.triangles()
         chosen = [one.chosen for _, one in passes]
         if self._comm.size > 1:
             chosen = [self._nearby(made, one) for made, one in passes]
@@ -144,8 +145,8 @@ class Contacts:
                 made.masters.triangles[c].ravel()
                 for (made, _), c in zip(passes, chosen, strict=True)
             ]
-            self._carriers.ask(np.unique(np.concatenate(wanted)))
-            self._carriers.bring(self._points)
+            self.carriers.ask(np.unique(np.concatenate(wanted)))
+            self.carriers.bring(self._points)
         for (made, _), triangles in zip(passes, chosen, strict=True):
             made.search(self._points, triangles)
 
@@ -166,13 +167,13 @@ class Contacts:
 
     def evaluate(self) -> None:
         """Find the contacts at the trial state (collective)."""
-        self._carriers.place(self._points)
-        self._frames.update()
+        self.carriers.place(self._points)
+        self.frames.update()
         h = self.time - self._accepted
-        for made, _ in self._triangles():
+        for made, _ in self.triangles():
             made.evaluate(self._points, h)
-        for _, rigid, number in self._rigid():
-            rigid.evaluate(self._points, self._frames.frames[number], h)
+        for _, rigid, number in self.rigid():
+            rigid.evaluate(self._points, self.frames.frames[number], h)
         self.evaluated, self._entries = True, None
 
     def refresh(self) -> None:
@@ -194,39 +195,39 @@ class Contacts:
         """Evaluate, and gather ``scale`` times the forces for the blocks (collective)."""
         self.evaluate()
         self.evaluated = False
-        self._forces[:] = self._frames.wrenches[:] = 0.0
-        for made, _ in self._triangles():
+        self._forces[:] = self.frames.wrenches[:] = 0.0
+        for made, _ in self.triangles():
             made.add_forces(self._forces, scale)
-        for _, rigid, number in self._rigid():
-            rigid.add_forces(self._forces, self._frames.wrenches[number], scale)
-        self._carriers.gather(self._forces)
-        self._frames.gather()
+        for _, rigid, number in self.rigid():
+            rigid.add_forces(self._forces, self.frames.wrenches[number], scale)
+        self.carriers.gather(self._forces)
+        self.frames.gather()
 
     def hand_out(self, kind: int, scale: float) -> None:
         """Add the forces gathered last, with the same scale, to the residual of a block."""
-        if kind in self._carriers.by_kind:
-            self._carriers.add_loads(kind, self._forces, scale)
-        self._frames.add_wrenches(kind)
+        if kind in self.carriers.by_kind:
+            self.carriers.add_loads(kind, self._forces, scale)
+        self.frames.add_wrenches(kind)
 
     def act(self, scale: float) -> None:
         """Gather ``scale`` times the tangent applied to the blocks' steps (collective)."""
-        self._carriers.move(self._steps)
-        twists = self._frames.twists()
-        self._forces[:] = self._frames.wrenches[:] = 0.0
-        for made, _ in self._triangles():
+        self.carriers.move(self._steps)
+        twists = self.frames.twists()
+        self._forces[:] = self.frames.wrenches[:] = 0.0
+        for made, _ in self.triangles():
             made.add_actions(self._steps, self._forces, scale)
-        for _, rigid, number in self._rigid():
+        for _, rigid, number in self.rigid():
             rigid.add_actions(
-                self._steps, twists[number], self._forces, self._frames.wrenches[number], scale
+                self._steps, twists[number], self._forces, self.frames.wrenches[number], scale
             )
-        self._carriers.gather(self._forces)
-        self._frames.gather()
+        self.carriers.gather(self._forces)
+        self.frames.gather()
 
     def hand_out_action(self, kind: int, scale: float) -> None:
         """Add the action gathered last to the residual of a block."""
-        if kind in self._carriers.by_kind:
-            self._carriers.add_changes(kind, self._forces, scale)
-        self._frames.add_wrenches(kind)
+        if kind in self.carriers.by_kind:
+            self.carriers.add_changes(kind, self._forces, scale)
+        self.frames.add_wrenches(kind)
 
     def entries(self, scale: float) -> dict[tuple[int, int], Triplets]:
         """Rows, columns and values of ``scale`` times the tangent (collective).
@@ -234,10 +235,10 @@ class Contacts:
         One entry for each pair of kinds of blocks; kept until contacts are evaluated again.
         """
         if self._entries is None or self._entries[0] != scale:
-            found = ContactEntries(self._carriers, self._frames)
-            for made, _ in self._triangles():
+            found = ContactEntries(self.carriers, self.frames)
+            for made, _ in self.triangles():
                 found.add(*made.blocks(scale))
-            for _, rigid, number in self._rigid():
+            for _, rigid, number in self.rigid():
                 found.add_surface(*rigid.blocks(scale), number)
             found.add_turning(scale)
             self._entries = scale, found.entries()
@@ -247,9 +248,9 @@ class Contacts:
         """Normal parts of the tangents of the contacts that are closed at the last evaluation."""
         rows = self._rows
         rows.clear()
-        for made, _ in self._triangles():
+        for made, _ in self.triangles():
             rows.add_triangles(made)
-        for _, rigid, number in self._rigid():
+        for _, rigid, number in self.rigid():
             rows.add_surface(rigid, number)
         return rows
 
@@ -259,15 +260,15 @@ class Contacts:
         Those are slaves within the skin of a rigid surface, or with candidates (collective). For
         rotations it is that of the arms, N m.
         """
-        self._carriers.place(self._points)
-        self._frames.update()
+        self.carriers.place(self._points)
+        self.frames.update()
         return stiffness_nearby(
-            self.groups, self._points, self._carriers, self._frames, kind
+            self.groups, self._points, self.carriers, self.frames, kind
         )  # fmt: skip
 
     def numberings(self) -> dict[str, Numbering]:
         """Numberings of the rows of :meth:`state`."""
-        here = self._carriers.here
+        here = self.carriers.here
         owned = np.ones(len(here), dtype=np.bool_)
         return {"contacts": Numbering(here, owned, len(self._points))}
 
@@ -281,7 +282,7 @@ class Contacts:
                 memory = made.memory(self._points)
             else:
                 memory = made.memory()
-            rows[name] = np.zeros((len(self._carriers.here), memory.shape[1]))
+            rows[name] = np.zeros((len(self.carriers.here), memory.shape[1]))
             rows[name][self._at(made)] = memory
         return State(values, {"contacts": rows})
 
@@ -304,7 +305,7 @@ class Contacts:
             if isinstance(made, TriangleContact):
                 made.recall(self._points, memory)
             else:
-                made.recall(self._points, self._frames.frames[number], memory)
+                made.recall(self._points, self.frames.frames[number], memory)
 
     def _named(self) -> Iterator[tuple[str, TriangleContact | RigidContact, int]]:
         """All contacts with unique names, and the numbers of rigid surfaces."""
@@ -316,7 +317,7 @@ class Contacts:
 
     def _at(self, made: TriangleContact | RigidContact) -> IntArray:
         """Rows of a contact's slaves among the points here."""
-        return np.searchsorted(self._carriers.here, made.slaves.nodes)
+        return np.searchsorted(self.carriers.here, made.slaves.nodes)
 
     @property
     def longest_step(self) -> float:

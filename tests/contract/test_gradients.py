@@ -49,13 +49,13 @@ def differences(build, numbers, of, options, step=1e-3):
     return found
 
 
-def compare(build, numbers, of, options, accuracy):
+def compare(build, numbers, of, options, accuracy, step=1e-3):
     found = ff.gradient(build, of, numbers, options, accuracy=1e-12, check=True)
     own = np.array([[by[name] for name in numbers] for by in found.gradient.values()])
     # the adjoint is the transposed tangent: a transposition that is missing gives 1e-6 and more
     assert max(found.check.values()) < 1e-9
     assert found.factorizations_backward == 0
-    expected = differences(build, numbers, of, options)
+    expected = differences(build, numbers, of, options, step)
     scale = np.abs(expected * list(numbers.values())).max(axis=1, keepdims=True)
     errors = np.abs(own - expected) * np.array(list(numbers.values())) / scale
     # a term that is missing in the linearised scheme gives 1e-5 and more

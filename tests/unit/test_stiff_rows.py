@@ -53,7 +53,7 @@ def strip(tilt: float = 3e-3, count: int = 20) -> ff.Model:
 
 def _gaps(contacts) -> np.ndarray:
     """Gaps of the closed contacts of this rank in the order of the rows."""
-    made = [one for one, _ in contacts._triangles()] + [one for _, one, _ in contacts._rigid()]
+    made = [one for one, _ in contacts.triangles()] + [one for _, one, _ in contacts.rigid()]
     return np.concatenate([one.contacts[:, GAP] for one in made])
 
 

@@ -53,7 +53,8 @@ class BarrierContacts:
     """All contacts of a system.
 
     Attributes:
-        contacts: in the order of the model, with the pairs of this rank.
+        contacts: in the order of the model, with the pairs of this rank; every: these pairs.
+        carriers: of the points; spins: these of the points, where there is friction.
         kinds: kinds of the blocks on which they act, ascending.
         rubs: True if there is friction.
         time: time of the trial state, s.
@@ -80,18 +81,18 @@ class BarrierContacts:
         self._comm, count = comm, len(surfaces.start)
         carrying = {k: blocks[k] for k in np.unique(surfaces.kind).tolist() if k >= 0}
         self.kinds = sorted(carrying)
-        self._carriers = Carriers(comm, surfaces, carrying)
-        here = self._carriers.home == comm.rank
+        self.carriers = Carriers(comm, surfaces, carrying)
+        here = self.carriers.home == comm.rank
         # to the trial state
         self._motion = PointMotion.of(surfaces.start)
         self.contacts = [ContactPairs(own, near, here, self._motion, gravity) for own, near in made]
         self.rubs = any(one.rubs for one in self.contacts)
-        self._spins = Spins(
-            self._carriers, self._motion, surfaces.primitives.triangles, used=self.rubs
+        self.spins = Spins(
+            self.carriers, self._motion, surfaces.primitives.triangles, used=self.rubs
         )  # fmt: skip
-        self._every = [pairs for one in self.contacts for pairs in one.every]
-        self._rows = GroupRows(self._carriers, self._spins, self._every)
-        self._pulls = Pulls(comm, self._carriers, self._spins, self._every)
+        self.every = [pairs for one in self.contacts for pairs in one.every]
+        self._rows = GroupRows(self.carriers, self.spins, self.every)
+        self._pulls = Pulls(comm, self.carriers, self.spins, self.every)
         # of obstacles: far from where they touch
         self._axes = np.unique(np.concatenate([one.own.obstacles.points.ravel() for one in
                                                self.contacts]))  # fmt: skip
@@ -128,7 +129,7 @@ class BarrierContacts:
         if self._speed is not None:
             return
         rates, spins = np.zeros((2, *self._points.shape))
-        self._carriers.rates(rates, spins)
+        self.carriers.rates(rates, spins)
         fastest = float(np.linalg.norm(rates, axis=1).max(initial=0.0))
         if self._comm.size > 1:
             fastest = self._comm.allreduce(fastest, op=MPI.MAX)
@@ -163,16 +164,16 @@ class BarrierContacts:
         self._forces[:] = 0.0
         way = farthest(self._last, self._points, self._known)
         part = short_part(self._last, self._points, self._touching, self._stride)
-        for one in self._every:
+        for one in self.every:
             part = min(part, one.mark_unsafe(self._last, self._points, way, keep, self._forces))
         part = self._least(part)
         if part < 1.0:
-            self._carriers.gather(self._forces)
+            self.carriers.gather(self._forces)
         return part
 
     def unsafe(self, kind: int) -> BoolArray:
         """Nodes (n_owned,) of a block with points that are marked."""
-        return self._carriers.at_nodes(kind, self._forces[:, 0])[:, 0] > 0.0
+        return self.carriers.at_nodes(kind, self._forces[:, 0])[:, 0] > 0.0
 
     # -- Motion ---------------------------------------------------------------------------------
 
@@ -187,7 +188,7 @@ class BarrierContacts:
         self._ways = []
         self._over_step, self.factor, self._cayley, self.cut = True, weight, cayley, False
         self.start(h)
-        self._spins.begin()
+        self.spins.begin()
         for one in self.contacts:
             one.begin(h)
 
@@ -235,7 +236,7 @@ class BarrierContacts:
         self._search()
         if self._short(keep):
             return self._least(1.0)
-        parts = [one.safe_part(self._last, self._points, keep) for one in self._every]
+        parts = [one.safe_part(self._last, self._points, keep) for one in self.every]
         return self._least(min([1.0, *parts]))
 
     def _short(self, keep: float) -> bool:
@@ -248,7 +249,7 @@ class BarrierContacts:
         if moves(self._last, self._points, self._axes):
             return False
         way = 2.0 * farthest(self._last, self._points, self._known)
-        return all(way < (1.0 - keep) * one.shortest() for one in self._every)
+        return all(way < (1.0 - keep) * one.shortest() for one in self.every)
 
     def _least(self, part: float) -> float:
         """Smallest of all ranks' numbers (collective)."""
@@ -269,7 +270,7 @@ class BarrierContacts:
         change = largest = 0.0
         self._ways = [one.way(self._last, self._points) for one in self.contacts]
         way = max(self._ways)
-        for one in self._every:
+        for one in self.every:
             if one.closed:
                 largest = max(largest, one.pushes.max())
                 moved = one.slopes * one.motions(steps, self._still)
@@ -278,7 +279,7 @@ class BarrierContacts:
 
     def _place(self) -> None:
         """Positions of the trial state (collective)."""
-        self._carriers.place(self._points)
+        self.carriers.place(self._points)
 
     def _know(self, known: BoolArray) -> None:
         """Store the known points (n,), and which of them are not those of obstacles."""
@@ -332,7 +333,7 @@ class BarrierContacts:
     def _bring(self) -> None:
         """Ask for the points near those of this rank (collective)."""
         sets = self._sets
-        carriers, comm = self._carriers, self._comm
+        carriers, comm = self.carriers, self._comm
         mine = [_own_cells(one, carriers.home == comm.rank) for one in self.contacts]
         corners = [one.own.surface.complex.points[cells] for one, cells in
                    zip(self.contacts, mine, strict=True)]  # fmt: skip
@@ -367,7 +368,7 @@ class BarrierContacts:
     def _bring_all(self, sets: list[FloatArray]) -> None:
         """Receive positions and steps' histories of the points asked for (collective)."""
         for values in sets:
-            self._carriers.bring(values)
+            self.carriers.bring(values)
 
     # -- Forces ---------------------------------------------------------------------------------
 
@@ -376,12 +377,12 @@ class BarrierContacts:
         self._place()
         if not self._over_step:
             way = farthest(self._last, self._points, self._known)
-            for pairs in self._every:
+            for pairs in self.every:
                 pairs.went(way)
             self._last[:] = self._points
         self._search()
         if self._over_step:
-            self._spins.update()
+            self.spins.update()
         for k, one in enumerate(self.contacts):
             near = self._over_step and not self.cut
             if near:
@@ -403,18 +404,18 @@ class BarrierContacts:
 
     def _gather(self, scale: float) -> None:
         self._forces[:] = self._couples[:] = 0.0
-        for one in self._every:
+        for one in self.every:
             one.add_forces(-scale, self._forces, self._couples)
-        self._spins.gather(self._couples, self._forces)
-        self._carriers.gather(self._forces)
+        self.spins.gather(self._couples, self._forces)
+        self.carriers.gather(self._forces)
 
     def hand_out(self, kind: int, scale: float) -> None:
         """Add the forces gathered last, with the same scale, to the residual of a block."""
         if self._over_step:
-            self._carriers.add_over_step(kind, self._forces, scale, cayley=self._cayley)
+            self.carriers.add_over_step(kind, self._forces, scale, cayley=self._cayley)
         else:
-            self._carriers.add_loads(kind, self._forces, scale)
-        self._spins.add_couples(kind, self._couples)
+            self.carriers.add_loads(kind, self._forces, scale)
+        self.spins.add_couples(kind, self._couples)
 
     def subtract_means(self) -> None:
         """Evaluate, and subtract the forces from the blocks' residuals (collective)."""
@@ -425,20 +426,20 @@ class BarrierContacts:
 
     def act(self, scale: float) -> None:
         """Gather ``scale`` times the tangent applied to the blocks' steps (collective)."""
-        self._carriers.move(self._steps)
-        spins = self._spins.of_steps(self._steps)
+        self.carriers.move(self._steps)
+        spins = self.spins.of_steps(self._steps)
         self._forces[:] = self._couples[:] = 0.0
-        for one in self._every:
+        for one in self.every:
             one.add_actions(
                 scale * self.factor, self._steps, spins, self._forces, self._couples
             )  # fmt: skip
-        self._spins.gather(self._couples, self._forces)
-        self._carriers.gather(self._forces)
+        self.spins.gather(self._couples, self._forces)
+        self.carriers.gather(self._forces)
 
     def hand_out_action(self, kind: int, scale: float) -> None:
         """Add the action gathered last to the residual of a block."""
-        self._carriers.add_changes(kind, self._forces, scale)
-        self._spins.add_couples(kind, self._couples)
+        self.carriers.add_changes(kind, self._forces, scale)
+        self.spins.add_couples(kind, self._couples)
 
     def entries(self, scale: float) -> dict[tuple[int, int], Triplets]:
         """Rows, columns and values of ``scale`` times the tangent (collective).
@@ -446,8 +447,8 @@ class BarrierContacts:
         One entry for each pair of kinds of blocks; kept until contacts are evaluated again.
         """
         if self._entries is None or self._entries[0] != scale:
-            found = ContactEntries(self._carriers)
-            for one in self._every:
+            found = ContactEntries(self.carriers)
+            for one in self.every:
                 found.add(*one.blocks(scale * self.factor))
             found.add_turning(scale)
             self._entries = scale, found.entries()
@@ -465,10 +466,10 @@ class BarrierContacts:
         """
         self.refresh()
         self._forces[:] = 0.0
-        for one in self._every:
+        for one in self.every:
             one.add_stiffness(self._moves, self._forces)
-        self._carriers.gather(self._forces)
-        return self._carriers.at_nodes(kind, self.factor * self._forces[:, 0])
+        self.carriers.gather(self._forces)
+        return self.carriers.at_nodes(kind, self.factor * self._forces[:, 0])
 
     # -- Accepted states ------------------------------------------------------------------------
 
@@ -524,12 +525,12 @@ class BarrierContacts:
     def energy(self) -> float:
         """Energy stored by the contacts of this rank, J (collective)."""
         self.refresh()
-        return sum(one.energy for one in self._every)
+        return sum(one.energy for one in self.every)
 
     @property
     def lost(self) -> float:
         """Energy dissipated on this rank, J."""
-        return sum(one.lost for one in self._every)
+        return sum(one.lost for one in self.every)
 
     def least_gap(self, name: str) -> float:
         """Least gap of a contact on all ranks, m; its reach if no pair is nearer (collective)."""

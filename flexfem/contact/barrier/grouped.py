@@ -54,6 +54,17 @@ class PairKind(Protocol):
     def turn(self, motion: StepMotion) -> None:
         """Add to the tangents of a step how forces turn, where it is known."""
 
+    def response_of(self, copies: Pairs) -> Response:
+        """Memory for what copies of pairs do."""
+
+    def respond_alone(
+        self, copies: Pairs, chosen: IntArray, motion: StepMotion, response: Response
+    ) -> None:
+        """Write the response to a step of copies of pairs, whose numbers are ``chosen`` (m,).
+
+        Their points are those of the motion.
+        """
+
     def add_actions(self, scale: float, steps: FloatArray, sums: FloatArray) -> None:
         """Add ``scale`` times the tangent's action on steps (n, 3) to (n, 3)."""
 
@@ -83,6 +94,8 @@ class GroupedPairs:
 
     Attributes:
         kind: their kernels.
+        law: laws of dissipation.
+        motion: of all points.
         pairs: those that may touch near the present motion.
         response: at the last evaluation; groups: the same by groups of pairs.
         rubs: True if there is friction.
@@ -102,7 +115,7 @@ class GroupedPairs:
             restitution: part of the speed of approach with which bodies separate.
         """
         self.restitution, self.pulls, self.pulled = restitution, np.zeros(0), 0.0
-        self.kind, self._law, self._motion = kind, law, motion
+        self.kind, self.law, self.motion = kind, law, motion
         self.rubs, self.lost = law.static_friction > 0.0, 0.0
         nothing = np.zeros(0, np.int64)
         pairs = Pairs(
@@ -121,7 +134,7 @@ class GroupedPairs:
 
     def search(self, motion: Motion) -> None:
         """Find the pairs that may touch during a motion."""
-        self._use(*self.kind.search(motion, self._motion.after))
+        self._use(*self.kind.search(motion, self.motion.after))
 
     def begin(self) -> None:
         """Begin a step."""
@@ -138,13 +151,33 @@ class GroupedPairs:
 
         The tangent is the whole one of a step when the trial state is ``near`` the last one.
         """
-        self.kind.respond(self._motion, over_step=over_step)
+        self.kind.respond(self.motion, over_step=over_step)
         dissipate(
-            self.pairs.memory, self.response.memory, (self._law if over_step else _ELASTIC).memory,
-            self._motion.memory, self.groups.memory,
+            self.pairs.memory, self.response.memory, (self.law if over_step else _ELASTIC).memory,
+            self.motion.memory, self.groups.memory,
         )  # fmt: skip
         if over_step and near:
-            self.kind.turn(self._motion)
+            self.kind.turn(self.motion)
+
+    def act_alone(
+        self, copies: Pairs, chosen: IntArray, motion: StepMotion, work: tuple[Response, Groups]
+    ) -> FloatArray:
+        """Forces (n, 3) without friction on the points of a motion by copies of pairs over a step.
+
+        Args:
+            copies: the pairs, between points of the motion.
+            chosen: their numbers (m,) among ``pairs``.
+            motion: of their points.
+            work: what they do, the slips of groups included.
+        """
+        response, groups = work
+        self.kind.respond_alone(copies, chosen, motion, response)
+        dissipate(
+            copies.memory, response.memory, self.law.memory, motion.memory, groups.memory
+        )  # fmt: skip
+        sums = np.zeros(motion.after.shape)
+        add_forces(copies.memory, response.memory, 1.0, sums)
+        return sums
 
     def add_forces(self, scale: float, sums: FloatArray, couples: FloatArray) -> None:
         """Add ``scale`` times the forces and couples on all points to (n, 3) each."""
@@ -276,7 +309,7 @@ class GroupedPairs:
         if self.rubs:
             friction, push = numbers[:, FORCE : FORCE + 3], numbers[:, PUSH]
             size = np.linalg.norm(friction, axis=1)
-            most = np.maximum(self._law.friction * push, size) * (1.0 - pulls / push)
+            most = np.maximum(self.law.friction * push, size) * (1.0 - pulls / push)
             part = np.maximum(1.0 - most / np.maximum(size, 1e-300), 0.0)
             for k, at in ((1, ALONG), (2, ACROSS)):
                 rows[:, k] = part * (friction * numbers[:, at : at + 3]).sum(axis=1)

@@ -5,7 +5,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.barrier.surface import ContactSurface
 from flexfem.contact.dissipation.data import Groups, StepMotion
 from flexfem.contact.dissipation.restitution import place_ends
@@ -62,6 +62,16 @@ class OfCells:
     def turn(self, motion: StepMotion) -> None:
         """See ``PairKind``."""
         turn_forces(self._pairs.memory, motion.before, motion.after, self._response.memory)
+
+    def response_of(self, copies: Pairs) -> Response:
+        """See ``PairKind``."""
+        return Response.of(copies)
+
+    def respond_alone(
+        self, copies: Pairs, chosen: IntArray, motion: StepMotion, response: Response
+    ) -> None:
+        """See ``PairKind``."""
+        forces_of_step(copies.memory, motion.before, motion.after, response.memory)
 
     def add_actions(self, scale: float, steps: FloatArray, sums: FloatArray) -> None:
         """See ``PairKind``."""
@@ -139,6 +149,21 @@ class OfFields:
 
     def turn(self, motion: StepMotion) -> None:
         """See ``PairKind``: unknown."""
+
+    def response_of(self, copies: Pairs) -> Response:
+        """See ``PairKind``."""
+        return Response.of(copies, FIELD_NUMBERS)
+
+    def respond_alone(
+        self, copies: Pairs, chosen: IntArray, motion: StepMotion, response: Response
+    ) -> None:
+        """See ``PairKind``."""
+        fields = self._found.fields[chosen]
+        start, end = (
+            self._obstacles.state_of_copies(copies, fields, points)
+            for points in (motion.before, motion.after)
+        )
+        field_steps.forces_of_step(copies.memory, start.memory, end.memory, response.memory)
 
     def add_actions(self, scale: float, steps: FloatArray, sums: FloatArray) -> None:
         """See ``PairKind``."""

@@ -35,6 +35,11 @@ class Spins:
         self._tilts = Tilts.of(narrow, count)
         self._steps = np.zeros((count, 3))
 
+    @property
+    def tilted(self) -> bool:
+        """True if triangles have spins, which their nodes have not."""
+        return len(self._tilts.triangles) > 0
+
     def begin(self) -> None:
         """Find the rates at the start of a step (collective)."""
         if self._used:

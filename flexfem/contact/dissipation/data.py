@@ -23,6 +23,8 @@ __all__ = [
     "NORMAL_LAWS",
     "PUSH",
     "RATIO",
+    "SIGMA",
+    "SLIP",
     "TANGENT",
     "Groups",
     "Law",
@@ -47,8 +49,10 @@ FORCE = 16
 TANGENT = 19
 #: Friction over the normal force, 3 numbers.
 RATIO = 28
+#: Slip of the step and sigma, the one with the final slip rate, 3 numbers each, m.
+SLIP, SIGMA = 31, 34
 #: Numbers of a group.
-GROUP_FIELDS = 31
+GROUP_FIELDS = 37
 
 # What the last trial state of a step has left for the next one.
 #: 1 after one

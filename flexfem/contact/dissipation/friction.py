@@ -40,6 +40,8 @@ from flexfem.contact.dissipation.data import (
     NORMAL,
     PUSH,
     RATIO,
+    SIGMA,
+    SLIP,
     TANGENT,
     Groups,
     Law,
@@ -307,6 +309,8 @@ def rub(law: Law, step: StepMotion, groups: Groups, g: int, last: FloatArray) ->
     width = law.slip_speed * step.dt
     _write_arms(groups, g, step, numbers)
     _write_slips(groups, g, step, numbers, s, final)
+    for a in range(3):
+        numbers[SLIP + a], numbers[SIGMA + a] = s[a], final[a]
     x[:] = final
     reversed_ = _shorten(s, x, change)
     for a in range(3):

@@ -13,6 +13,7 @@ from flexfem._faults import noted
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.fields.data import FieldPairs, FieldState
 from flexfem.contact.fields.shapes import Distance, WrittenDistance, distance_of
+from flexfem.contact.primitives.data import Pairs
 from flexfem.contact.surfaces.rigid import DistanceField
 from flexfem.kernels.compiled import kernel
 from flexfem.lie import se3
@@ -119,6 +120,22 @@ class Obstacles:
         return FieldState(
             points=np.ascontiguousarray(at.points), distance=distance,
             feet=weights_of(feet / sizes), places=weights_of(arms / sizes),
+        )  # fmt: skip
+
+    def state_of_copies(self, copies: Pairs, fields: IntArray, points: FloatArray) -> FieldState:
+        """The same of pairs with obstacles of their own, copies of those of the numbers (m,).
+
+        The obstacles are where the points (n, 3) of the pairs are.
+        """
+        origins, sizes = points[copies.points[:, 1]], self._sizes[fields, np.newaxis]
+        axes = points[copies.points[:, 2:]] - origins[:, np.newaxis]
+        turns = axes.swapaxes(1, 2) / sizes[:, np.newaxis]
+        frames = np.concatenate([origins, turns.reshape(-1, 9)], axis=1)
+        arms = arms_of(points[copies.points[:, 0]], frames)
+        distance, feet = self.closest(fields, arms, copies.touch + copies.dhat)
+        return FieldState(
+            points=points, distance=distance, feet=weights_of(feet / sizes),
+            places=weights_of(arms / sizes),
         )  # fmt: skip
 
     def _check(

@@ -44,16 +44,19 @@ class LinearizedStep:
         factorizations: number of factorisations so far.
     """
 
-    def __init__(self, system: System, policy: Policy, accuracy: float) -> None:
+    def __init__(
+        self, system: System, policy: Policy, accuracy: float, tangent: StepTangent
+    ) -> None:
         """Take the factors of a policy, if it keeps any (collective).
 
         Args:
             system: the system.
             policy: that of the motion.
             accuracy: relative one of solutions.
+            tangent: the exact derivatives.
         """
         self._system, self._accuracy = system, accuracy
-        self.tangent = StepTangent(system)
+        self.tangent = tangent
         own = policy.frozen if isinstance(policy, FrozenPolicy) else FrozenSolver(system)
         self._frozen = own
         self._transposed = TransposedSolver(system, own)
@@ -71,6 +74,7 @@ class LinearizedStep:
         if self._frozen.shifts != shifts:
             self._use(shifts)
         self._prepare(shifts)
+        self._frozen.unspring()  # the transposed operator has none
         self._frozen.again(system.constraints.values)
         missed = system.largest_step()
         if not missed <= _MISSED:

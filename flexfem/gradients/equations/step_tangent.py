@@ -8,7 +8,7 @@ change with positions at fixed rates of the increments, with velocities, and wit
 Element matrices are not assembled.
 """
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -16,11 +16,15 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.nodes.action_kernels import subtract_forces
 from flexfem.gradients.equations.kernels import add_products, add_transposed_products
+from flexfem.gradients.equations.unilateral import StateChange, Unilateral
 from flexfem.layout.elements import StepMatrices
-from flexfem.system.mechanics import END_POINT
+from flexfem.system.mechanics import END_POINT, EndPoint
 from flexfem.system.system import BlockPart, Shifts, System
 
-__all__ = ["STEP", "BlockVectors", "StepTangent", "forces_on_blocks", "put_steps"]
+__all__ = [
+    "STEP", "BlockVectors", "StepTangent", "add_row_forces", "collected", "forces_on_blocks",
+    "put_steps", "row_changes",
+]  # fmt: skip
 
 #: (n_owned, width) for each part.
 BlockVectors = list[FloatArray]
@@ -104,9 +108,17 @@ def _separate(values: FloatArray) -> None:
 class StepTangent:
     """Derivatives at a trial state, see the module."""
 
-    def __init__(self, system: System) -> None:
-        """Find the places of all entries."""
-        self._system = system
+    def __init__(
+        self, system: System, mechanics: EndPoint = END_POINT, forces: Sequence[Unilateral] = ()
+    ) -> None:
+        """Find the places of all entries.
+
+        Args:
+            system: the system.
+            mechanics: its equations.
+            forces: those that elements and rows do not have.
+        """
+        self._system, self._mechanics, self.forces = system, mechanics, tuple(forces)
         self._matrices = [_PartMatrices(part) for part in system.parts]
         self._rows = np.zeros((4, len(system.constraints.row_of_term), 2, 6))
         self._hessians = np.zeros((0, 12, 12))
@@ -117,18 +129,20 @@ class StepTangent:
         Residuals of blocks and rows are left evaluated with these shifts.
         """
         system, rows = self._system, self._system.constraints
-        END_POINT.evaluate(system, shifts)
+        self._mechanics.evaluate(system, shifts)
+        for one in self.forces:
+            one.take(shifts)
         for own in self._matrices:
             own.take(system, shifts)
         compliance, by = rows.compliance.copy(), self._rows
         by[STEP] = rows.step_jacobian
-        END_POINT.evaluate_rows(system, replace(shifts, velocity=0.0))
+        self._mechanics.evaluate_rows(system, replace(shifts, velocity=0.0))
         # equations of force laws are scaled by the slopes, and so by the shifts
         law = rows.compliance > 0.0
         scale = np.divide(compliance, rows.compliance, out=np.ones(rows.size), where=law)
         by[POSITIONS] = scale[rows.row_of_term][:, np.newaxis, np.newaxis] * rows.step_jacobian
         by[VELOCITIES] = by[STEP] - by[POSITIONS]
-        END_POINT.evaluate_rows(system, shifts)
+        self._mechanics.evaluate_rows(system, shifts)
         self._hessians = rows.hessians(rows.multipliers)
 
     def apply(
@@ -147,9 +161,10 @@ class StepTangent:
         if matrix in _WITH_POSITIONS:
             self._turn(self._hessians)
             system.add_constraint_forces(multipliers)
-        steps = np.append(system.interface.steps, np.zeros((1, 6)), axis=0)
-        sides = np.einsum("tsi,tsi->ts", self._rows[matrix], steps[rows.term_nodes])
-        return _collected(system), rows.of_rows(sides) - rows.yielding(multipliers)
+            for one in self.forces:
+                one.add()
+        changes = row_changes(system, self._rows[matrix])
+        return collected(system), changes - rows.yielding(multipliers)
 
     def apply_transposed(
         self, blocks: BlockVectors, multipliers: FloatArray, matrix: int = STEP
@@ -166,14 +181,21 @@ class StepTangent:
         self._multiply(matrix, transposed=True)
         if matrix in _WITH_POSITIONS:
             self._turn(np.ascontiguousarray(self._hessians.transpose(0, 2, 1)))
-        forces = np.zeros((len(system.interface.keys) + 1, 6))
-        factors = multipliers[rows.row_of_term][:, np.newaxis, np.newaxis]
-        np.add.at(forces, rows.term_nodes, factors * self._rows[matrix])
-        _subtract(system, -forces[:-1])
+            for one in self.forces:
+                one.add_transposed()
+        add_row_forces(system, self._rows[matrix], multipliers)
         if matrix not in _WITH_POSITIONS:
-            return _collected(system), np.zeros(rows.size)
+            return collected(system), np.zeros(rows.size)
         changes = rows.changes(system.interface.steps)
-        return _collected(system), changes - rows.yielding(multipliers, transposed=True)
+        return collected(system), changes - rows.yielding(multipliers, transposed=True)
+
+    def by_start(self, change: StateChange) -> BlockVectors:
+        """Change of the equations of blocks by that of the start of the step (collective)."""
+        for part in self._system.parts:
+            part.block.residual[:] = 0.0
+        for one in self.forces:
+            one.add_start(change)
+        return collected(self._system)
 
     def _multiply(self, matrix: int, *, transposed: bool) -> None:
         """Add the products of the blocks' own matrices and steps to the residuals."""
@@ -206,7 +228,24 @@ def forces_on_blocks(system: System, forces: FloatArray) -> BlockVectors:
     for part in system.parts:
         part.block.residual[:] = 0.0
     _subtract(system, -forces)
-    return _collected(system)
+    return collected(system)
+
+
+def row_changes(system: System, jacobian: FloatArray) -> FloatArray:
+    """Changes (r,) of rows with gradients (t, 2, 6) by the steps at the interface."""
+    rows = system.constraints
+    steps = np.append(system.interface.steps, np.zeros((1, 6)), axis=0)
+    sides = np.einsum("tsi,tsi->ts", jacobian, steps[rows.term_nodes])
+    return rows.of_rows(sides)
+
+
+def add_row_forces(system: System, jacobian: FloatArray, multipliers: FloatArray) -> None:
+    """Add the transposed :func:`row_changes` of multipliers (r,) to the residuals."""
+    rows = system.constraints
+    forces = np.zeros((len(system.interface.keys) + 1, 6))
+    factors = multipliers[rows.row_of_term][:, np.newaxis, np.newaxis]
+    np.add.at(forces, rows.term_nodes, factors * jacobian)
+    _subtract(system, -forces[:-1])
 
 
 def _subtract(system: System, forces: FloatArray) -> None:
@@ -216,6 +255,6 @@ def _subtract(system: System, forces: FloatArray) -> None:
             subtract_forces(forces, part.interface_nodes, part.block.residual)
 
 
-def _collected(system: System) -> BlockVectors:
+def collected(system: System) -> BlockVectors:
     """Residuals of the blocks, without those of what is fixed."""
     return [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]

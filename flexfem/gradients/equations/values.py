@@ -3,27 +3,38 @@
 
 from __future__ import annotations
 
+from typing import Protocol
+
 from mpi4py import MPI
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.step_tangent import BlockVectors
-from flexfem.system.mechanics import END_POINT
+from flexfem.system.mechanics import END_POINT, EndPoint
 from flexfem.system.system import Shifts, System
 
-__all__ = ["Equations", "equations_at", "jump"]
+__all__ = ["Equations", "SystemEquations", "equations_at", "jump"]
 
 #: Of blocks, (n_owned, width) each, and of all rows of this rank, (r,).
 Equations = tuple[BlockVectors, FloatArray]
+
+
+class SystemEquations(Protocol):
+    """Equations that are not those of a step."""
+
+    def equations(self, system: System, restitution: FloatArray | None = None) -> Equations:
+        """Those of a system at a given trial state, see ``renewals.renewal`` (collective)."""
+        ...
+
 
 #: First differences over rounding, from which on equations may be found to jump.
 _SEEN = 1e3
 
 
-def equations_at(system: System, shifts: Shifts) -> Equations:
+def equations_at(system: System, shifts: Shifts, mechanics: EndPoint = END_POINT) -> Equations:
     """Equations of blocks, without reactions of what is fixed, and of all rows (collective)."""
-    END_POINT.evaluate(system, shifts)
+    mechanics.evaluate(system, shifts)
     blocks = [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
     return blocks, system.constraints.values.copy()
 

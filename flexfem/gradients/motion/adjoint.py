@@ -42,6 +42,7 @@ from flexfem.gradients.equations.step_tangent import (
     VELOCITIES,
     BlockVectors,
 )
+from flexfem.gradients.equations.unilateral import StateChange
 from flexfem.gradients.equations.values import Equations
 from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.trajectory import Motion
@@ -147,6 +148,9 @@ class Adjoint:
         self.targets = np.zeros(motion.system.constraints.size)
         self.time = self.by_size = 0.0
         self._last: FloatArray | None = None
+        # influence of the multipliers of a step on its impulses, (r,)
+        self.impulsive = np.zeros(motion.system.constraints.size)
+        self._arrived = motion.steps + 1
         # of accelerations at earlier states, by their numbers
         self._early: dict[int, BlockVectors] = {}
 
@@ -199,6 +203,14 @@ class Adjoint:
         blocks = sum(float((a * b).sum()) for a, b in zip(self.z, equations[0], strict=True))
         return blocks + float(self.mu @ (self._motion.system.constraints.owned * equations[1]))
 
+    def arrive(self, step: int, maps: list[StepMaps]) -> None:
+        """Go from the accepted state after a step to the trial state at its end."""
+        self.to_step(step)
+        self._gather(Scheme.of(self._motion, step), maps)
+        for own, by in zip(self.carried, maps, strict=True):
+            own.v, own.a, own.w = (by.hold_rates(x) for x in (own.v, own.a, own.w))
+        self._arrived = step
+
     def step(
         self, step: int, linear: LinearizedStep, maps: list[StepMaps],
         size: SizeChange | None = None,
@@ -211,14 +223,13 @@ class Adjoint:
             maps: those of all blocks.
             size: what its size changes, None if that counts as given.
         """
-        self.to_step(step)
+        if self._arrived != step:
+            self.arrive(step, maps)
         one, right, memories = Scheme.of(self._motion, step), [], self._motion.memories
-        self._gather(one, maps)
         for own, by in zip(self.carried, maps, strict=True):
-            own.v, own.a, own.w = (by.hold_rates(x) for x in (own.v, own.a, own.w))
             rates = one.h * one.gamma * own.v + own.a + one.share * own.w
             right.append(own.q + by.inverse.transposed(rates) / one.square)
-        rows = np.zeros(self._motion.system.constraints.size)
+        rows, self.impulsive = self.impulsive, np.zeros_like(self.impulsive)
         solution, missed = linear.solve(
             [by.hold(r) for by, r in zip(maps, right, strict=True)], rows, transposed=True,
             guess=self._last, accuracy=self._accuracy,
@@ -236,6 +247,11 @@ class Adjoint:
             self.carried, maps, missed, by_velocity, by_acceleration, strict=True
         ):
             self._back(own, (one, by), e, (dv, dw))
+        for forces in linear.tangent.forces:
+            start = forces.start_transposed(self.z)
+            for own, twists, rates in zip(self.carried, start.twists, start.rates, strict=True):
+                own.q -= twists
+                own.v -= rates
         self.arrived = self.remembered
         self.remembered = memories.back(self.remembered, self.z, self.mu)
 
@@ -287,9 +303,9 @@ class Tangent:
         self.multipliers = np.zeros(motion.system.constraints.size)
         self.targets, self.time = np.zeros_like(self.multipliers), 0.0
         self._accelerations: dict[int, BlockVectors] = {}
-        self._lead(0)
+        self.lead(0)
 
-    def _lead(self, state: int) -> None:
+    def lead(self, state: int) -> None:
         """Change the acceleration-like variables after a state."""
         self._accelerations[state] = [own.w for own in self.carried]
         if lead := self._motion.grid.leads.get(state):
@@ -300,7 +316,7 @@ class Tangent:
     def renew(self, step: int, renewal: Renewal, changes: Equations) -> None:
         """Go over a part of a renewal, which is linearised (collective)."""
         renewal.ahead(self.carried, self.targets, changes)
-        self._lead(step)
+        self.lead(step)
 
     def like(self) -> Tangent:
         """One without changes of this state, for those of what comes."""
@@ -354,7 +370,9 @@ class Tangent:
             w = over * (one.alpha_m * own.a - one.alpha_f * own.w)
             predicted.append(Carried(q, v, own.a, w))
         nothing = np.zeros_like(rows)
-        total, left = [-f for f in forces], -rows
+        start = StateChange([own.q for own in self.carried], [own.v for own in self.carried])
+        by_start = linear.tangent.by_start(start)
+        total, left = [-(a + b) for a, b in zip(forces, by_start, strict=True)], -rows
         for matrix, vectors in (
             (POSITIONS, [own.q for own in predicted]),
             (VELOCITIES, [
@@ -386,4 +404,4 @@ class Tangent:
             moves[0].append(q)
             moves[1].append(by.by_increment(v) / one.by_velocity)
         self.remembered = self._motion.memories.ahead(self.remembered, moves)
-        self._lead(step)
+        self.lead(step)

@@ -308,7 +308,9 @@ def _latest[Found](function: Callable[[int], Found]) -> Callable[[int], Found]:
 
 def _times(motion: Motion, build: Build, values: Values, name: str) -> list[Times] | None:
     """Times of the fewest groups, None if there are none (collective)."""
-    size = len(values[name])
+    size, system = len(values[name]), motion.system
+    if system.contacts or system.constraints.split:
+        return None
     if motion.remembering or len(motion.grid.steps) < motion.steps:  # there are renewals
         return None
     for count in _GROUPS:

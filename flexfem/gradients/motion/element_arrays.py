@@ -203,6 +203,7 @@ def element_owners(motion: Motion, builder: Builder) -> Owners | None:
     """Owners of the fewest groups, None if there are none (collective)."""
     size = len(builder.steps)
     apart = motion.system.viscous() or motion.remembering or bool(motion.grid.events)
+    apart = apart or bool(motion.system.contacts) or motion.system.constraints.split
     if size <= _GROUPS or apart:
         return None
     for count in range(1, _GROUPS):

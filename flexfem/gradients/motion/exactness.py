@@ -7,6 +7,8 @@ derivatives of a motion would be wrong with it, unnoticed: adjoint and tangent a
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 from mpi4py import MPI
 
 import numpy as np
@@ -14,9 +16,11 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.equations.step_tangent import POSITIONS, STEP
+from flexfem.gradients.equations.step_tangent import POSITIONS, STEP, StepTangent
 from flexfem.gradients.equations.values import Equations, equations_at
-from flexfem.gradients.motion.trajectory import Motion
+from flexfem.gradients.motion.trajectory import Motion, scheme_of
+from flexfem.gradients.unilateral.forces import leave_out_barriers, unilateral_forces
+from flexfem.system.mechanics import END_POINT
 
 __all__ = ["linearized"]
 
@@ -24,7 +28,7 @@ __all__ = ["linearized"]
 #: ones of shells with damping 1e-5 and more.
 _EXACT = 3e-6
 #: Changes of differences, in m and rad, for bodies of all sizes.
-_CHANGES = (1e-5, 1e-7, 1e-9)
+_CHANGES = (1e-5, 1e-7, 1e-8, 1e-9)
 
 
 def linearized(motion: Motion, accuracy: float) -> LinearizedStep:
@@ -37,7 +41,9 @@ def linearized(motion: Motion, accuracy: float) -> LinearizedStep:
     Raises:
         InputError: they are not exact, naming the body.
     """
-    linear = LinearizedStep(motion.system, motion.policy, accuracy)
+    mechanics = scheme_of(motion.simulation).split or END_POINT
+    tangent = StepTangent(motion.system, mechanics, unilateral_forces(motion.system))
+    linear = LinearizedStep(motion.system, motion.policy, accuracy, tangent)
     _check_exact(motion, linear)
     return linear
 
@@ -46,11 +52,11 @@ def _check_exact(motion: Motion, linear: LinearizedStep) -> None:
     """Compare both along a random direction, at the ends of some steps (collective).
 
     These are the first one, one in the middle and the last one: what is missing may be proportional
-    to rates, which may be zero at one of them.
+    to rates, which may be zero at one of them. So are some with impulses.
     """
     differences = _Differences(motion, linear)
     steps = motion.grid.steps
-    for step in sorted({steps[0], steps[(len(steps) - 1) // 2], steps[-1]}):
+    for step in sorted({*_some(steps), *_some([k for k in steps if motion.kicked(k)])}):
         off = differences.smallest(step)
         worst = int(np.argmax(off))
         if not off[worst] <= _EXACT:
@@ -60,6 +66,11 @@ def _check_exact(motion: Motion, linear: LinearizedStep) -> None:
                 f"gradient: the linearised equations of {name}, or of a body of its kind, are not "
                 f"exact (off by {off[worst]:.1e}), as those of shells with damping; leave it out"
             )
+
+
+def _some(steps: Sequence[int]) -> Sequence[int]:
+    """The first, the middle and the last of some steps."""
+    return [steps[k] for k in (0, (len(steps) - 1) // 2, -1)] if steps else []
 
 
 class _Differences:
@@ -76,7 +87,7 @@ class _Differences:
 
     def smallest(self, step: int) -> FloatArray:
         """Relative errors of the blocks, and of all rows, each with the change that suits it."""
-        self._motion.go_to_end(step)
+        self._go_to_end(step)
         self._tangent.take(self._motion.laws(step).shifts)
         rows = np.zeros(self._motion.system.constraints.size)
         exact = {by: self._tangent.apply(self._direction, rows, by) for by in (POSITIONS, STEP)}
@@ -84,6 +95,14 @@ class _Differences:
         for matrix, own in exact.items():
             np.maximum(found, self._errors(step, matrix, own), out=found)
         return found
+
+    def _go_to_end(self, step: int) -> None:
+        """Return to the end of a step, without contacts that rub.
+
+        What sticks slips by less than any difference of positions that rounding allows.
+        """
+        self._motion.go_to_end(step)
+        leave_out_barriers(self._motion.system, rubbing=True)
 
     def _errors(self, step: int, matrix: int, exact: Equations) -> FloatArray:
         """The same of one matrix, whose products with the direction are known."""
@@ -103,7 +122,7 @@ class _Differences:
 
     def _moved(self, step: int, matrix: int, by: float) -> Equations:
         """Equations of blocks and rows beside the end of a step."""
-        self._motion.go_to_end(step)
+        self._go_to_end(step)
         system = self._motion.system
         for part, own in zip(system.parts, self._direction, strict=True):
             part.block.owned_step[:] = by * own
@@ -111,7 +130,8 @@ class _Differences:
                 part.block.correct(1.0)
             else:
                 part.block.shift(1.0)
-        return equations_at(system, self._motion.laws(step).shifts)
+        shifts = self._motion.laws(step).shifts
+        return equations_at(system, shifts, self._motion.mechanics(step))
 
     def _sizes(self, equations: Equations) -> FloatArray:
         """Norms of the equations of each block, and of the rows, on all ranks."""

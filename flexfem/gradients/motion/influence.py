@@ -24,7 +24,8 @@ from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations, equations_at, jump
 from flexfem.gradients.motion.direct import DirectEffect, copy_state
 from flexfem.gradients.motion.parameters import Build, Values, plain
-from flexfem.gradients.motion.trajectory import Motion, StoppedError
+from flexfem.gradients.motion.trajectory import Motion, StoppedError, begin, scheme_of
+from flexfem.gradients.unilateral.forces import recall_sides
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.system import Shifts, System
 
@@ -35,6 +36,8 @@ __all__ = [
 
 #: Difference of a parameter, relative to it, or itself for one that is zero.
 STEP = 1e-5
+#: The same with contacts, whose forces change within a small part of the sizes of bodies.
+_CLOSE = 3e-7
 #: Second differences of the equations over first ones, from which on they are no smooth functions
 #: of a parameter.
 _ROUGH = 3e-3
@@ -125,14 +128,17 @@ class NumberInfluence:
         self._motion = motion
         self._name = f"{name}[{entry}]" if isinstance(entry, int) else name
         at = () if entry is None else entry
-        self._step = difference_of(values[name][at])
-        self.scale = self._step / STEP
+        whole = difference_of(values[name][at])
+        self.scale = whole / STEP
+        self._step = _CLOSE * self.scale if motion.system.contacts else whole
         simulations = []
         for sign in (1.0, -1.0):
             moved: FloatArray = np.array(values[name])
             moved[at] += sign * self._step
             simulations.append(beside(motion, build, {**values, name: moved}, name))
         self._pair = simulations
+        for one in simulations:
+            begin(scheme_of(one), scheme_of(one), motion.options.dt)
         # later the models are at other states
         for other in self._pair:
             _check_fixed(motion.system, other.system, self._name)
@@ -140,7 +146,8 @@ class NumberInfluence:
         first, second = (motion.memories.start(one) for one in self._pair)
         self.numbers = (first - second) / (2.0 * self._step)
         self._direct = DirectEffect(motion, simulations)
-        self._checked = False
+        # what sticks leaves more of rounding than equations change
+        self._checked = any(contacts.rubs for contacts in motion.system.contacts)
 
     def _start(self) -> list[Carried]:
         found = []
@@ -175,12 +182,12 @@ class NumberInfluence:
         found, numbers = [], []
         for one, sign in zip(self._pair, (1.0, -1.0), strict=True):
             found.append(evaluated(motion, one, step))
-            if motion.renewal is None:
+            if motion.between is None:
                 numbers.append(motion.memories.moved(one, motion.end(step), 0.5 * sign * own))
             else:  # there are none
                 numbers.append(np.zeros(0))
         first, second = found
-        if not self._checked and motion.renewal is None:
+        if not self._checked and motion.between is None:
             self._check_smooth(first, second, step)
         whole = 2.0 * self._step
         blocks = [(a - b) / whole for a, b in zip(first[0], second[0], strict=True)]
@@ -191,7 +198,8 @@ class NumberInfluence:
         self._checked = True
         system = self._motion.system
         owned = system.constraints.owned
-        still = equations_at(system, self._motion.laws(step).shifts)
+        shifts = self._motion.laws(step).shifts
+        still = equations_at(system, shifts, self._motion.mechanics(step))
         blocks = [np.concatenate([x.ravel() for x in one[0]]) for one in (second, first, still)]
         rows = [owned * one[1] for one in (second, first, still)]
         if any(jump(system.comm, (a, b), c, _ROUGH) for a, b, c in (blocks, rows)):
@@ -323,9 +331,10 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     Those of the start are not scaled (collective).
     """
     state, system = motion.state(max(step - 1, 0)), other.system
+    starts = motion.remembering or bool(system.contacts) or system.constraints.split
     for part in system.parts:
         accepted = state.rows[part.block.name]
-        if motion.remembering:  # what is carried starts from there
+        if starts:  # what is carried, or acts over the step, does so from there
             part.block.restore(accepted)
             continue
         for name, values in part.block.state().items():
@@ -339,21 +348,22 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     rows.active[:], rows.held[:] = own.active, own.held
     rows.targets[own.held] = own.targets[own.held]
     system.interface.update()
+    recall_sides(system, state)
     system.lead = motion.system.lead
     if not step:
         system.set_time(motion.times[step])
         copy_state(motion.system, system)
         return equations_at(system, UNSCALED)
-    if motion.renewal is not None:
+    if motion.between is not None:
         system.set_time(motion.times[step])
         copy_state(motion.system, system)
-        return motion.renewal.equations(system, motion.restitution(other, step))
-    end = motion.end(step)
+        return motion.between.equations(system, motion.restitution(other, step))
+    end, mechanics = motion.end(step), motion.begin(step, scheme_of(other))
     motion.memories.recall(other, step)
     system.set_time(motion.times[step])
     rows.elements.begin(end.states, exact=True)
     copy_state(motion.system, system)
-    blocks, values = equations_at(system, end.shifts)
+    blocks, values = equations_at(system, end.shifts, mechanics)
     # equations of force elements are scaled by the derivatives in use
     scaled = rows.of_elements
     values[scaled] *= own.compliance[scaled] / rows.compliance[scaled]

@@ -9,16 +9,19 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.carried import CARRIED, Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
+from flexfem.gradients.equations.node_maps import StepMaps
 from flexfem.gradients.motion.adjoint import Adjoint, Tangent, maps_of
 from flexfem.gradients.motion.arrays import Entry
-from flexfem.gradients.motion.columns import ColumnDerivatives, history_weights
+from flexfem.gradients.motion.columns import ColumnDerivatives, NodeSeeds, history_weights
 from flexfem.gradients.motion.event_times import EventTimes, along
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence
 from flexfem.gradients.motion.trajectory import Motion
+from flexfem.gradients.unilateral.impulses import Impulses
 
 __all__ = ["backward", "forward"]
 
@@ -70,7 +73,7 @@ def backward(
         np.add(sums, np.hstack(direct), out=sums)
         for adjoint, own in zip(adjoints, weights, strict=True):
             if own[:, step].any():
-                adjoint.add(columns.seeds(step, own[:, step]))
+                adjoint.add(_seeds(motion, columns, step, own[:, step]))
 
     def seed_memories(step: int) -> None:
         if motion.measured and step:  # the start is differentiated as a whole
@@ -79,7 +82,7 @@ def backward(
                 own = motion.memories.weights(step, adjoint.remembered)
                 adjoint.add(measured.seeds(step, own))
 
-    events = EventTimes(motion)
+    events, impulses = EventTimes(motion), Impulses(motion.system, linear.tangent.forces)
     seed(motion.steps)
     for step in range(motion.steps, 0, -1):
         if step in motion.grid.events:
@@ -91,6 +94,10 @@ def backward(
                 adjoint.renew(step, motion.renewal)
             events.renew(step, adjoints)
         else:
+            if motion.kicked(step):
+                kicks = _kick(motion, step, impulses, adjoints)[:count]
+                sums -= np.hstack([one.products(step, kicks) for one in influences.values()])
+                motion.go_to_end(step)
             linear.take(motion.laws(step).shifts)
             motion.memories.take(motion.end(step))
             maps = maps_of(motion, step)
@@ -132,7 +139,7 @@ def forward(
     tangents = [Tangent(motion, *_start(motion, own)) for own in directions]
     found = np.zeros((len(directions), len(motion.rows_at), len(columns)))
     row_of = {int(step): row for row, step in enumerate(motion.rows_at)}
-    events = EventTimes(motion)
+    events, impulses = EventTimes(motion), Impulses(motion.system, linear.tangent.forces)
     for step in range(motion.steps + 1):
         if step:
             if step in motion.grid.events:
@@ -142,10 +149,7 @@ def forward(
             if motion.renewal is None:
                 linear.take(motion.laws(step).shifts)
                 motion.memories.take(motion.end(step))
-            once = {
-                id(one): one.equations(step) for own in directions for one, _ in own
-            }  # each parameter's
-            every = [_combined(motion, own, once) for own in directions]
+            every = _changes(motion, step, directions)
             changes = [(blocks, rows) for blocks, rows, _ in every]
             if motion.renewal is not None:
                 events.renew_ahead(step, tangents, changes)
@@ -160,6 +164,8 @@ def forward(
                 else:
                     for tangent in tangents:
                         tangent.time = 0.0
+                if motion.kicked(step):
+                    _kick_ahead(motion, step, impulses, (tangents, directions))
                 _arrive(motion, measured, step, (tangents, every))
         if step not in row_of:
             continue
@@ -169,11 +175,70 @@ def forward(
             for influence, factor in own:
                 if influence.depends_directly:
                     values[row] += factor * influence.columns(step)[places]
-        seeds = derivatives.each(step)
+        seeds = [_seeds(motion, derivatives, step, one) for one in np.eye(len(columns))]
         for values, tangent in zip(found, tangents, strict=True):
             values[row] += [along(motion, own, tangent) for own in seeds]
     motion.system.comm.Allreduce(MPI.IN_PLACE, found)
     return found
+
+
+def _seeds(
+    motion: Motion, columns: ColumnDerivatives, step: int, weights: FloatArray
+) -> list[NodeSeeds]:
+    """Derivatives of columns times weights at the accepted state after a step (collective).
+
+    Raises:
+        InputError: impulses have a part in accelerations.
+    """
+    found = columns.seeds(step, weights)
+    if motion.kicked(step):
+        measured = any(own.accelerations.any() for own in found)
+        if motion.system.comm.allreduce(measured, op=MPI.LOR):
+            raise InputError(
+                "gradient: there are no derivatives of accelerations in steps with impulses yet; "
+                "leave them out"
+            )
+    return found
+
+
+def _take(motion: Motion, step: int, impulses: Impulses) -> list[StepMaps]:
+    """Linearise the impulses at the end of a step; returns its maps (collective)."""
+    motion.go_to_end(step)
+    maps, taken = maps_of(motion, step), motion.grid.step(step)
+    impulses.take(taken.scheme, taken.h, motion.laws(step).shifts, motion.state(step))
+    motion.between = impulses
+    return maps
+
+
+def _kick(
+    motion: Motion, step: int, impulses: Impulses, adjoints: Sequence[Adjoint]
+) -> list[Factors]:
+    """Go back over the impulses of a step; returns factors of their equations (collective)."""
+    maps, found = _take(motion, step, impulses), []
+    for adjoint in adjoints:
+        adjoint.arrive(step, maps)
+        z, mu, adjoint.impulsive = impulses.back(adjoint.carried, maps)
+        found.append((z, mu, np.zeros(0)))
+    return found
+
+
+def _kick_ahead(
+    motion: Motion, step: int, impulses: Impulses,
+    moved: tuple[Sequence[Tangent], Sequence[Direction]],
+) -> None:  # fmt: skip
+    """Go over the impulses at the end of a step (collective)."""
+    tangents, directions = moved
+    maps = _take(motion, step, impulses)
+    changes = _changes(motion, step, directions)
+    for tangent, (blocks, rows, _) in zip(tangents, changes, strict=True):
+        impulses.ahead(tangent.carried, maps, (blocks, rows), tangent.multipliers)
+        tangent.lead(step)
+
+
+def _changes(motion: Motion, step: int, directions: Sequence[Direction]) -> list[Factors]:
+    """Changes of the present equations along directions, each parameter's once (collective)."""
+    once = {id(one): one.equations(step) for own in directions for one, _ in own}
+    return [_combined(motion, own, once) for own in directions]
 
 
 def _arrive(

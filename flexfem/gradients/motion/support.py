@@ -5,13 +5,16 @@ from collections.abc import Iterable
 
 from flexfem._checks import InputError
 from flexfem.analyses.dynamics import RunOptions
+from flexfem.contact.barrier.contacts import BarrierContacts
+from flexfem.contact.contacts import Contacts
 from flexfem.control.fmu import FmuLaw
+from flexfem.model.contact import Contact
 from flexfem.model.event import LockJoint, Rebound, ReleaseJoint
 from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
 from flexfem.options import meant
 
-__all__ = ["check_columns", "check_supported"]
+__all__ = ["check_columns", "check_contacts", "check_supported"]
 
 
 def check_columns(model: Model, names: Iterable[str]) -> None:
@@ -40,7 +43,6 @@ def check_supported(model: Model, options: RunOptions) -> None:
         InputError: naming it.
     """
     for kind, things in (
-        ("Contact", model.contacts),
         ("ModalDamping", model.modal_dampings),
     ):  # fmt: skip
         if things:
@@ -72,3 +74,30 @@ def check_supported(model: Model, options: RunOptions) -> None:
             raise InputError(f"gradient: {name} must be {value!r}, got {given!r}")
     if options.restart is not None:
         raise InputError("gradient: a motion is differentiated from its start, without restart")
+
+
+def check_contacts(every: Iterable[Contacts | BarrierContacts]) -> None:
+    """Refuse contacts of which the adjoint would miss a part.
+
+    Raises:
+        InputError: naming it.
+    """
+    for contacts in every:
+        if isinstance(contacts, BarrierContacts):
+            for own in contacts.contacts:
+                if own.contact.restitution < 1.0:
+                    _refuse(own.contact, "restitution")
+                if own.rubs and contacts.spins.tilted:
+                    _refuse(own.contact, "friction on surfaces whose nodes have no rotations")
+            continue
+        for group in contacts.groups:
+            contact = group.surfaces.contact
+            for name in ("friction", "damping"):
+                if getattr(contact, name) > 0.0:
+                    _refuse(contact, f"{name} of a penalty")
+
+
+def _refuse(contact: Contact, what: str) -> None:
+    raise InputError(
+        f'gradient: Contact "{contact.name}": {what} has no derivatives yet; leave it out'
+    )

@@ -18,12 +18,13 @@ from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.gradients.equations.node_maps import rotations
+from flexfem.gradients.equations.values import SystemEquations
 from flexfem.gradients.memory.base import Memories, Memory, StepEnd
 from flexfem.gradients.memory.controllers import ControllerMemory, recall
 from flexfem.gradients.memory.elements import ElementMemory
 from flexfem.gradients.memory.histories import HistoryMemory
 from flexfem.gradients.motion.records import Records
-from flexfem.gradients.motion.support import check_supported
+from flexfem.gradients.motion.support import check_contacts, check_supported
 from flexfem.gradients.renewals.grid import Grid, Step
 from flexfem.gradients.renewals.renewal import Projection, Renewal
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
@@ -36,8 +37,9 @@ from flexfem.simulation.run.time_grid import TimeGrid
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.newton.policy import Policy
 from flexfem.system.measure.probes import ProbeRecorder
+from flexfem.system.mechanics import END_POINT, EndPoint
 
-__all__ = ["TOLERANCE", "Motion", "StoppedError"]
+__all__ = ["TOLERANCE", "Motion", "StoppedError", "begin", "scheme_of"]
 
 #: Largest Newton step at the end of each step of a motion that is differentiated: errors of a
 #: gradient are one to a hundred times as large after a second.
@@ -59,6 +61,7 @@ class Motion:
         steps: number of these, or rather of states besides the first one.
         renewal: equations of the state to which :meth:`go_to_end` has gone last, if it was made
             consistent at the same positions; None for a step.
+        between: equations of that state that are not those of a step, None for a step.
         times: (steps + 1,) of the states, s.
         rows_at: (rows,) numbers of the states that are rows of the history.
         values: (rows, columns) of the history, on the first rank; zero on the others.
@@ -88,6 +91,7 @@ class Motion:
         main = GeneralizedAlpha(options.rho_inf)
         self.grid = Grid(self._add, self._change, self._check_renewal, self._locked, main)
         self.renewal: Renewal | None = None
+        self.between: SystemEquations | None = None
         # what controllers know after each step
         self.known: list[dict[str, FloatArray]] = []
         self.memories = Memories(self._memories())
@@ -125,6 +129,27 @@ class Motion:
         """Solver of the exact matrix."""
         return self.simulation.tangent
 
+    def begin(self, step: int, scheme: GeneralizedAlpha) -> EndPoint:
+        """Begin a step at the accepted state of a model with a scheme (collective).
+
+        Returns:
+            Its equations.
+
+        Raises:
+            StoppedError: masses are singular.
+        """
+        taken = self.grid.step(step)
+        begin(scheme, taken.scheme, taken.h)
+        return scheme.split or END_POINT
+
+    def mechanics(self, step: int) -> EndPoint:
+        """Equations of a step."""
+        return self.grid.step(step).scheme.split or END_POINT
+
+    def kicked(self, state: int) -> bool:
+        """True if impulses in the step to a state have changed velocities."""
+        return state > 0 and self.grid.renewal(state) is None and self.grid.step(state).kicked
+
     def _run(self, grid: TimeGrid, memory: float) -> None:
         """Take all steps."""
         simulation, options = self.simulation, self.options
@@ -133,7 +158,6 @@ class Motion:
         simulation.journal = simulation.events.journal = self.grid
         count = grid.steps(options.t_end)
         self._records = Records(self.system, count, memory, self._repeat)
-        self._add()
         rows_at, values = list[int](), list[FloatArray]()
 
         def record() -> None:
@@ -144,6 +168,9 @@ class Motion:
         if options.adaptive:  # whose histories have all steps
             simulation.observe = record
         record()
+        scheme = scheme_of(simulation)
+        begin(scheme, scheme, options.dt)
+        self._add()
         for step in range(1, count + 1):
             self._advance(grid.rest(simulation.time, step), grid.time(step))
             record()
@@ -210,9 +237,10 @@ class Motion:
         if renewal := self.grid.renewal(step):
             self._go_to_renewal(step, renewal)
             return
-        self.renewal = None
+        self.renewal = self.between = None
         system, laws = self.system, self.laws(step)
         self.go_to(step - 1)
+        self.begin(step, scheme_of(self.simulation))
         self._set_lead(step, before=True)
         system.set_time(self.times[step])
         system.predict(laws.predict[Prediction.REST], laws.rates)
@@ -225,6 +253,9 @@ class Motion:
             block.correct(1.0)
         rows = system.constraints
         rows.multipliers[:] = laws.shifts.scale * self.rows(step)["forces"]
+        if rows.split:
+            impulses = laws.shifts.scale * self.rows(step)["impulses"]
+            rows.multipliers[:] += self.grid.step(step).scheme.weight * impulses
         system.interface.update()
 
     def _go_to_renewal(self, step: int, renewal: type[Renewal]) -> None:
@@ -237,6 +268,7 @@ class Motion:
         factors = self.grid.restitutions.get(step, np.zeros(rows.size))
         self.renewal = renewal(self.system, self.tangent, self.options.dt, factors)
         self.renewal.take()
+        self.between = self.renewal
 
     def restitution(self, simulation: Simulation, step: int) -> FloatArray | None:
         """Restitution (r,) of another model in the projection to a state; None without impact."""
@@ -313,13 +345,33 @@ class Motion:
                 )
 
 
+def scheme_of(simulation: Simulation) -> GeneralizedAlpha:
+    """The scheme of a motion."""
+    scheme = simulation.integrator
+    assert isinstance(scheme, GeneralizedAlpha)
+    return scheme
+
+
+def begin(scheme: GeneralizedAlpha, coefficients: GeneralizedAlpha, h: float) -> None:
+    """Begin a step of a size, s, with forces over it, at the accepted state (collective).
+
+    At the start of a motion accelerations lose those forces.
+
+    Raises:
+        StoppedError: masses are singular.
+    """
+    split, one = scheme.split, coefficients
+    if split is not None and not split.begin(h, one.weight, one.unseen):
+        raise StoppedError("gradient: the masses are singular where an impulse acts")
+
+
 def check_supported_system(motion: Motion) -> None:
     """Raise for what the built system has and cannot be differentiated (collective)."""
     system, rows = motion.system, motion.system.constraints
     comm = system.comm
     found = {
         "friction of cables": bool(len(rows.wrapped_rows)),
-        "stops and other unilateral forces": bool(rows.unilateral.any()) or rows.split,
+        "stops and other unilateral forces": bool(rows.unilateral.any()),
         "internal variables in plane stress, or of mixed cells that change their volumes": any(
             isinstance(part.elements, HistoryElements)
             and part.elements.remembering
@@ -327,11 +379,21 @@ def check_supported_system(motion: Motion) -> None:
             for part in system.parts
         ),
         "dampers of modes": system.modal_dampers is not None,
-        "contacts": bool(system.contacts),
     }
+    if rows.split:
+        found |= {
+            "impulses of bodies with damping": system.viscous(),
+            "impulses with friction in joints": bool(len(rows.coupled)),
+            "impulses with force elements": rows.has_elements,
+            "impulses with internal variables": system.remembering,
+            "impulses with controllers": len(motion.simulation.controls) > 0,
+            "impulses with events": bool(motion.model.events),
+            "impulses with redundant constraints": rows.relaxation != 0.0,
+        }
     for name, present in found.items():
         if comm.allreduce(present, op=MPI.LOR):
             raise InputError(f"gradient: there are no derivatives of {name} yet; leave them out")
+    check_contacts(system.contacts)
 
 
 def _increments(block: FrameBlock, end: FloatArray) -> FloatArray:

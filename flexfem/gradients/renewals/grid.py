@@ -30,10 +30,12 @@ class Step:
     Attributes:
         scheme: its coefficients.
         h: its size, s.
+        kicked: True if velocities have changed by impulses in it.
     """
 
     scheme: GeneralizedAlpha
     h: float
+    kicked: bool
 
 
 #: What leads to a state: a step, or one of the parts of a renewal at the same time.
@@ -111,7 +113,8 @@ class Grid(Journal):
     def stepped(self, scheme: Integrator, h: float) -> None:
         """See :class:`Journal`."""
         assert isinstance(scheme, GeneralizedAlpha)
-        self.moves.append(Step(scheme, h))
+        kicked = scheme.split is not None and scheme.split.kicking
+        self.moves.append(Step(scheme, h, kicked))
         self.add()
 
     def happened(self, events: Sequence[int]) -> None:

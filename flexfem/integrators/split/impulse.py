@@ -16,8 +16,6 @@ from contextlib import contextmanager
 from dataclasses import replace
 from math import inf, isfinite
 
-import numpy as np
-
 from flexfem._types import FloatArray
 from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.solvers.frozen.solver import FrozenSolver
@@ -60,13 +58,14 @@ class Impulse:
         self._kept: FrozenSolver | None = None
         self._tangent: TangentSolver | None = None
 
-    def solve(self, h: float = 0.0) -> FloatArray | None:
+    def solve(self, h: float = 0.0, values: FloatArray | None = None) -> FloatArray | None:
         """Solve for the blocks' residuals r; rows are evaluated at the trial state (collective).
 
         Equations of the rows are replaced.
 
         Args:
             h: size of the step, s, in which damping spreads impulses; 0 for accelerations.
+            values: (r,) of ``-G W``, None for zero.
 
         Returns:
             Multipliers m (r,), and ``-W`` in the blocks' steps; None if masses are singular.
@@ -79,7 +78,8 @@ class Impulse:
         rows.multipliers[:] = 0.0
         rows.leave_out(~rigid)
         rows.step_jacobian[:] = rows.gradients_of(rigid)
-        rows.values[:] = rows.coupling[:] = 0.0
+        rows.values[:] = 0.0 if values is None else values * rigid
+        rows.coupling[:] = 0.0
         with zero_increments(system):
             return self._found(right)
 
@@ -159,7 +159,7 @@ class Impulse:
         system.add_constraint_forces(multipliers)
         system.interface.update_steps()
         changes = rows.changes(system.interface.steps) * rows.rigid
-        return -changes - rows.yielding(multipliers)
+        return rows.values - changes - rows.yielding(multipliers)
 
     def _factors(self, fresh: bool) -> FrozenSolver:
         """Solver with the factors of the masses at the start, or of the trial state."""
@@ -181,7 +181,6 @@ class Impulse:
             self._tangent = TangentSolver(system)
         system.counters.mass_factorizations += 1
         self._tangent.assemble(self._shifts, mechanics=self._mechanics)
-        zeros = np.zeros(system.constraints.size)
-        if not (self._tangent.factor() and self._tangent.solve(right, zeros)):
+        if not (self._tangent.factor() and self._tangent.solve(right, system.constraints.values)):
             return None
         return -self._tangent.multiplier_step

@@ -158,6 +158,11 @@ class Simulation:
         return self.system.time
 
     @property
+    def integrator(self) -> Integrator:
+        """Scheme of whole steps."""
+        return self._integrator
+
+    @property
     def policy(self) -> Policy:
         """Policy of the Newton method of whole steps, with its factors."""
         return self._policy

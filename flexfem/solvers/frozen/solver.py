@@ -225,6 +225,10 @@ class FrozenSolver:
         self._stiff.forget()
         self.secants.forget()
 
+    def unspring(self) -> None:
+        """Solve without the springs of contacts from now on, until the next :meth:`step`."""
+        self._stiff.active = False
+
     @property
     def sprung(self) -> bool:
         """True if contacts were closed on any rank in the last step."""

@@ -1,0 +1,43 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Forces of a system that depend on both ends of a step, or that elements and rows do not have."""
+
+from __future__ import annotations
+
+from flexfem.contact.barrier.contacts import BarrierContacts
+from flexfem.core.state import State
+from flexfem.gradients.equations.unilateral import Unilateral
+from flexfem.gradients.unilateral.barriers import Barriers
+from flexfem.gradients.unilateral.penalties import Penalties
+from flexfem.system.system import System
+
+__all__ = ["leave_out_barriers", "recall_sides", "unilateral_forces"]
+
+
+def unilateral_forces(system: System) -> list[Unilateral]:
+    """Derivatives of these (collective)."""
+    found: list[Unilateral] = []
+    for contacts in system.contacts:
+        if isinstance(contacts, BarrierContacts):
+            found.append(Barriers(system, contacts))
+        else:
+            found.append(Penalties(system, contacts))
+    return found
+
+
+def leave_out_barriers(system: System, *, rubbing: bool = False) -> None:
+    """Let barriers, or those that rub alone, have no forces in a step that has begun."""
+    for contacts in system.contacts:
+        if isinstance(contacts, BarrierContacts) and (contacts.rubs or not rubbing):
+            contacts.factor = 0.0
+
+
+def recall_sides(system: System, state: State) -> None:
+    """Let penalties know the sides of surfaces of a motion's state, at that of their nodes.
+
+    Their stiffness is their own (collective).
+    """
+    for contacts in system.contacts:
+        if not isinstance(contacts, BarrierContacts):
+            stiffness = contacts.stiffness
+            contacts.restore(state)
+            contacts.set_stiffness(stiffness)

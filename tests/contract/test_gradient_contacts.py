@@ -1,0 +1,147 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Gradients of motions with contacts and stops: against the tangent and differences of motions."""
+
+from functools import partial
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from tests.contract.test_gradients import differences
+
+GROUND = ff.RigidPlane(ff.Ground())
+
+
+def compare(build, numbers, of, options, step):
+    """Adjoint, tangent and differences of motions that end with Newton steps of 1e-13."""
+    found = ff.gradient(build, of, numbers, options, accuracy=1e-9, check=True)
+    # a force that is not transposed gives 1e-3 and more; what sticks is stiff and leaves 1e-9
+    assert max(found.check.values()) < 1e-7
+    assert found.factorizations_backward == 0
+    own = np.array([[by[name] for name in numbers] for by in found.gradient.values()])
+    expected, values = differences(build, numbers, of, options, step), list(numbers.values())
+    scale = np.abs(expected * values).max(axis=1, keepdims=True)
+    # the change of friction or of a barrier at the start of a step, or of the masses or a hinge
+    # with an impulse, gives 1e-4 and more where it is left out
+    assert (np.abs(own - expected) * values / scale).max() < 1e-6
+
+
+def balls(height, friction, speed=1.0) -> ff.Model:
+    """A ball that bounces on the ground and hits another one, which spins."""
+    model = ff.Model("balls")
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.RigidBody(
+            "first", 0.5, (1e-4, 2e-4, 1.5e-4), position=(0.0, 0.0, 0.05 + height),
+            velocity=(0.3, 0.1, -speed), shape=ff.Sphere(0.05),
+        ),
+        ff.RigidBody(
+            "second", 0.7, (2e-4, 1e-4, 1.5e-4), position=(0.106, 0.02, 0.06),
+            velocity=(-0.3, 0.0, 0.1), angular_velocity=(1.0, 20.0, 3.0), shape=ff.Sphere(0.05),
+        ),
+        ff.Contact(
+            "all", surfaces=GROUND, reach=0.005, friction=friction, damping=0.1,
+        ),
+        ff.PositionProbe("p", ff.Marker("first")),
+        ff.PositionProbe("q", ff.Marker("second")),
+    )  # fmt: skip
+    return model
+
+
+def rod(speed, youngs, height=0.003) -> ff.Model:
+    """A rod with a weight on a hinge at its end, which falls on the ground."""
+    x = np.linspace(0.0, 0.4, 4)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    x += np.array([0.0, 0.0, 0.005 + height])
+    cells = np.array([[i, i + 1] for i in range(3)])
+    model = ff.Model("rod", mesh=ff.LineMesh(x, cells, {"rod": np.arange(3)}))
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Beam(
+            "rod", ff.Section.circle(0.01, ff.Material(youngs, 0.3, 1100.0)),
+            velocity=(0.2, 0.0, -speed),
+        ),
+        ff.RigidBody(
+            "bob", 0.1, (1e-4, 1e-4, 1e-4), position=(0.43, 0.0, 0.045 + height),
+            velocity=(0.2, 0.0, -speed),
+        ),
+        ff.Revolute(
+            "hinge", ff.Marker("rod", "end"), ff.Marker("bob", offset=(-0.03, 0.0, -0.04)),
+            axis=(0.0, 1.0, 0.0),
+        ),
+        ff.Contact("landing", "rod", surfaces=GROUND, reach=0.002, law="barrier"),
+        ff.PositionProbe("p", ff.Marker("rod", "start")),
+        ff.PositionProbe("q", ff.Marker("bob")),
+    )  # fmt: skip
+    return model
+
+
+def sheet(law, speed, radius, thickness=0.002) -> ff.Model:
+    """A sheet that falls on a cylinder, and on a ball that moves."""
+    surface = ff.SurfaceMesh.rectangle("sheet", (0.2, 0.1), (3, 2))
+    lying = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
+    roller = ff.RigidCylinder(ff.Ground((0.11, 0.05, -0.053), lying), radius=radius)
+    rubber = ff.ShellSection.isotropic(thickness, ff.Material(5e6, 0.3, 1100.0))
+    ball = ff.RigidSphere(ff.Marker("ball"), 0.03)
+    model = ff.Model("sheet", surface=surface)
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Shell("sheet", rubber, velocity=(0.1, 0.0, -speed)),
+        ff.RigidBody(
+            "ball", 0.1, (1e-4, 1e-4, 1e-4), position=(0.06, 0.055, -0.033),
+            velocity=(0.1, 0.0, 0.1), angular_velocity=(1.0, 2.0, 3.0),
+        ),
+        ff.Contact("landing", "sheet", surfaces=[roller, ball], law=law),
+        ff.PositionProbe("p", ff.Marker("sheet", "sheet_bottom_left")),
+        ff.PositionProbe("q", ff.Marker("ball")),
+    )  # fmt: skip
+    return model
+
+
+BALLS = {"height": 0.006, "friction": 0.3}
+ROD = {"speed": 1.0, "youngs": 1e7}
+SHEET = {"speed": 1.0, "radius": 0.05}
+
+
+@pytest.mark.serial
+def test_balls_that_rub_and_lose_energy():
+    """They slip, then stick."""
+    options = ff.RunOptions(dt=5e-4, t_end=0.009, tolerance=1e-13)
+    of = ["final:p_x", "final:p_z", "final:q_y", "mean:q_z"]
+    compare(balls, BALLS, of, options, step=1e-4)
+
+
+@pytest.mark.serial
+def test_impulses_in_joints():
+    options = ff.RunOptions(dt=2e-4, t_end=5e-3, tolerance=1e-13)
+    compare(rod, ROD, ["final:p_z", "final:q_x", "mean:q_z"], options, step=1e-4)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("law", ["barrier", "penalty"])
+def test_shells_on_obstacles(law):
+    options = ff.RunOptions(dt=2e-4, t_end=5e-3, tolerance=1e-13)
+    of = ["final:q_x", "final:q_z"]
+    compare(partial(sheet, law), SHEET, of, options, step=1e-4)
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize(
+    ("build", "numbers", "of", "dt", "steps"),
+    [
+        (balls, BALLS, "final:p_z", 5e-4, 12),
+        (rod, ROD, "mean:q_z", 2e-4, 15),
+        (partial(sheet, "penalty"), SHEET, "final:q_z", 2e-4, 22),
+    ],
+)
+def test_ranks_agree(build, numbers, of, dt, steps):
+    """Contacts of bodies on several ranks: a force that one of them misses is off by far more."""
+    options = ff.RunOptions(dt=dt, t_end=steps * dt, tolerance=1e-12)
+    together, alone = (
+        ff.gradient(build, of, numbers, options, accuracy=1e-11, comm=comm).gradient[of]
+        for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
+    )
+    size = max(abs(alone[name] * numbers[name]) for name in numbers)
+    for name, value in numbers.items():
+        assert abs((together[name] - alone[name]) * value) < 1e-9 * size

@@ -1,0 +1,71 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""What gradients of motions with contacts refuse."""
+
+import pytest
+
+import flexfem as ff
+from tests.unit.refusals import assert_on_page
+
+pytestmark = pytest.mark.serial
+
+OPTIONS = ff.RunOptions(dt=1e-3, t_end=4e-3)
+
+
+def falling(*more, of_sheet=0.0, **contact) -> ff.Model:
+    """A sheet on its way to the ground."""
+    surface = ff.SurfaceMesh.rectangle("sheet", (0.2, 0.1), (2, 1))
+    model = ff.Model("falling", surface=surface)
+    rubber = ff.ShellSection.isotropic(0.002, ff.Material(5e6, 0.3, 1100.0))
+    ground = ff.RigidPlane(ff.Ground((0.0, 0.0, -0.003)))
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Shell("sheet", rubber, damping=of_sheet, velocity=(0.0, 0.0, -1.0)),
+        ff.Contact("landing", "sheet", surfaces=ground, **contact),
+        ff.PositionProbe("p", ff.Marker("sheet", "sheet_bottom_left")),
+        *more,
+    )
+    return model
+
+
+SPEED = ff.Probe(
+    "rate", ff.Marker("sheet", "sheet_bottom_left"), ("rate",), lambda t, s: (s.acceleration[2],)
+)
+
+
+@pytest.mark.parametrize(
+    ("text", "of", "model"),
+    [
+        ('Contact "landing": restitution has no', "p_z", falling(restitution=0.5)),
+        (
+            'Contact "landing": friction on surfaces whose nodes have no rotations has no',
+            "p_z",
+            falling(law="barrier", friction=0.3),
+        ),
+        (
+            'Contact "landing": friction of a penalty has no',
+            "p_z",
+            falling(law="penalty", friction=0.3),
+        ),
+        (
+            'Contact "landing": damping of a penalty has no',
+            "p_z",
+            falling(law="penalty", damping=1e-3),
+        ),
+        (
+            "there are no derivatives of impulses of bodies with damping yet",
+            "p_z",
+            falling(law="barrier", of_sheet=1e-3),
+        ),
+        (
+            "there are no derivatives of accelerations in steps with impulses yet",
+            "rate",
+            falling(SPEED, law="barrier"),
+        ),
+    ],
+)
+def test_contacts(text, of, model):
+    with pytest.raises(ValueError) as raised:  # noqa: PT011
+        ff.gradient(model, f"mean:{of}", ["gravity[2]"], OPTIONS)
+    message = str(raised.value)
+    assert text in message
+    assert_on_page(message)
