@@ -92,6 +92,27 @@ def test_events(kind):
     assert len(found.history["t"]) == 8
 
 
+def loaded(kind, **numbers):
+    """The same under forces with kinks and jumps in steps with events, and at the start."""
+    model, a, b = arms(kind, **numbers), ff.Marker("a"), ff.Marker("b")
+    kinks = ff.Table([0.0, 0.0033, 0.0247, 1.0], [0.0, 1.0, 0.2, 0.2])
+    model.add(ff.PointForce("ramp", b, (1.0, 2.0, 6.0), amplitude=kinks))
+    for name, time, sign in (("on", 0.0, 1.0), ("off", 0.0131, -1.0)):
+        step = ff.TimeFunction(lambda t, time=time, sign=sign: float(sign * (t - time) > 0), [time])
+        model.add(ff.PointForce(name, a, (1.0, 2.0, -6.0 * sign), amplitude=step))
+    return model
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("adaptive", [False, pytest.param(True, marks=pytest.mark.slow)])
+def test_events_between_kinks(adaptive):
+    """The lead of accelerations behind parts of a step is inverse to a size that an event gives."""
+    options = ff.RunOptions(
+        dt=4e-3, t_end=0.028, tolerance=1e-13, adaptive=adaptive, error_tolerance=1e-6
+    )
+    compare(partial(loaded, "lock"), VALUES, COLUMNS, options, 5e-7, step=3e-4)
+
+
 def latched(**numbers):
     """A rod that falls until its hinge locks."""
     model, root = body("se3", **numbers), ff.Marker("rod", "start")

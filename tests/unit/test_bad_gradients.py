@@ -210,11 +210,6 @@ def test_events():
     _refused("has an action function, which", model=_model(*_falling(lambda mechanism: None)))
     holding = _model(*_falling(ff.LockJoint("spring")))
     _refused("an event holds a joint with a force law", model=holding)
-    force = ff.Table([0.0, 0.0013, 1.0], [0.0, 1.0, 0.0])
-    kinked = _model(
-        *_falling(release[0]), ff.PointForce("push", BOB, (0.0, 1.0, 0.0), amplitude=force)
-    )
-    _refused("an event happens in a step with a kink", model=kinked)
 
 
 def test_jumps_with_damping():

@@ -46,6 +46,7 @@ from flexfem.gradients.equations.unilateral import StateChange
 from flexfem.gradients.equations.values import Equations
 from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.trajectory import Motion
+from flexfem.gradients.renewals.grid import Lead
 from flexfem.gradients.renewals.renewal import Renewal
 
 __all__ = ["Adjoint", "Scheme", "SizeChange", "Tangent", "maps_of"]
@@ -146,7 +147,7 @@ class Adjoint:
         self.carried = [Carried.nothing(shape) for shape in shapes]
         self.remembered = np.zeros(len(motion.memories.owned))
         self.targets = np.zeros(motion.system.constraints.size)
-        self.time = self.by_size = 0.0
+        self.time = self.by_size = self._lead_by_size = 0.0
         self._last: FloatArray | None = None
         # influence of the multipliers of a step on its impulses, (r,)
         self.impulsive = np.zeros(motion.system.constraints.size)
@@ -179,8 +180,18 @@ class Adjoint:
                 own.w += (1.0 + lead.part) * own.a
             if lead.part:
                 self._early[lead.before] = [-lead.part * own.a for own in self.carried]
+                self._lead_by_size = self._by_lead(lead, state)
             for own in self.carried:
                 own.a = np.zeros_like(own.a)
+
+    def _by_lead(self, lead: Lead, state: int) -> float:
+        """Influence of the size of the step before a lead by this; zero if that is given."""
+        grid = self._motion.grid
+        if not (grid.free(lead.before) or grid.free(lead.before + 1)):
+            return 0.0
+        changes = self._motion.lead_by_size(state)
+        pairs = zip(self.carried, changes, strict=True)
+        return sum(float((own.a * change).sum()) for own, change in pairs)
 
     def renew(self, step: int, renewal: Renewal) -> None:
         """Go back over a part of a renewal, which is linearised (collective)."""
@@ -238,9 +249,10 @@ class Adjoint:
         self.z, self.mu = linear.parts(solution)
         held = self._motion.system.constraints
         self.targets += self.mu * (held.held & held.rigid)
-        self.by_size = 0.0
+        self.by_size = self._lead_by_size
+        self._lead_by_size = 0.0
         if size is not None:
-            self.by_size = size.along(self.carried) - self.times(size.equations)
+            self.by_size += size.along(self.carried) - self.times(size.equations)
         by_velocity, _ = linear.tangent.apply_transposed(self.z, self.mu, VELOCITIES)
         by_acceleration, _ = linear.tangent.apply_transposed(self.z, self.mu, ACCELERATIONS)
         for own, by, e, dv, dw in zip(
@@ -302,6 +314,7 @@ class Tangent:
         self.carried, self.remembered = start, remembered
         self.multipliers = np.zeros(motion.system.constraints.size)
         self.targets, self.time = np.zeros_like(self.multipliers), 0.0
+        self._size_change = 0.0
         self._accelerations: dict[int, BlockVectors] = {}
         self.lead(0)
 
@@ -312,6 +325,10 @@ class Tangent:
             before = self._accelerations[lead.before]
             for own, w in zip(self.carried, before, strict=True):
                 own.a = own.w + lead.part * (own.w - w)
+            if lead.part and self._size_change:
+                changes = self._motion.lead_by_size(state)
+                for own, change in zip(self.carried, changes, strict=True):
+                    own.a += self._size_change * change
 
     def renew(self, step: int, renewal: Renewal, changes: Equations) -> None:
         """Go over a part of a renewal, which is linearised (collective)."""
@@ -333,6 +350,7 @@ class Tangent:
             for name in CARRIED:
                 setattr(own, name, getattr(own, name) + factor * getattr(more, name))
         self.targets += factor * other.targets
+        self._size_change += factor * other._size_change
         for state, every in other._accelerations.items():
             self._accelerations[state] = [
                 a + factor * b for a, b in zip(self._accelerations[state], every, strict=True)
@@ -353,6 +371,7 @@ class Tangent:
         """
         one = Scheme.of(self._motion, step)
         self._accelerations = {step - 1: self._accelerations[step - 1]}
+        self._size_change = 0.0 if size is None else size[1]
         over, (forces, rows) = 1.0 / (1.0 - one.alpha_f), changes
         if (own_equations := self._motion.memories.equations(self.remembered)) is not None:
             forces = [a + b for a, b in zip(forces, own_equations[0], strict=True)]

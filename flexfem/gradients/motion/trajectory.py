@@ -270,6 +270,22 @@ class Motion:
         self.renewal.take()
         self.between = self.renewal
 
+    def lead_by_size(self, state: int) -> list[FloatArray]:
+        """Derivatives of acceleration-like variables by the size of the step before their lead.
+
+        They are (n_owned, w) for each block, m/s^3 and so on; leads are inverse to that size.
+        """
+        lead = self.grid.leads[state]
+        factor, found = -lead.part / self.grid.step(lead.before + 1).h, []
+        for part in self.system.parts:
+            own = np.s_[: part.block.owned, : part.block.width]
+            now, before = (
+                self.state(k).rows[part.block.name]["acceleration"][own]
+                for k in (state, lead.before)
+            )
+            found.append(factor * (now - before))
+        return found
+
     def restitution(self, simulation: Simulation, step: int) -> FloatArray | None:
         """Restitution (r,) of another model in the projection to a state; None without impact."""
         found, event = self.grid.restitutions.get(step), self.grid.event(step)
@@ -335,6 +351,8 @@ class Motion:
             "friction in joints": bool(rows.frictional.any()),
             "drives whose directions change with time": bool(rows.drives_at(at)[1].any()),
             "memories of force elements and controllers": self.remembering,
+            "contacts": bool(system.contacts),
+            "stops and other unilateral forces": bool(rows.unilateral.any()) or rows.split,
         }
         for name, present in found.items():
             if system.comm.allreduce(present, op=MPI.LOR):

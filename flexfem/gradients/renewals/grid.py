@@ -46,7 +46,8 @@ Move = Step | type[Renewal]
 class Lead:
     """A change of the acceleration-like variable a of a state, after the step to it.
 
-    It becomes ``w + part (w - w_before)`` with the accelerations w there and at an earlier state.
+    It becomes ``w + part (w - w_before)`` with the accelerations w there and at an earlier state,
+    where the last step began; the factor is inverse to its size.
 
     Attributes:
         part: factor.
@@ -173,10 +174,5 @@ class Grid(Journal):
             while self.renewal(before) is not None:
                 before -= 1
             before -= 1
-            if self.free(before + 1) or self.free(before):
-                raise InputError(
-                    "gradient: an event happens in a step with a kink of a load or drive, which "
-                    "has no derivatives yet; take another dt"
-                )
         self.leads[last] = Lead(part, before)
         self.change()
