@@ -143,8 +143,10 @@ def array(owner: str, what: str, value: object, shape: tuple[int, ...]) -> Float
         raise ValueError(_not_numbers(owner, what, value, shape)) from None
     if raw.dtype.kind not in "iuf":
         raise TypeError(_not_numbers(owner, what, value, shape))
-    if raw.ndim != len(shape) or any(
-        want not in (-1, extent) for want, extent in zip(shape, raw.shape, strict=True)
+    # equal shapes first: sections along beams are many
+    if raw.shape != shape and (
+        raw.ndim != len(shape)
+        or any(want not in (-1, extent) for want, extent in zip(shape, raw.shape, strict=True))
     ):
         raise ValueError(_not_numbers(owner, what, value, shape))
     if not np.isfinite(raw).all():

@@ -89,7 +89,8 @@ def called_section(owner: str, section: Callable[[float], Section], s: float) ->
         found = section(s)
     except FAILURES as error:
         raise ValueError(f"{owner}: section({s:g}): {located(section, error)}") from error
-    _checks.instance(owner, f"section({s:g})", found, Section)
+    if not isinstance(found, Section):
+        _checks.instance(owner, f"section({s:g})", found, Section)
     if found.law is not None:
         raise ValueError(
             f"{owner}: a section that varies must be linear, section({s:g}) has a {found.law.owner}"

@@ -5,7 +5,7 @@ An array of parameters that act on elements each, as the sections of a beam do, 
 for all of them. Parameters with numbers that are equal modulo a small one are changed together, so
 that each equation changes by one of them alone (Curtis, Powell, Reid, J. Inst. Math. Appl. 13
 (1974) 117-119). By which one, is known from models in which each changes by a part that is a digit
-of its number.
+of its number, at random.
 """
 
 from __future__ import annotations
@@ -30,6 +30,7 @@ from flexfem.gradients.motion.influence import (
     check_layout,
     check_times,
     evaluated,
+    own_equations,
 )
 from flexfem.gradients.motion.parameters import Build, Values, plain
 from flexfem.gradients.motion.trajectory import Motion
@@ -42,17 +43,18 @@ __all__ = ["Builder", "ElementInfluence", "Owners", "element_influence", "elemen
 
 #: Largest number of groups of an array's parameters.
 _GROUPS = 4
-#: Base of the digits of their numbers.
-_BASE = 128
-#: Part of the largest change of an equation below which it does not depend on a parameter, and
-#: deviation of changes from equal ones.
-_NOTHING, _ALIKE = 1e-12, 1e-3
+#: Largest base of the digits of their numbers: parts that are as close as with the first one are
+#: told apart where forces are alike and depend on parameters by not more than about their cube.
+_BASES = 8192, 128
+#: Part of the largest change of an equation below which it does not depend on a parameter;
+#: deviation of parts from those given, as part of the distance of two of them, and by itself;
+#: deviation of changes from parts of one another, from which on several parameters change them.
+_NOTHING, _CLEAR, _ALIKE, _MIXED = 1e-12, 0.1, 1e-4, 0.01
 #: Largest change of positions and velocities of a start that is the same, m and so on.
 _SAME_START = 1e-13
-#: Second differences over first ones up to which equations are linear in parameters, and rounding
-#: of the equations. Differences are so many times those of gradients: squares of parameters have
-#: 1e-2, which stands out of the rounding of stiffer directions.
-_LINEAR, _ROUNDED, _WIDER = 1e-9, 3e-14, 1e3
+#: Differences by which parameters change to see whether equations are linear in them; deviation of
+#: equations that are, from first differences, and rounding.
+_FAR, _LINEAR, _ROUNDED = 1e3, 1e-9, 1e-12
 
 #: Owners of groups, see :class:`_Group`.
 Owners = list[list[IntArray]]
@@ -132,17 +134,13 @@ class ElementInfluence:
         Those of the owner -1 are none. The state of the motion is that of ``influence.evaluated``.
         """
         motion, found = self._motion, []
-        kept: dict[int, BlockVectors] = {}
-
-        def equations(one: Simulation) -> BlockVectors:
-            if id(one) not in kept:
-                kept[id(one)] = evaluated(motion, one, step)[0]
-            return kept[id(one)]
-
         for group in self._groups:
-            sides = equations(group.more), equations(group.less)
-            between = (1.0 if group.less is motion.simulation else 2.0) * self._steps
-            parts = zip(*sides, group.owners, strict=True)
+            more, _ = evaluated(motion, group.more, step)
+            if group.less is motion.simulation:
+                (less, _), between = own_equations(motion, step), self._steps
+            else:
+                (less, _), between = evaluated(motion, group.less, step), 2.0 * self._steps
+            parts = zip(more, less, group.owners, strict=True)
             found.append(
                 (group.owners, [(a - b) / between[own][:, np.newaxis] for a, b, own in parts])
             )
@@ -221,7 +219,7 @@ def element_influence(motion: Motion, builder: Builder, owners: Owners) -> Eleme
     if len(more) < count:
         return None
     less = count * [motion.simulation]
-    if not _linear(motion, [builder.started(sign * _WIDER * np.ones(size)) for sign in (1, -1)]):
+    if not _linear(motion, builder, more):
         less = [one for own in parts if (one := builder.started(-own))]
     if len(less) < count:
         return None
@@ -229,39 +227,45 @@ def element_influence(motion: Motion, builder: Builder, owners: Owners) -> Eleme
     return ElementInfluence(motion, builder.steps, groups)
 
 
-def _linear(motion: Motion, pair: Sequence[Simulation | None]) -> bool:
+def _linear(motion: Motion, builder: Builder, more: Sequence[Simulation]) -> bool:
     """True if the equations are linear in the parameters (collective).
 
+    These change so much more for it that what is not linear is seen beside rounding of far larger
+    forces. The motion is at another state after it.
+
     Args:
-        motion: the motion, which is at another state after it.
-        pair: starts with more and with less of all of them.
+        motion: the motion.
+        builder: of the models.
+        more: starts with more of the parameters of each group.
     """
+    try:
+        far = builder.system(-_FAR * np.ones(len(builder.steps)))
+    except ValueError:  # the parameters have no such values
+        return False
     motion.go_to(0)
     disturb(motion)
     still, clear = equations_at(motion.system, UNSCALED), True
     largest = max((float(np.abs(own).max(initial=0.0)) for own in still[0]), default=0.0)
     largest = motion.system.comm.allreduce(largest, op=MPI.MAX)
-    found = [None if one is None else _changes(motion.system, one.system, still) for one in pair]
+    found = [_changes(motion.system, one, still) for one in (far, *(own.system for own in more))]
     changes = [one for one in found if one is not None]
-    for every in zip(*changes, strict=True):
-        size = sum(np.abs(change) for change in every)
-        bent = np.abs(sum(every))
+    for moved, *little in zip(*changes, strict=True):
+        size = _FAR * np.sum(np.abs(little), axis=0)
+        bent = np.abs(moved + _FAR * np.sum(little, axis=0))
         clear = clear and bool((bent <= _LINEAR * size + _ROUNDED * largest).all())
     clear = clear and len(changes) == len(found)
     return bool(motion.system.comm.allreduce(clear, op=MPI.LAND))
 
 
-def _grouped(
-    motion: Motion, builder: Builder, size: int, count: int
-) -> list[list[IntArray]] | None:
+def _grouped(motion: Motion, builder: Builder, size: int, count: int) -> Owners | None:
     """Owners of groups of the entries of an array, whose numbers are equal modulo a count.
 
     None if an equation depends on two of a group, or rows, the start or columns depend on any
     (collective).
     """
-    numbers, found = np.arange(size), []
+    found = []
     for first in range(count):
-        own = (numbers % count == first).astype(np.float64)
+        own = (np.arange(size) % count == first).astype(np.float64)
         other = builder.started(own)
         if other is None or DirectEffect(motion, [other]).present:
             return None
@@ -270,19 +274,103 @@ def _grouped(
         whole = _changes(motion.system, other.system, still)
         if whole is None:
             return None
-        owners, place = [np.zeros(len(change), dtype=np.int64) for change in whole], 1
-        while place <= numbers[-1]:
-            part = own * (1.0 + numbers // place % _BASE) / _BASE
-            changes = _changes(motion.system, builder.system(part), still)
-            digits = None if changes is None else _digits(motion.system, whole, changes)
-            if digits is None:
+        for base in _BASES:
+            reading = _read(motion.system, builder, (own, still, whole), base)
+            if reading.mixed:
                 return None
-            for total, digit in zip(owners, digits, strict=True):
-                total[:] += place * digit
-                total[digit < 0] = -1
-            place *= _BASE
-        found.append(owners)
+            if reading.clear:
+                break
+        else:
+            return None
+        found.append(reading.owners)
     return found
+
+
+@dataclass
+class _Reading:
+    """What models with parts of the changes of a group show, the same on all ranks but for owners.
+
+    Attributes:
+        owners: see :class:`_Group`.
+        clear: True if all equations change by a given part.
+        mixed: True if one changes by several.
+    """
+
+    owners: list[IntArray]
+    clear: bool = True
+    mixed: bool = False
+
+
+def _read(
+    system: System, builder: Builder, group: tuple[FloatArray, Equations, BlockVectors], base: int
+) -> _Reading:
+    """Read owners of a group from models in which each parameter changes by a part (collective).
+
+    Numbers of parameters are at random, so that those of neighbours are not alike.
+
+    Args:
+        system: of the motion.
+        builder: of the models.
+        group: 1 for its parameters (n,), 0 for others; equations; their changes with the group.
+        base: largest base of the digits of numbers.
+    """
+    own, still, whole = group
+    size, places = len(own), 1
+    while base**places < size:
+        places += 1
+    base = next(k for k in range(1, base + 1) if k**places >= size)  # as small as it can be
+    numbers = np.random.default_rng(0).permutation(size)
+    found = _Reading([np.zeros(len(change), dtype=np.int64) for change in whole])
+    for place in range(places):
+        digits = numbers // base**place % base
+        parts = own * _part(digits, base)
+        changes = _changes(system, builder.system(parts), still)
+        if changes is None:
+            found.mixed = True
+        else:
+            _add_digits(system, found, (whole, changes), (base, place))
+        if found.mixed or not found.clear:
+            return found
+    index = np.argsort(numbers)
+    found.owners = [np.where(one < 0, -1, index[np.minimum(one, size - 1)]) for one in found.owners]
+    return found
+
+
+def _add_digits(
+    system: System, found: _Reading, equations: tuple[BlockVectors, ...], digit: tuple[int, int]
+) -> None:
+    """Add digits to the numbers of owners (collective).
+
+    Args:
+        system: of the motion.
+        found: numbers so far, to be changed.
+        equations: changes of those of blocks with a group, and with parts of it.
+        digit: base and place of the digit.
+    """
+    (whole, changes), (base, place) = equations, digit
+    most = max((float(np.abs(change).max(initial=0.0)) for change in whole), default=0.0)
+    most = system.comm.allreduce(most, op=MPI.MAX)
+    off = np.array([not found.clear, found.mixed])
+    for k, (change, moved) in enumerate(zip(whole, changes, strict=True)):
+        size = np.sqrt((change**2).sum(axis=1))
+        seen = size > _NOTHING * most
+        part = np.divide((moved * change).sum(axis=1), size**2, where=seen, out=0.0 * size)
+        number = np.rint(base * part) - 1.0
+        rest = np.abs(moved - _part(number, base)[:, np.newaxis] * change).max(axis=1)
+        across = np.abs(moved - part[:, np.newaxis] * change).max(axis=1)
+        unclear = (number < 0.0) | (number >= base) | (rest > min(_CLEAR / base, _ALIKE) * size)
+        off |= (np.array([unclear, across > _MIXED * size]) & seen).any(axis=1)
+        off[1] |= bool((np.abs(moved[~seen]) > _NOTHING * most).any())
+        own = found.owners[k]
+        own += base**place * np.where(seen, number, 0.0).astype(np.int64)
+        own[~seen] = -1
+    system.comm.Allreduce(MPI.IN_PLACE, off, op=MPI.LOR)
+    found.clear, found.mixed = not off[0], bool(off[1])
+
+
+def _part(digits: FloatArray | IntArray, base: int) -> FloatArray:
+    """Part of its difference by which a parameter with a digit changes."""
+    return (digits + 1.0) / base
 
 
 def _changes(source: System, system: System, still: Equations) -> BlockVectors | None:
@@ -294,32 +382,6 @@ def _changes(source: System, system: System, still: Equations) -> BlockVectors |
     if source.comm.allreduce(changed, op=MPI.MAX) != 0.0:
         return None
     return [a - b for a, b in zip(blocks, still[0], strict=True)]
-
-
-def _digits(system: System, whole: BlockVectors, changes: BlockVectors) -> list[IntArray] | None:
-    """For each block, (n_owned,) digit of the parameter of each node, -1 for none.
-
-    None if a node depends on two of them (collective).
-
-    Args:
-        system: of the motion.
-        whole: changes of the equations if all parameters change by their differences.
-        changes: those if they change by parts ``(digit + 1)/base`` of them.
-    """
-    largest = max((float(np.abs(change).max(initial=0.0)) for change in whole), default=0.0)
-    largest = system.comm.allreduce(largest, op=MPI.MAX)
-    found, clear = [], True
-    for change, part in zip(whole, changes, strict=True):
-        square = (change**2).sum(axis=1)
-        seen = np.sqrt(square) > _NOTHING * largest
-        share = np.divide((part * change).sum(axis=1), square, where=seen, out=0.0 * square)
-        digit = np.rint(share * _BASE) - 1.0
-        rest = np.abs(part - ((digit + 1.0) / _BASE)[:, np.newaxis] * change)
-        clear = clear and bool((rest[seen] <= _ALIKE * np.sqrt(square[seen, np.newaxis])).all())
-        clear = clear and bool((digit[seen] >= 0.0).all() and (digit[seen] < _BASE).all())
-        clear = clear and bool((np.abs(part[~seen]) <= _NOTHING * largest).all())
-        found.append(np.where(seen, digit, -1.0).astype(np.int64))
-    return found if system.comm.allreduce(clear, op=MPI.LAND) else None
 
 
 def _lv(width: int, maps: RateMaps) -> FloatArray:

@@ -31,7 +31,7 @@ from flexfem.system.system import Shifts, System
 
 __all__ = [
     "STEP", "UNSCALED", "Factors", "Influence", "NumberInfluence", "Sums", "beside",
-    "check_layout", "check_times", "difference_of", "evaluated",
+    "check_layout", "check_times", "difference_of", "evaluated", "own_equations",
 ]  # fmt: skip
 
 #: Difference of a parameter, relative to it, or itself for one that is zero.
@@ -368,3 +368,10 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     scaled = rows.of_elements
     values[scaled] *= own.compliance[scaled] / rows.compliance[scaled]
     return blocks, values
+
+
+def own_equations(motion: Motion, step: int) -> Equations:
+    """Residuals of the motion itself, as those of :func:`evaluated`; computed once (collective)."""
+    if motion.equations is None:
+        motion.equations = evaluated(motion, motion.simulation, step)
+    return motion.equations

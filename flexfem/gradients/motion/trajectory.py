@@ -18,7 +18,7 @@ from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.gradients.equations.node_maps import rotations
-from flexfem.gradients.equations.values import SystemEquations
+from flexfem.gradients.equations.values import Equations, SystemEquations
 from flexfem.gradients.memory.base import Memories, Memory, StepEnd
 from flexfem.gradients.memory.controllers import ControllerMemory, recall
 from flexfem.gradients.memory.elements import ElementMemory
@@ -65,6 +65,7 @@ class Motion:
         times: (steps + 1,) of the states, s.
         rows_at: (rows,) numbers of the states that are rows of the history.
         values: (rows, columns) of the history, on the first rank; zero on the others.
+        equations: those at the present state, if known, see ``influence.own_equations``.
         memories: what is carried from step to step beside the nodes.
         measured: names of the columns that these follow.
         known: state of the controllers after each step.
@@ -92,6 +93,7 @@ class Motion:
         self.grid = Grid(self._add, self._change, self._check_renewal, self._locked, main)
         self.renewal: Renewal | None = None
         self.between: SystemEquations | None = None
+        self.equations: Equations | None = None
         # what controllers know after each step
         self.known: list[dict[str, FloatArray]] = []
         self.memories = Memories(self._memories())
@@ -226,6 +228,7 @@ class Motion:
 
     def go_to(self, step: int) -> None:
         """Return to the accepted state after a step (collective)."""
+        self.equations = None
         self._records.load(step)
         self._set_lead(step, before=False)
         recall(self.simulation, self.known[step])
@@ -233,6 +236,7 @@ class Motion:
 
     def go_to_end(self, step: int) -> None:
         """Return to the trial state at the end of a step (collective)."""
+        self.equations = None
         self._records.load(step - 1, step)
         if renewal := self.grid.renewal(step):
             self._go_to_renewal(step, renewal)
