@@ -169,6 +169,45 @@ def test_internal_variables(kind):
     compare(partial(bar, kind), BAR, ["final:tip_z", "mean:tip_y"], options, 1e-7)
 
 
+#: Numbers of a body with dampers of modes, which follow from all of them.
+DAMPED = {"ratio": 0.1, "youngs": 5e6, "height": 0.02, "push": 3.0}
+
+
+def damped(element, *, ratio, youngs, height, push) -> ff.Model:
+    """A rod on a hinge, or a clamped strip, pushed at its end."""
+    material, end = ff.Material(youngs, 0.3, 1100.0), ff.Marker("rod", "end")
+    if element in ("se3", "nurbs"):
+        mesh = ff.LineMesh.straight({"rod": [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)]}, elements=4)
+        model, hinge = ff.Model("rod", mesh=mesh), ff.Marker("rod", "start")
+        model.add(
+            ff.Beam("rod", ff.Section.rectangle(0.03, height, material), formulation=element),
+            ff.Revolute("pin", ff.Ground(), hinge, axis=(0.0, 1.0, 0.0)),
+        )
+    else:
+        end = ff.Marker("rod", "rod_bottom_right")
+        surface = ff.SurfaceMesh.rectangle("rod", (0.5, 0.1), (4, 2))
+        section = ff.ShellSection.isotropic(0.5 * height, material)
+        model = ff.Model("strip", surface=surface)
+        model.add(ff.Shell("rod", section, element=element, edges={"rod_left": "clamped"}))
+    model.add(
+        ff.PointForce("push", end, (0.1, 0.2, -push)),
+        ff.ModalDamping("dampers", ratio, modes=3),
+        ff.PositionProbe("tip", end),
+    )
+    return model
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "element",
+    ["se3", *(pytest.param(one, marks=pytest.mark.slow) for one in ("nurbs", "rotation_free"))],
+)
+def test_dampers_of_modes(element):
+    """Dampers of fixed modes would be wrong by 0.1, their stresses left out by 1e-3."""
+    options = replace(STEPS, dt=1e-3, t_end=8e-3)
+    compare(partial(damped, element), DAMPED, ["final:tip_z", "mean:tip_y"], options, 1e-7)
+
+
 @pytest.mark.serial
 def test_strains_that_change_with_time():
     """Strains of the step's start would be wrong by 0.1."""
@@ -192,8 +231,13 @@ def test_strains_that_change_with_time():
 @pytest.mark.three_ranks
 @pytest.mark.parametrize(
     ("build", "numbers"),
-    [(partial(rope, "iteration"), ROPE), (arm, ARM), (partial(bar, "viscoelastic"), BAR)],
-    ids=["rope", "arm", "bar"],
+    [
+        (partial(rope, "iteration"), ROPE),
+        (arm, ARM),
+        (partial(bar, "viscoelastic"), BAR),
+        (partial(damped, "se3"), DAMPED),
+    ],
+    ids=["rope", "arm", "bar", "damped"],
 )
 def test_ranks_agree(build, numbers):
     """A state that two ranks have, counted twice, is a tenth and more."""

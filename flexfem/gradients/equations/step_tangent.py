@@ -15,6 +15,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.nodes.action_kernels import subtract_forces
+from flexfem.gradients.equations.damped_modes import DampedModes
 from flexfem.gradients.equations.kernels import add_products, add_transposed_products
 from flexfem.gradients.equations.unilateral import StateChange, Unilateral
 from flexfem.layout.elements import StepMatrices
@@ -32,6 +33,8 @@ BlockVectors = list[FloatArray]
 #: The matrices of a step: by positions, by velocities and by accelerations, and all together.
 POSITIONS, VELOCITIES, ACCELERATIONS, STEP = range(4)
 _WITH_POSITIONS = (POSITIONS, STEP)
+#: Kinds of changes of damped modes in each matrix: with positions (0) and with velocities (1).
+_KINDS = ((0,), (1,), (), (0, 1))
 
 
 class _PartMatrices:
@@ -83,6 +86,20 @@ class _PartMatrices:
                 values[:] = END_POINT.element_values(system, part, own, own.request())
             _separate(self._cells)
 
+    def add_stresses(self, values: FloatArray) -> None:
+        """Add entries of the cells to the matrix by positions."""
+        for matrix in _WITH_POSITIONS if self._known else (STEP,):
+            self._cells[matrix] += values
+
+    def transposed_product(self, values: FloatArray) -> FloatArray:
+        """Transposed product (n_owned, width) of entries of the cells with the block's steps."""
+        block = self._part.block
+        block.residual[:] = 0.0
+        for (i, j), first in zip(self.places[: self._inside], self._first, strict=False):
+            add_transposed_products(i, j, values[first:], block.width, block.step, block.residual)
+        block.add_ghosts()
+        return block.hold(block.owned_residual.copy())
+
     def values(self, matrix: int) -> Iterator[FloatArray]:
         """Entries of a matrix at all places, row by row; more may follow those of a place."""
         if matrix == POSITIONS and not self._known:
@@ -120,6 +137,7 @@ class StepTangent:
         """
         self._system, self._mechanics, self.forces = system, mechanics, tuple(forces)
         self._matrices = [_PartMatrices(part) for part in system.parts]
+        self._modes = DampedModes(system)
         self._rows = np.zeros((4, len(system.constraints.row_of_term), 2, 6))
         self._hessians = np.zeros((0, 12, 12))
 
@@ -134,6 +152,9 @@ class StepTangent:
             one.take(shifts)
         for own in self._matrices:
             own.take(system, shifts)
+        if system.modal_dampers is not None:
+            self._modes.take(shifts, self._matrices)
+            self._mechanics.evaluate(system, shifts)
         compliance, by = rows.compliance.copy(), self._rows
         by[STEP] = rows.step_jacobian
         self._mechanics.evaluate_rows(system, replace(shifts, velocity=0.0))
@@ -163,8 +184,9 @@ class StepTangent:
             system.add_constraint_forces(multipliers)
             for one in self.forces:
                 one.add()
-        changes = row_changes(system, self._rows[matrix])
-        return collected(system), changes - rows.yielding(multipliers)
+        changes, found = row_changes(system, self._rows[matrix]), collected(system)
+        self._modes.add(blocks, found, _KINDS[matrix])
+        return found, changes - rows.yielding(multipliers)
 
     def apply_transposed(
         self, blocks: BlockVectors, multipliers: FloatArray, matrix: int = STEP
@@ -184,10 +206,12 @@ class StepTangent:
             for one in self.forces:
                 one.add_transposed()
         add_row_forces(system, self._rows[matrix], multipliers)
+        found = collected(system)
+        self._modes.add_transposed(blocks, found, _KINDS[matrix])
         if matrix not in _WITH_POSITIONS:
-            return collected(system), np.zeros(rows.size)
+            return found, np.zeros(rows.size)
         changes = rows.changes(system.interface.steps)
-        return collected(system), changes - rows.yielding(multipliers, transposed=True)
+        return found, changes - rows.yielding(multipliers, transposed=True)
 
     def by_start(self, change: StateChange) -> BlockVectors:
         """Change of the equations of blocks by that of the start of the step (collective)."""

@@ -42,13 +42,6 @@ def check_supported(model: Model, options: RunOptions) -> None:
     Raises:
         InputError: naming it.
     """
-    for kind, things in (
-        ("ModalDamping", model.modal_dampings),
-    ):  # fmt: skip
-        if things:
-            raise InputError(
-                f'gradient: {kind} "{things[0].name}" has no derivatives yet; leave it out'
-            )
     for controller in model.controllers:
         if isinstance(controller.law, FmuLaw):
             raise InputError(

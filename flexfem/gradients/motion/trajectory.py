@@ -352,6 +352,7 @@ class Motion:
         at = [system.time + part * self.options.dt for part in (0.01, 0.125, 0.5)]
         found = {
             "damping of elements": system.viscous(),
+            "damping of modes": system.modal_dampers is not None,
             "friction in joints": bool(rows.frictional.any()),
             "drives whose directions change with time": bool(rows.drives_at(at)[1].any()),
             "memories of force elements and controllers": self.remembering,
@@ -400,11 +401,11 @@ def check_supported_system(motion: Motion) -> None:
             and part.elements.history_derivatives() is None
             for part in system.parts
         ),
-        "dampers of modes": system.modal_dampers is not None,
     }
     if rows.split:
         found |= {
             "impulses of bodies with damping": system.viscous(),
+            "impulses with damping of modes": system.modal_dampers is not None,
             "impulses with friction in joints": bool(len(rows.coupled)),
             "impulses with force elements": rows.has_elements,
             "impulses with internal variables": system.remembering,
