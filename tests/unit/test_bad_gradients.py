@@ -208,6 +208,8 @@ def test_events():
     release = ff.ReleaseJoint("pin"), ff.ReleaseJoint("spring")
     _refused("several events happen at the same time", model=_model(*_falling(*release)))
     _refused("has an action function, which", model=_model(*_falling(lambda mechanism: None)))
+    force = ff.PointForce("p", BOB, (0, 9, 0), amplitude=lambda t: abs(t - 1.5e-3))
+    _refused("at a kink of a load or drive", model=_model(force, *_falling(release[0])))
     holding = _model(*_falling(ff.LockJoint("spring")))
     _refused("an event holds a joint with a force law", model=holding)
 

@@ -41,8 +41,14 @@ __all__ = ["EventTimes", "along", "by_time", "size_change"]
 
 #: Differences of fourth order: places and weights.
 _STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
-#: Difference of sizes of steps, relative; of times, as a part of ``dt``.
-_SIZE, _TIME = 1e-3, 1e-2
+#: Weights of differences of third order from one side.
+_ONE_SIDE = (-11.0 / 6.0, 3.0, -1.5, 1.0 / 3.0)
+#: Difference of sizes of steps, relative; of times, as parts of ``dt``, the longest first.
+_SIZE, _TIMES = 1e-3, (1e-2, 1e-3, 1e-4)
+#: Relative difference of derivatives from both sides, up to which there is no kink between.
+_SMOOTH = 1e-4
+#: Rounding of equations, relative to what they consist of.
+_ROUNDED = 1e-12
 #: Part of the terms of the rate of an event's function below which it is zero.
 _GRAZING = 1e-9
 
@@ -81,7 +87,7 @@ class _Functions:
     def by_time(self, state: int) -> float:
         """Derivative of the function by time at a fixed motion, 1/s (collective)."""
         number, system = self._motion.grid.events[state], self.system
-        step, total = _TIME * self._motion.options.dt, 0.0
+        step, total = _TIMES[0] * self._motion.options.dt, 0.0
         for place, weight in _STENCIL:
             system.time = float(self.times[state]) + place * step
             values = self._motion.simulation.events.evaluate()
@@ -131,23 +137,56 @@ def size_change(
 def by_time(motion: Motion, state: int) -> Equations:
     """Derivatives of the equations at the end of a step, or of a renewal, by time (collective).
 
-    They are those of loads and drives.
+    They are those of loads and drives. Differences are taken over times that are short enough to
+    miss kinks and jumps nearby: those from both sides agree then.
+
+    Raises:
+        InputError: there is a kink at that time.
     """
-    system, step = motion.system, _TIME * motion.options.dt
-    blocks: BlockVectors = [np.zeros_like(part.block.owned_step) for part in system.parts]
-    rows, instant = np.zeros(system.constraints.size), float(motion.times[state])
-    for place, weight in _STENCIL:
-        system.set_time(instant + place * step)
-        if motion.renewal is not None:
-            own = motion.renewal.equations(system)
-        else:
-            own = equations_at(system, motion.laws(state).shifts)
-        blocks = [a + weight / step * b for a, b in zip(blocks, own[0], strict=True)]
-        rows = rows + weight / step * own[1]
-    system.set_time(instant)
+    system = motion.system
+    sizes = [part.block.owned_step.shape for part in system.parts]
+    for part in _TIMES:
+        step = part * motion.options.dt
+        values = np.array([_flat(_at(motion, state, k * step)) for k in range(-3, 4)])
+        central = np.array([w for _, w in _STENCIL]) @ values[[1, 2, 4, 5]] / step
+        after, before = (
+            np.array(_ONE_SIDE) @ values[3:] / step,
+            -(np.array(_ONE_SIDE) @ values[3::-1] / step),
+        )
+        apart, size, scale = motion.largest(after - before, central, values)
+        if apart <= max(_SMOOTH * size, _ROUNDED * max(scale, _largest_rate(motion)) / step):
+            break
+    else:
+        raise InputError(
+            f"gradient: an event happens at t = {motion.times[state]:.6g} s, at a kink of a load "
+            "or drive, and its time has no derivative"
+        )
+    system.set_time(float(motion.times[state]))
     if motion.renewal is None:
         equations_at(system, motion.laws(state).shifts)
-    return blocks, rows
+    ends = np.cumsum([a * b for a, b in sizes])
+    *blocks, rows = np.split(central, ends)
+    return [own.reshape(size) for own, size in zip(blocks, sizes, strict=True)], rows
+
+
+def _largest_rate(motion: Motion) -> float:
+    """Largest velocity, acceleration or multiplier at the trial state (collective)."""
+    blocks = [part.block for part in motion.system.parts]
+    rates = [x for block in blocks for x in (block.velocity, block.acceleration)]
+    return max(motion.largest(*rates, motion.system.constraints.multipliers))
+
+
+def _at(motion: Motion, state: int, later: float) -> Equations:
+    """The equations with loads and drives of a time (s) beside that of a state (collective)."""
+    motion.system.set_time(float(motion.times[state]) + later)
+    if motion.renewal is not None:
+        return motion.renewal.equations(motion.system)
+    return equations_at(motion.system, motion.laws(state).shifts)
+
+
+def _flat(equations: Equations) -> FloatArray:
+    """Blocks, then rows."""
+    return np.concatenate([*(one.ravel() for one in equations[0]), equations[1]])
 
 
 class EventTimes:

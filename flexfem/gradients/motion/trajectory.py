@@ -319,6 +319,12 @@ class Motion:
         found: Value = self.system.comm.bcast(value)
         return found
 
+    def largest(self, *values: FloatArray) -> list[float]:
+        """Largest entry of each array on any rank (collective)."""
+        found = np.array([float(np.abs(one).max(initial=0.0)) for one in values])
+        self.system.comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
+        return [float(one) for one in found]
+
     def end(self, step: int) -> StepEnd:
         """The end of a step."""
         laws = self.laws(step)

@@ -23,6 +23,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
 from flexfem.gradients.equations.carried import Carried
+from flexfem.gradients.equations.linearized import UnsolvedError
 from flexfem.gradients.equations.node_maps import StepMaps
 from flexfem.gradients.equations.step_tangent import (
     POSITIONS,
@@ -46,10 +47,6 @@ _SINGULAR = "gradient: masses and constraints are singular where a load jumps"
 _LARGE = 1e6
 #: Equations at a state, not scaled.
 _AT_STATE = Shifts(velocity=1.0, acceleration=1.0, scale=1.0)
-
-
-class UnsolvableError(RuntimeError):
-    """The matrix of masses and constraints is singular."""
 
 
 class Renewal(ABC):
@@ -124,12 +121,12 @@ class Renewal(ABC):
         self._solver.assemble(MASS)
         self._system.counters.mass_factorizations += 1
         if not self._solver.factor():
-            raise UnsolvableError(_SINGULAR)
+            raise UnsolvedError(_SINGULAR)
 
     def _solved(self, blocks: BlockVectors, rows: FloatArray) -> tuple[BlockVectors, FloatArray]:
         """Solve with them."""
         if not self._solver.solve(blocks, rows):
-            raise UnsolvableError(_SINGULAR)
+            raise UnsolvedError(_SINGULAR)
         found = [part.block.owned_step.copy() for part in self._system.parts]
         return found, self._solver.multiplier_step.copy()
 
@@ -171,7 +168,7 @@ class Projection(Renewal):
         self._before = self._velocities()
         status = project_velocities(system, self._solver, self._dt, self._restitution)
         if status is not Status.OK:
-            raise UnsolvableError(_SINGULAR)
+            raise UnsolvedError(_SINGULAR)
         self._after = self._velocities()
         self._changes = [part.block.step.copy() for part in system.parts]
         self._impulses = self._solver.multiplier_step.copy()
