@@ -8,21 +8,16 @@ All of them take three quarters of an hour.
 """
 
 import shlex
-import shutil
 import sys
-import tempfile
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from imageio.v3 import imread
-from PIL import Image
+from flexfem.docs.extensions.topics import GALLERY, SHORTER, sentences
+from flexfem.docs.pictures import ROOT, draw, keep, run
 
-from flexfem.docs.extensions.topics import EXAMPLES, GALLERY, SHORTER, sentences
-from flexfem.docs.pictures import ROOT, draw, python
-
-#: Size of pictures, and number of their colours.
-_SIZE, _COLOURS = "480x320", 64
+#: Largest size of pictures.
+_SIZE = "480x320"
 
 
 @dataclass(frozen=True)
@@ -72,21 +67,10 @@ def main(results: Path, names: Sequence[str]) -> None:
     for name in names or sentences():
         folder = results / name
         if not (folder / "summary.json").exists():
-            _run(name, folder)
+            run(name, folder, shlex.split(SHORTER.get(name, "")))
         drawn = _draw(folder, DRAWINGS.get(name, Drawing()))
-        _shrink(drawn, GALLERY / f"{name}.png")
-
-
-def _run(name: str, folder: Path) -> None:
-    """Run a case or an example; the latter leaves its results where it is run."""
-    example = EXAMPLES / f"{name}.py"
-    if not example.exists():
-        options = shlex.split(SHORTER.get(name, ""))
-        python(ROOT / "cases" / f"{name}.py", *options, "--output", folder)
-        return
-    with tempfile.TemporaryDirectory() as place:
-        python(example, folder=Path(place))
-        shutil.move(Path(place) / "results" / name, folder)
+        GALLERY.mkdir(exist_ok=True)
+        keep(drawn, GALLERY / f"{name}.png", _SIZE)
 
 
 def _draw(folder: Path, drawing: Drawing) -> Path:
@@ -94,16 +78,6 @@ def _draw(folder: Path, drawing: Drawing) -> Path:
     size = ("--size", _SIZE, "--no-animation") if drawing.script == "render" else ()
     options = shlex.split(drawing.options)
     return draw(drawing.script, folder / drawing.folder, *options, *size)
-
-
-def _shrink(drawn: Path, target: Path) -> None:
-    """Keep a picture in few colours."""
-    small = Image.fromarray(imread(drawn)[..., :3])
-    width, _, height = _SIZE.partition("x")
-    small.thumbnail((int(width), int(height)))
-    few = small.quantize(_COLOURS, dither=Image.Dither.NONE)
-    target.parent.mkdir(exist_ok=True)
-    few.save(target, optimize=True)
 
 
 if __name__ == "__main__":

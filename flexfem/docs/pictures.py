@@ -12,13 +12,18 @@ import re
 import shutil
 import subprocess
 import sys
+import tempfile
+from collections.abc import Sequence
 from pathlib import Path
 
 FIGURES = Path(__file__).parent / "figures"
 ROOT = Path(__file__).parents[2]
+#: Number of colours of pictures.
+_COLOURS = 128
 _SIZE = ("--size", "900x560", "--no-animation")
 
-#: Pictures by their names: the case, the script that draws it, its options.
+#: Pictures by their names: the case or example, folders of its results behind a colon, the script
+#: that draws it, its options.
 PICTURES = {
     "tutorial_1_motion": (
         "tutorial_1_pendulum",
@@ -58,6 +63,11 @@ PICTURES = {
         "tutorial_8_crane",
         ("plot_history", "--columns", "pull_tension,pull_end_tension"),
     ),
+    "tutorial_10_motion": ("identified_beam", ("render", "--interval", "0.1", *_SIZE)),
+    "tutorial_10_fit": (
+        "identified_beam:film,fit",
+        ("compare_runs", "--columns", "tip_x,tip_z,left_x,left_z", "--across", "2"),
+    ),
     "walk_motion": ("scissor", ("render", *_SIZE)),
     "walk_history": (
         "scissor",
@@ -67,16 +77,42 @@ PICTURES = {
 #: Cases that are no files: the page whose first complete script each is.
 PAGES = {"scissor": "guide/walk.md"}
 #: Default picture of each script.
-_DRAWN = {"render": "motion.png", "plot_history": "history.png", "plot_campbell": "campbell.png"}
+_DRAWN = {
+    "render": "motion.png", "plot_history": "history.png", "plot_campbell": "campbell.png",
+    "compare_runs": "comparison.png",
+}  # fmt: skip
 
 
 def main(results: Path) -> None:
     """Run cases without results, and draw all pictures."""
     for name, (case, (script, *options)) in PICTURES.items():
-        folder = results / case
-        if not (folder / "summary.json").exists():
-            python(*_program(case), "--output", folder)
-        shutil.copyfile(draw(script, folder, *options), FIGURES / f"{name}.png")
+        own, _, inside = case.partition(":")
+        if not (results / own / "summary.json").exists():
+            run(own, results / own)
+        first, *others = [results / own / one for one in inside.split(",")]
+        keep(draw(script, first, *others, *options), FIGURES / f"{name}.png")
+
+
+def run(name: str, folder: Path, options: Sequence[str] = ()) -> None:
+    """Run a case or an example; the latter leaves its results where it is run."""
+    example = ROOT / "examples" / f"{name}.py"
+    if not example.exists():
+        python(*_program(name), *options, "--output", folder)
+        return
+    with tempfile.TemporaryDirectory() as place:
+        python(example, folder=Path(place))
+        shutil.move(Path(place) / "results" / name, folder)
+
+
+def keep(drawn: Path, target: Path, size: str = "1400x1000") -> None:
+    """Keep a picture in few colours, and not larger than a size."""
+    from imageio.v3 import imread
+    from PIL import Image
+
+    small = Image.fromarray(imread(drawn)[..., :3])
+    width, _, height = size.partition("x")
+    small.thumbnail((int(width), int(height)))
+    small.quantize(_COLOURS, dither=Image.Dither.NONE).save(target, optimize=True)
 
 
 def draw(script: str, results: Path, *options: object) -> Path:

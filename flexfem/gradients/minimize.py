@@ -74,7 +74,7 @@ class Optimum:
 
 def minimize(
     build: Build,
-    objective: str | Functional,
+    objective: str | Functional | None,
     start: Mapping[str, npt.ArrayLike],
     options: Options,
     *,
@@ -99,7 +99,7 @@ def minimize(
 
     Args:
         build: model of the parameters' values.
-        objective: see :func:`gradient`.
+        objective: a number, see :func:`gradient`; None for the cost alone.
         start: values of all parameters to begin with, numbers or arrays (n,).
         options: of the motions, the equilibria or the modes.
         bounds: least and largest value of parameters by name, None for none.
@@ -130,8 +130,11 @@ def minimize(
     """
     values = checked_values(start)
     solve = method_of(method, constrained=bool(constraints))
-    of = [objective, *(one for one, *_ in constraints)]
+    if objective is None and (cost is None or not constraints):
+        raise ValueError("minimize: without an objective give a cost and constraints")
+    of = [*(() if objective is None else (objective,)), *(one for one, *_ in constraints)]
     problem = _Problem(Differentiation(build, of, options, ks_rho=ks_rho, comm=comm), values, comm)
+    problem.only_cost = objective is None
     problem.cost, problem.most = cost, most
     problem.scale = _scales(values, scale or {})
     problem.output = None if output is None else Path(output)
@@ -151,6 +154,7 @@ class _Problem:
     """Objective and constraints as functions of scaled parameters, each computed once."""
 
     cost: Cost | None
+    only_cost: bool
     most: int
     scale: Values
     output: Path | None
@@ -232,6 +236,8 @@ class _Problem:
         found = self._evaluated(current)
         values = found.values.copy()
         slopes = np.array([self._scaled(named(self._start, row)) for row in found.slopes])
+        if self.only_cost:
+            values, slopes = np.append(0.0, values), np.vstack([np.zeros(x.size), slopes])
         if self.cost is not None:
             more, by = self.cost(**plain(current))
             values[0] += more
@@ -240,7 +246,8 @@ class _Problem:
         merit = (max(self._task.violation(values) - _SLACK, 0.0), float(values[0]))
         if self._best is None or merit < self._best[0]:
             self._best = merit, np.array(x)
-        self._record(dict(zip(["objective", *self._names[1:]], values.tolist(), strict=True)))
+        names = self._names if self.only_cost else self._names[1:]
+        self._record(dict(zip(["objective", *names], values.tolist(), strict=True)))
         return values, slopes
 
     def _evaluated(self, current: Values) -> Evaluation:

@@ -42,11 +42,12 @@ def test_every_case_is_on_the_page_of_cases() -> None:
 
 
 def test_every_tutorial_has_its_page() -> None:
-    """A page is about the case of its name, or about another one whose name follows its number."""
+    """A page is about the case of its name, or about a case or example named after its number."""
     pages = {page.stem for page in (SOURCES / "tutorials").glob("tutorial_*.md")}
     cases = set(shipped_files("cases"))
     assert {name for name in cases if name.startswith("tutorial_")} <= pages
-    assert {page for page in pages if not {page, page.split("_", 2)[2]} & cases} == set()
+    known = cases | set(examples())
+    assert {page for page in pages if not {page, page.split("_", 2)[2]} & known} == set()
     index = (SOURCES / "tutorials" / "index.md").read_text()
     assert set(re.findall(r"^tutorial_\w+$", index, re.MULTILINE)) == pages
 

@@ -71,8 +71,7 @@ def braked(damping):
 def cheapest(*, build=braked, of=("ks:below", None, 0.02), start=30.0, **more):
     """The weakest damper with which the mass overshoots by no more than is allowed."""
     return ff.minimize(
-        build, ff.Functional("none", (), lambda h: 0.0, lambda h: np.zeros((0, len(h["t"])))),
-        {"damping": start}, COARSE, constraints=[of], ks_rho=2000.0, tolerance=1e-8,
+        build, None, {"damping": start}, COARSE, constraints=[of], ks_rho=2000.0, tolerance=1e-8,
         cost=lambda damping: (damping, {"damping": 1.0}), **more,
     )  # fmt: skip
 
@@ -139,7 +138,7 @@ def test_file_of_another_minimisation(shared_tmp_path):
     refused = [
         (
             {"build": lambda damping: oscillator(damping, 410.0), "of": ("min:x", -0.02, None)},
-            "is of 'none, ks:below' by 1 numbers, not of none, min:x by 1",
+            "is of 'ks:below' by 1 numbers, not of min:x by 1",
         ),
         (
             {"build": lambda damping: braked(1.01 * damping)},
@@ -202,6 +201,7 @@ WRONG = [
      'method must be one of "L-BFGS-B", "SLSQP", "MMA", "IPOPT", got'),
     (lambda: _minimize(method="L-BFGS-B", constraints=[("min:x", 0.0, None)]),
      'method must be one of "SLSQP", "MMA", "IPOPT", got'),
+    (lambda: _minimize(objective=None), "without an objective give a cost and constraints"),
     (lambda: _minimize(objective="ks:x"), "gradient: ks:x needs a positive ks_rho, got None"),
     (lambda: _minimize(restart="nowhere"), "optimisation 'nowhere': No such file"),
     (lambda: _minimize(restart=__file__), "holds no evaluations of an optimisation"),
