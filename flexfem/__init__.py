@@ -150,6 +150,7 @@ _MODULES = {
     "MomentumProbe": "model.probes.measured",
     "ReactionProbe": "model.probes.measured",
     "ReductionErrorProbe": "model.probes.measured",
+    "AggregateProbe": "model.probes.aggregate",
     "CableProbe": "model.probes.cable",
     "StrainProbe": "model.probes.measured",
     "ShellEnergyProbe": "model.probes.measured",

@@ -27,7 +27,6 @@ from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.states.analyses import Options, found_at, numbers_of
 from flexfem.gradients.states.neighbours import by_name
 from flexfem.model.model import Model
-from flexfem.model.probes.base import Probe
 
 __all__ = [
     "MEMORY",
@@ -252,7 +251,7 @@ def tangent_motion(
         wrt: parameters.
         direction: change of each parameter, in its unit; others do not change.
         options: those of the motion.
-        columns: names; those of every :class:`Probe` by default.
+        columns: names; all that have derivatives by default.
         accuracy: relative accuracy of the linearised equations of a step.
         memory: largest number of bytes for states on each rank; with less, states are computed
             once more.
@@ -310,7 +309,7 @@ def _check(
 
 def _columns(model: Model) -> list[str]:
     """Columns that have derivatives."""
-    return [name for probe in model.of(Probe) for name in probe.columns]
+    return [name for probe in model.probes for name in probe.differentiable]
 
 
 def made_of(build: Build, values: Values) -> Model:

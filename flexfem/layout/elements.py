@@ -11,7 +11,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 if TYPE_CHECKING:
-    from collections.abc import Mapping
+    from collections.abc import Mapping, Sequence
 
     from mpi4py import MPI
 
@@ -24,12 +24,14 @@ __all__ = [
     "ElementFamily",
     "HistoryElements",
     "MultigridElements",
+    "ResultantElements",
     "StepForces",
     "StepMatrices",
     "SteppedElements",
     "StrainedElements",
     "StresslessElements",
     "TimedElements",
+    "one_width",
 ]
 
 
@@ -270,6 +272,27 @@ class DampedElements(Protocol):
 
 
 @runtime_checkable
+class ResultantElements(Protocol):
+    """Elements that have stress resultants."""
+
+    @property
+    def body(self) -> IntArray:
+        """See :class:`ElementFamily`."""
+        ...
+
+    @property
+    def support(self) -> IntArray:
+        """Local nodes (m, k) on which the strains of each cell depend, -1 where it has fewer."""
+        ...
+
+    def resultants(
+        self, frames: FloatArray, chosen: IntArray | None = None
+    ) -> tuple[FloatArray, FloatArray]:
+        """See :meth:`ElementFamily.resultants`."""
+        ...
+
+
+@runtime_checkable
 class StepMatrices(Protocol):
     """Elements that compute the parts of their matrix over a step together with it."""
 
@@ -385,3 +408,13 @@ class TimedElements(Protocol):
     def powers(self, block: FrameBlock, gravity: FloatArray) -> FloatArray:
         """Rates (m,) of the energies of all cells by the change of their masses, W."""
         ...
+
+
+def one_width(patches: Sequence[IndexArray]) -> IntArray:
+    """Rows of nodes of different widths as one array, filled up by -1."""
+    width = max((nodes.shape[1] for nodes in patches), default=0)
+    rows = [
+        np.pad(nodes.astype(np.int64), ((0, 0), (0, width - nodes.shape[1])), constant_values=-1)
+        for nodes in patches
+    ]
+    return np.concatenate([np.empty((0, width), dtype=np.int64), *rows])

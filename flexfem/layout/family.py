@@ -13,7 +13,7 @@ import warnings
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
-from typing import TYPE_CHECKING, Any, ClassVar, Protocol
+from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
 
 import numpy as np
 
@@ -39,7 +39,8 @@ if TYPE_CHECKING:
     from flexfem.model.structure.place import Place
 
 __all__ = [
-    "BUILT_IN", "ContactLine", "ContactSurface", "Family", "Sensor", "one_width", "registry",
+    "BUILT_IN", "ContactLine", "ContactSurface", "Family", "NodalSensor", "NodalValues", "Sensor",
+    "SumOfValues", "registry",
 ]  # fmt: skip
 
 #: Families of the package in the order of the nest; those of users follow.
@@ -62,6 +63,63 @@ class Sensor(Protocol):
 
     def update(self) -> FloatArray:
         """Evaluate the accepted state and return this rank's share of the columns."""
+
+
+class NodalValues(Protocol):
+    """Numbers each of which depends on the configurations of few nodes.
+
+    Attributes:
+        block: of the nodes.
+        support: (m, k) local nodes on which each row depends, -1 where there are fewer.
+    """
+
+    block: FrameBlock
+    support: IntArray
+
+    def values(self) -> FloatArray:
+        """Values (m, c) of this rank at the trial state."""
+
+
+@runtime_checkable
+class NodalSensor(Sensor, Protocol):
+    """Measurement that is a function of such numbers, and has derivatives.
+
+    Attributes:
+        nodal: the numbers.
+    """
+
+    @property
+    def nodal(self) -> Sequence[NodalValues]:
+        """See the class."""
+        ...
+
+    def by_values(self, weights: FloatArray) -> Sequence[FloatArray]:
+        """Derivatives (m, c) of ``weights @ columns`` by the numbers (collective)."""
+
+
+class SumOfValues:
+    """Sensor whose columns are the sums of its own :class:`NodalValues`."""
+
+    block: FrameBlock
+    support: IntArray
+
+    def values(self) -> FloatArray:
+        """See :class:`NodalValues`."""
+        raise NotImplementedError
+
+    def update(self) -> FloatArray:
+        """See :class:`Sensor`."""
+        found: FloatArray = self.values().sum(axis=0)
+        return found
+
+    @property
+    def nodal(self) -> Sequence[NodalValues]:
+        """See :class:`NodalSensor`."""
+        return [self]
+
+    def by_values(self, weights: FloatArray) -> Sequence[FloatArray]:
+        """See :class:`NodalSensor`."""
+        return [np.broadcast_to(weights, self.values().shape)]
 
 
 @dataclass(frozen=True)
@@ -411,17 +469,6 @@ class Family:
         )
         made: Sensor | None = old(probe, part)
         return made
-
-
-def one_width(patches: Sequence[IntArray]) -> IntArray:
-    """Rows of nodes of different widths as one array, filled up by -1."""
-    width = max(nodes.shape[1] for nodes in patches)
-    return np.concatenate(
-        [
-            np.pad(nodes, ((0, 0), (0, width - nodes.shape[1])), constant_values=-1)
-            for nodes in patches
-        ]
-    )
 
 
 def registry(model: Model) -> list[type[Family]]:

@@ -20,6 +20,7 @@ from flexfem.core.runs import starts
 from flexfem.families.beam_nurbs.group import NurbsGroup, NurbsKernels
 from flexfem.families.beam_nurbs.points import AlongBeam, NurbsCells, PointSet
 from flexfem.families.common.section_groups import materials
+from flexfem.layout.elements import one_width
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 from flexfem.materials.section import Section
 
@@ -116,6 +117,11 @@ class NurbsBeams:
     def connectivity(self) -> list[IndexArray]:
         """See the class."""
         return [group.data.nodes for group in self.groups]
+
+    @property
+    def support(self) -> IntArray:
+        """See :class:`flexfem.layout.elements.ResultantElements`."""
+        return one_width(self.connectivity)
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:

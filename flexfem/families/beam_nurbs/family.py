@@ -23,8 +23,8 @@ from flexfem.families.beam_nurbs.masses import ElementMasses
 from flexfem.families.beam_nurbs.sensors import CurveStrainSensor
 from flexfem.families.common.beam_family import BeamFamily
 from flexfem.families.common.block_nodes import distributed
-from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import ContactLine, Sensor, one_width
+from flexfem.layout.elements import ElementFamily, one_width
+from flexfem.layout.family import ContactLine, Sensor
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.line_loads import by_kind
 from flexfem.layout.lines import Line

@@ -8,8 +8,9 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.families.beam_nurbs.elements import NurbsBeams, NurbsPoints
+from flexfem.families.beam_nurbs.elements import NurbsBeams
 from flexfem.layout.element_places import holds
+from flexfem.layout.family import SumOfValues
 from flexfem.layout.lines import ElementPlace
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.model.probes.measured import StrainProbe
@@ -20,30 +21,26 @@ if TYPE_CHECKING:
 __all__ = ["CurveStrainSensor"]
 
 
-class CurveStrainSensor:
+class CurveStrainSensor(SumOfValues):
     """Strains and resultants at a fraction of a NURBS beam, on the rank of the element."""
 
     def __init__(self, part: BlockPart, serial: NumberedModel, probe: StrainProbe) -> None:
         """Find the element."""
-        self._part = part
-        block, beams = self._part.block, self._part.elements
+        block, beams = part.block, part.elements
         assert isinstance(beams, NurbsBeams)
         curve = serial.model.curve(serial.model[probe.beam])
         place = ElementPlace.on(
             serial.line(probe.beam), *element_at_fraction(curve, probe.fraction)
         )
-        self._points: NurbsPoints | None = None
+        cells = np.empty(0, dtype=np.int64)
         if holds(block, place):
             cells = np.array([_cell(beams, block.local_index(place.nodes))])
-            self._points = beams.points_at(np.array([place.xi]), cells)
+        self._points = beams.points_at(np.array([place.xi]), cells)
+        self.block, self.support = block, beams.support[cells]
 
-    def update(self) -> FloatArray:
-        """See :class:`flexfem.layout.family.Sensor`."""
-        if self._points is None:
-            return np.zeros(12)
-        both = self._points.resultants(self._part.block.frames)
-        values: FloatArray = np.concatenate(both, axis=2)[0, 0]
-        return values
+    def values(self) -> FloatArray:
+        """See :class:`flexfem.layout.family.NodalValues`."""
+        return np.concatenate(self._points.resultants(self.block.frames), axis=2)[:, 0]
 
 
 def _cell(beams: NurbsBeams, nodes: IntArray) -> int:

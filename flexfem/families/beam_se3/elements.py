@@ -120,6 +120,11 @@ class SE3Beams:
         return [(self.data.cells, self.data.cells)]
 
     @property
+    def support(self) -> IntArray:
+        """See :class:`flexfem.layout.elements.ResultantElements`."""
+        return self.data.cells.astype(np.int64)
+
+    @property
     def body(self) -> IntArray:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return self.data.body

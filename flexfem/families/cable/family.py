@@ -22,7 +22,8 @@ from flexfem.joints.cable import Cable
 from flexfem.joints.cable_guides import Guide, Sheave, marker_of
 from flexfem.joints.cable_path import Path, course
 from flexfem.joints.spherical import Spherical
-from flexfem.layout.family import Family, one_width
+from flexfem.layout.elements import one_width
+from flexfem.layout.family import Family
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.layout.surface_places import SurfacePlace
 from flexfem.lie import se3

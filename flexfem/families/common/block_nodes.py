@@ -13,7 +13,8 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.marker import Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.runs import starts
-from flexfem.layout.family import Family, one_width
+from flexfem.layout.elements import one_width
+from flexfem.layout.family import Family
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.model.structure.place import Place

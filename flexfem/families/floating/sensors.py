@@ -10,6 +10,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.families.floating.elements import FloatingBodies, FloatingGroup
+from flexfem.layout.family import SumOfValues
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.probes.measured import ElongationProbe, ReductionErrorProbe
 
@@ -36,7 +37,7 @@ class _OfBody:
         return found.coordinates(block.frames, block.velocity, block.acceleration)[1]
 
 
-class BodyElongation(_OfBody):
+class BodyElongation(_OfBody, SumOfValues):
     """Relative displacement of two interfaces by elastic strain, on the rank of the body."""
 
     def __init__(
@@ -44,14 +45,16 @@ class BodyElongation(_OfBody):
     ) -> None:
         """Find the body and the coordinates."""
         super().__init__(part, bodies, probe.body)
-        self._weights = _along(bodies[self.number], probe)
+        self._weights, self.block = _along(bodies[self.number], probe), part.block
+        nothing = np.empty((0, 1), dtype=np.int64)
+        self.support = nothing if self._found is None else self._found.nodes.astype(np.int64)
 
-    def update(self) -> FloatArray:
-        """See :class:`flexfem.layout.family.Sensor`."""
+    def values(self) -> FloatArray:
+        """See :class:`flexfem.layout.family.NodalValues`."""
         if self._found is None:
-            return np.zeros(1)
-        strains = self._found.strains(self._coordinates(self._found)[:, :, 0])[0]
-        return np.array([strains[: len(self._weights)] @ self._weights])
+            return np.zeros((0, 1))
+        strains = self._found.strains(self._coordinates(self._found)[:, :, 0])
+        return strains[:, : len(self._weights)] @ self._weights[:, np.newaxis]
 
 
 class BodyMissing:

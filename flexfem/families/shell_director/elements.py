@@ -125,6 +125,11 @@ class DirectorShells:
         return nodes[:, parts].reshape(-1, 3), np.repeat(np.arange(len(nodes)), 4)
 
     @property
+    def support(self) -> IntArray:
+        """See :class:`flexfem.layout.elements.ResultantElements`."""
+        return self.triangles.nodes.astype(np.int64)
+
+    @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         return self._pairs.couplings

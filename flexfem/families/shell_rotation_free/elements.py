@@ -28,6 +28,7 @@ from flexfem.families.common.corotating_loops import (
 from flexfem.families.common.node_pairs import NodePairs
 from flexfem.families.common.shell_rest import RestStrains
 from flexfem.families.shell_rotation_free.triangles import RotationFreeTriangles
+from flexfem.layout.elements import one_width
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 __all__ = ["RotationFreeShells", "ShellCells"]
@@ -122,6 +123,11 @@ class RotationFreeShells:
     def carriers(self) -> IndexArray:
         """Nodes (m, 3) of the triangles on which loads act."""
         return self.corners
+
+    @property
+    def support(self) -> IntArray:
+        """See :class:`flexfem.layout.elements.ResultantElements`."""
+        return one_width([g.triangles.patches.nodes for g in self.groups])
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:

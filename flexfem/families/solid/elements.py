@@ -24,7 +24,7 @@ from flexfem.families.common.corotating_loops import (
 from flexfem.families.common.node_pairs import NodePairs
 from flexfem.families.solid.cells import Motion, SolidCells
 from flexfem.families.solid.steps import SolidSteps
-from flexfem.layout.elements import StresslessElements
+from flexfem.layout.elements import StresslessElements, one_width
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 __all__ = ["SolidElements"]
@@ -103,6 +103,11 @@ class SolidElements(StresslessElements):
         """See :class:`flexfem.layout.elements.MultigridElements`."""
         found: FloatArray = self.mass.diagonal()
         return found
+
+    @property
+    def support(self) -> IntArray:
+        """See :class:`flexfem.layout.elements.ResultantElements`."""
+        return one_width([g.nodes for g in self.groups])
 
     @property
     def couplings(self) -> list[tuple[IndexArray, IndexArray]]:

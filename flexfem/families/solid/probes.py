@@ -81,6 +81,11 @@ class SolidProbe(AnyProbe):
         """Name the columns."""
         name_columns(self, [column for name in self.measures for column in MEASURES[name]])
 
+    @property
+    def differentiable(self) -> tuple[str, ...]:
+        """See :class:`AnyProbe`."""
+        return self.columns
+
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
         owner, solid = f'SolidProbe "{self.name}"', model.get(self.solid)

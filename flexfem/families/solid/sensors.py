@@ -14,6 +14,7 @@ from flexfem.families.solid.elements import SolidElements
 from flexfem.families.solid.forms import FIELDS
 from flexfem.families.solid.lagrange import shapes
 from flexfem.families.solid.probes import SolidProbe
+from flexfem.layout.family import SumOfValues
 
 if TYPE_CHECKING:
     from flexfem.system.system import BlockPart
@@ -23,7 +24,7 @@ __all__ = ["PlaceSensor", "SolidSensor", "von_mises"]
 _STRESS, _STRAIN, _J = 0, FIELDS["stress"], FIELDS["stress"] + FIELDS["strain"]
 
 
-class SolidSensor:
+class SolidSensor(SumOfValues):
     """Share of this rank in the columns of a probe.
 
     Fields are weighted means of those of cells; von Mises' stress, which is no linear function of
@@ -43,7 +44,7 @@ class SolidSensor:
         """
         elements = part.elements
         assert isinstance(elements, SolidElements)
-        self._part, self._elements, self._probe = part, elements, probe
+        self._elements, self._probe, self.block = elements, probe, part.block
         solid = next(body for body in bodies if body.name == probe.solid)
         weight = np.zeros(solid.elements)
         self._at: FloatArray | None = None
@@ -55,38 +56,38 @@ class SolidSensor:
             kind = solid.mesh.cell, solid.degree - 1
             at = shapes(*kind, xi[np.newaxis])[0][0] if solid.degree > 1 else np.ones(1)
             self._at = at
-        self._weights = []
+        self._chosen, support, first, volume = [], [], 0, 0.0
         for group in elements.groups:
             inside = (group.number >= first_cell) & (group.number < first_cell + solid.elements)
             own = np.zeros(len(group.nodes))
             own[inside] = weight[group.number[inside] - first_cell]
-            self._weights.append(own)
-        volumes = [w @ g.size for w, g in zip(self._weights, elements.groups, strict=True)]
-        self._volume = part.block.comm.allreduce(float(sum(volumes)))
+            chosen = np.flatnonzero(own)
+            self._chosen.append(chosen)
+            support.append(first + chosen)
+            first, volume = first + len(own), volume + float(group.size[chosen].sum())
+        self.support = elements.support[np.concatenate([np.empty(0, np.int64), *support])]
+        self._volume = part.block.comm.allreduce(volume)
 
-    def update(self) -> FloatArray:
-        """See :class:`flexfem.layout.family.Sensor`."""
-        total, volume = np.zeros(sum(FIELDS.values()) + 1), 0.0
-        fields = self._elements.fields(self._part.block)
-        for values, group, weight in zip(fields, self._elements.groups, self._weights, strict=True):
-            chosen = np.flatnonzero(weight)
+    def values(self) -> FloatArray:
+        """See :class:`flexfem.layout.family.NodalValues`: the shares of the cells."""
+        fields, found = self._elements.fields(self.block), []
+        for values, group, chosen in zip(fields, self._elements.groups, self._chosen, strict=True):
+            means = group.means(values[chosen], chosen)
+            size = group.size[chosen, np.newaxis]
             if self._at is not None:
-                own = np.einsum("j,mjc->mc", self._at, values[chosen])
-                part = np.ones(len(chosen))
+                own, share = np.einsum("j,mjc->mc", self._at, values[chosen]), np.ones_like(size)
             else:
-                own = group.means(values[chosen], chosen)
-                part = group.size[chosen] / self._volume
-            total[:-1] += part @ own
-            total[-1] += part @ von_mises(own[:, :_STRAIN])
-            volume += float(group.size[chosen] @ group.means(values[chosen], chosen)[:, _J])
-        found = {
-            "stress": total[_STRESS:_STRAIN], "strain": total[_STRAIN:_J], "J": total[_J : _J + 1],
-            "von_mises": total[-1:], "volume": np.array([volume]),
-        }  # fmt: skip
-        return np.concatenate([found[name] for name in self._probe.measures])
+                own, share = means, size / self._volume
+            every = {
+                "stress": share * own[:, _STRESS:_STRAIN], "strain": share * own[:, _STRAIN:_J],
+                "J": share * own[:, _J : _J + 1], "volume": size * means[:, _J : _J + 1],
+                "von_mises": share * von_mises(own[:, :_STRAIN])[:, np.newaxis],
+            }  # fmt: skip
+            found.append(np.hstack([every[name] for name in self._probe.measures]))
+        return np.concatenate([np.empty((0, len(self._probe.columns))), *found])
 
 
-class PlaceSensor:
+class PlaceSensor(SumOfValues):
     """Position and displacement of a point or a surface, the share of this rank's nodes."""
 
     def __init__(self, part: BlockPart, solid: Solid, first_node: int, probe: SolidProbe) -> None:
@@ -105,15 +106,16 @@ class PlaceSensor:
             cell, weights = solid.figure.located(owner, probe.place)
             nodes = solid.nodes.cells[cell]
         local = block.owned_index(first_node + nodes)
-        self._probe, self._block, self._nodes = probe, block, local[local >= 0]
-        self._weights = weights[local >= 0] / weights.sum()
+        self._probe, self.block, self._nodes = probe, block, local[local >= 0]
+        self.support = self._nodes[:, np.newaxis]
+        self._weights = weights[local >= 0, np.newaxis] / weights.sum()
 
-    def update(self) -> FloatArray:
-        """See :class:`flexfem.layout.family.Sensor`."""
-        now, start = self._block.frames, self._block.start_frames
-        x, X = (self._weights @ frames[self._nodes, :3] for frames in (now, start))
+    def values(self) -> FloatArray:
+        """See :class:`flexfem.layout.family.NodalValues`: the shares of the nodes."""
+        now, start = self.block.frames, self.block.start_frames
+        x, X = (self._weights * frames[self._nodes, :3] for frames in (now, start))
         found = {"position": x, "displacement": x - X}
-        return np.concatenate([found[name] for name in self._probe.measures])
+        return np.hstack([found[name] for name in self._probe.measures])
 
 
 def von_mises(stress: FloatArray) -> FloatArray:

@@ -20,12 +20,12 @@ from flexfem.gradients.equations.kernels import apply_maps, apply_transposed_map
 from flexfem.lie import se3, so3
 
 __all__ = [
-    "RateMaps", "StepMaps", "TwistMap", "applied", "fixed_apart", "rotations", "transposed",
-    "twists",
+    "ROUNDING", "RateMaps", "StepMaps", "TwistMap", "applied", "fixed_apart", "moved",
+    "rotations", "transposed", "twists",
 ]  # fmt: skip
 
 #: Distance of fixed unknowns at the starts of two models, m or 1, up to which it is rounding.
-_ROUNDING = 1e-13
+ROUNDING = 1e-13
 
 
 def rotations(frames: FloatArray) -> FloatArray:
@@ -43,6 +43,16 @@ def twists(frames: FloatArray, moved: FloatArray, *, inertial: bool) -> FloatArr
     return np.concatenate([way, so3.log(turns)], axis=1)
 
 
+def moved(frames: FloatArray, by: FloatArray, *, inertial: bool) -> FloatArray:
+    """Frames (n, 12) moved by local twists (n, 6), the inverse of :func:`twists`."""
+    if not inertial:
+        return se3.retract(frames, by)
+    found, R = frames.copy(), rotations(frames)
+    found[:, :3] += np.einsum("nij,nj->ni", R, by[:, :3])
+    found[:, 3:] = (R @ so3.exp(by[:, 3:])).reshape(-1, 9)
+    return found
+
+
 def fixed_apart(block: FrameBlock, other: FrameBlock) -> FloatArray:
     """Frames (n, 12) of a block, whose fixed unknowns move with the start of another one.
 
@@ -51,17 +61,12 @@ def fixed_apart(block: FrameBlock, other: FrameBlock) -> FloatArray:
     frames = block.frames.copy()
     if block.dirichlet is None:
         return frames
-    apart = np.abs(block.start_frames - other.start_frames).max(axis=1, initial=0.0) > _ROUNDING
+    apart = np.abs(block.start_frames - other.start_frames).max(axis=1, initial=0.0) > ROUNDING
     at = np.flatnonzero(apart & block.dirichlet.any(axis=1))
     moves = twists(block.start_frames[at], other.start_frames[at], inertial=block.inertial)
     moves[:, : block.width][~block.dirichlet[at]] = 0.0
     moves[:, block.width :] = 0.0
-    if not block.inertial:
-        frames[at] = se3.retract(frames[at], moves)
-        return frames
-    R = rotations(frames[at])
-    frames[at, :3] += np.einsum("nij,nj->ni", R, moves[:, :3])
-    frames[at, 3:] = (R @ so3.exp(moves[:, 3:])).reshape(-1, 9)
+    frames[at] = moved(frames[at], moves, inertial=block.inertial)
     return frames
 
 

@@ -25,6 +25,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.gradients.equations.node_maps import RateMaps, transposed
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.motion.adjoint import Carried
+from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.direct import DirectEffect
 from flexfem.gradients.motion.element_arrays import (
     Builder,
@@ -140,9 +141,11 @@ class SeparateInfluence:
         """See :class:`Influence`."""
         return np.concatenate([one.event_changes(state) for one in self.every])
 
-    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
+    def direct_products(
+        self, step: int, weights: FloatArray, seeds: Sequence[Sequence[NodeSeeds]]
+    ) -> FloatArray:
         """See :class:`Influence`."""
-        return np.hstack([one.direct_products(step, weights) for one in self.every])
+        return np.hstack([one.direct_products(step, weights, seeds) for one in self.every])
 
 
 class TimedInfluence:
@@ -178,12 +181,14 @@ class TimedInfluence:
         """See :class:`Influence`; there are no events, see :func:`_times`."""
         return np.zeros(self.count)
 
-    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
+    def direct_products(
+        self, step: int, weights: FloatArray, seeds: Sequence[Sequence[NodeSeeds]]
+    ) -> FloatArray:
         """See :class:`Influence`."""
         found = np.zeros((len(weights), self.count))
         for one, group in zip(self.every, self.times, strict=True):
             if group.columns[step] >= 0:
-                found[:, group.columns[step]] = one.direct_products(step, weights)[:, 0]
+                found[:, group.columns[step]] = one.direct_products(step, weights, seeds)[:, 0]
         return found
 
 
@@ -192,7 +197,8 @@ class Entry:
     """What one entry of an array changes, where others share its models.
 
     Attributes:
-        start, numbers, equations, depends_directly, columns: see :class:`NumberInfluence`.
+        start, numbers, equations, depends_directly, columns, followed: see
+            :class:`NumberInfluence`.
     """
 
     start: list[Carried]
@@ -200,6 +206,7 @@ class Entry:
     equations: Callable[[int], Factors]
     depends_directly: bool
     columns: Callable[[int], FloatArray]
+    followed: Callable[[int, Sequence[NodeSeeds]], float]
 
     def event_changes(self, state: int) -> FloatArray:
         """None, see those of the arrays."""
@@ -232,6 +239,7 @@ def _timed_entries(motion: Motion, influence: TimedInfluence) -> list[NumberInfl
                 partial(_if_owned, equations, group.equations == entry, nothing),
                 one.depends_directly,
                 partial(_if_owned, columns, group.columns == entry, no_columns),
+                partial(_followed_if_owned, one, group.columns == entry),
             )  # fmt: skip
     return [found[k] for k in range(influence.count)]
 
@@ -241,6 +249,13 @@ def _if_owned[Found](
 ) -> Found:
     """Values of a step that are an entry's own, and nothing at others (collective)."""
     return values(step) if owned[step] else nothing
+
+
+def _followed_if_owned(
+    one: NumberInfluence, owned: BoolArray, step: int, seeds: Sequence[NodeSeeds]
+) -> float:
+    """What columns of a step change with nodes that follow their starts, if they are an entry's."""
+    return one.followed(step, seeds) if owned[step] else 0.0
 
 
 def _element_entries(motion: Motion, influence: ElementInfluence) -> list[NumberInfluence | Entry]:
@@ -263,7 +278,7 @@ def _element_entries(motion: Motion, influence: ElementInfluence) -> list[Number
     return [
         Entry(
             _start_along(motion, of(entry, 0)[0]), numbers, partial(of, entry), False,
-            lambda step: no_columns,
+            lambda step: no_columns, lambda step, seeds: 0.0,
         )
         for entry in range(influence.count)
     ]  # fmt: skip

@@ -1,9 +1,10 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Derivatives of columns of the history by the motion of nodes.
 
-Columns are functions of markers' states (``Probe``). These are differentiated by central
-differences of fourth order with the longest step that suits them: a deflection of a micrometre is
-a norm with a kink nearby. From the markers to their nodes all is exact.
+Columns are functions of markers' states (``Probe``), or of measurements that depend on few nodes
+each. These are differentiated by central differences of fourth order with the longest step that
+suits them: a deflection of a micrometre is a norm with a kink nearby. From the markers at nodes to
+these all is exact.
 """
 
 from __future__ import annotations
@@ -19,25 +20,21 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.marker import Ground
+from flexfem.core.marker import SlidingMarker
 from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.gradients.equations.node_functions import ENOUGH, STENCIL, STEPS, SUITS, NodeFunctions
 from flexfem.gradients.equations.node_maps import rotations, transposed
 from flexfem.gradients.motion.functionals import Functional
-from flexfem.lie import so3
+from flexfem.layout.elements import one_width
+from flexfem.layout.family import NodalSensor, Sensor
+from flexfem.lie import se3, so3
 from flexfem.model.model import Model
-from flexfem.model.probes.base import MarkerState, Probe
-from flexfem.system.measure.probes import ProbeRecorder
+from flexfem.model.probes.base import AnyProbe, MarkerState, Probe
+from flexfem.system.measure.probes import ROW, MarkersInside, ProbeRecorder
 from flexfem.system.system import System
 
 __all__ = ["ColumnDerivatives", "NodeSeeds", "Recorded", "history_weights"]
 
-#: Differences, in m, rad, m/s and so on, the longest first.
-_STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-#: Difference from a shorter step, relative to the largest changes, up to which a step suits, and up
-#: to which the best one does.
-_SUITS, _ENOUGH = 1e-7, 1e-5
-#: Places in steps, with weights.
-_STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
 #: Position, rotation, velocity, angular velocity and both accelerations of a marker.
 _COMPONENTS = 18
 
@@ -108,37 +105,22 @@ class ColumnDerivatives:
         """Find the probes of the columns.
 
         Raises:
-            InputError: one is a function of a marker that is not at a node.
+            InputError: one is a function of a marker that slides.
         """
         self._states, self._columns = states, list(columns)
-        model = states.model
         self._probes: list[tuple[Probe, int, list[tuple[int, int]]]] = []
-        at, inside = 0, self._inside()
-        for probe in model.probes:
+        self._sensors: list[tuple[_Sensor, list[tuple[int, int]]]] = []
+        at, recorder = 0, states.recorder
+        for probe in states.model.probes:
             own = [(k, columns.index(c)) for k, c in enumerate(probe.columns) if c in columns]
-            if isinstance(probe, Probe):
-                places = range(at, at + len(probe.markers))
-                if own and inside.intersection(places):
-                    raise InputError(
-                        f'gradient: Probe "{probe.name}" has a marker between nodes; take one at '
-                        "a node"
-                    )
-                if own:
-                    self._probes.append((probe, at, own))
-                at += len(probe.markers)
+            if own and isinstance(probe, Probe):
+                _check_markers(probe)
+                self._probes.append((probe, at, own))
+            elif own:
+                self._sensors.append((_Sensor(probe, recorder.sensors[probe.name]), own))
+            at += len(probe.markers)
         self._count = at
-
-    def _inside(self) -> set[int]:
-        """Places of markers that are neither at nodes nor on the ground, on any rank."""
-        comm = self._states.system.comm
-        own = [k for *_, places in self._states.recorder.sources for k in places.tolist()]
-        at_nodes = {k for part in comm.allgather(own) for k in part}
-        model = self._states.model
-        markers = [m for p in model.probes if isinstance(p, Probe) for m in p.markers]
-        every = [m for p in model.probes for m in p.markers]
-        if len(every) != len(markers):
-            raise InputError("gradient: a probe other than Probe has markers; leave it out")
-        return {k for k, m in enumerate(markers) if k not in at_nodes and not isinstance(m, Ground)}
+        self._inside = [_Inside(part.block, recorder.inside) for part in states.system.parts]
 
     def every(self, weights: FloatArray) -> FloatArray:
         """Weights (k, all columns of the motion) of those of these columns, (k, columns)."""
@@ -152,12 +134,14 @@ class ColumnDerivatives:
 
         Args:
             step: number of the step, at whose accepted state the system is.
-            weights: (columns,) on the first rank.
+            weights: (columns,) the same on all ranks.
 
         Raises:
             InputError: a column has no derivative there.
         """
         recorder, comm = self._states.recorder, self._states.system.comm
+        if not weights.any():
+            return [_nothing() for _ in recorder.sources]
         states = recorder.states()
         found, refusal = np.zeros((self._count, _COMPONENTS)), ""
         if comm.rank == 0:
@@ -168,8 +152,13 @@ class ColumnDerivatives:
         if refusal := comm.bcast(refusal):
             raise InputError(refusal)
         comm.Bcast(found)
+        every = _Sums.of(self._states.system)
+        for one in self._inside:
+            one.add(found, every)
+        for sensor, own in self._sensors:
+            sensor.add(np.array([weights[c] for _, c in own]), [k for k, _ in own], every)
         return [
-            _of_nodes(block, nodes, offsets, found[places])
+            every.seeds(_of_nodes(block, nodes, offsets, found[places]), block)
             for block, nodes, offsets, places in recorder.sources
         ]
 
@@ -190,6 +179,125 @@ class ColumnDerivatives:
                 found[places] = _differences(probe, t, states[places], factors)
 
 
+def _check_markers(probe: Probe) -> None:
+    """Refuse markers that slide.
+
+    Raises:
+        InputError: one does.
+    """
+    for marker in probe.markers:
+        if isinstance(marker, SlidingMarker):
+            raise InputError(
+                f'gradient: Probe "{probe.name}" has a SlidingMarker, which has no derivatives yet'
+            )
+
+
+def _nothing() -> NodeSeeds:
+    """Derivatives by no node."""
+    return NodeSeeds(np.empty(0, dtype=np.int64), *np.zeros((3, 0, 6)))
+
+
+class _Sums:
+    """Derivatives by the motion of all owned nodes of blocks."""
+
+    def __init__(self, sums: dict[str, FloatArray]) -> None:
+        self._sums = sums
+
+    @classmethod
+    def of(cls, system: System) -> _Sums:
+        """Nothing so far."""
+        return cls({part.block.name: np.zeros((3, part.block.owned, 6)) for part in system.parts})
+
+    def add(self, block: FrameBlock, kind: int, values: FloatArray) -> None:
+        """Add derivatives (n_owned, 6) by local twists, velocities or accelerations (0, 1, 2)."""
+        self._sums[block.name][kind] += values
+
+    def seeds(self, others: NodeSeeds, block: FrameBlock) -> NodeSeeds:
+        """These and others."""
+        own = self._sums[block.name]
+        nodes = np.flatnonzero(own.any(axis=(0, 2)))
+        return NodeSeeds(
+            np.concatenate([others.nodes, nodes]),
+            *(
+                np.concatenate([first, second[nodes]])
+                for first, second in zip(
+                    (others.twists, others.velocities, others.accelerations), own, strict=True
+                )
+            ),
+        )
+
+
+class _Inside:
+    """Markers between nodes of a block, as functions of these."""
+
+    #: What the components of a marker depend on, and the first component that does.
+    _BY = (("frames", 0), ("velocity", 6), ("acceleration", 12))
+
+    def __init__(self, block: FrameBlock, markers: Sequence[MarkersInside]) -> None:
+        """Find those of the block (collective)."""
+        self._block, self._markers = block, [one for one in markers if one.block is block]
+        support = one_width([one.points.nodes for one in self._markers])
+        self._places = np.concatenate([np.empty(0, np.int64), *(m.places for m in self._markers)])
+        owner = "a marker between nodes"
+        self._functions = [NodeFunctions(owner, block, support) for _ in self._BY]
+
+    def add(self, found: FloatArray, sums: _Sums) -> None:
+        """Add derivatives of all markers (markers, 18) by their nodes (collective)."""
+        own = found[self._places]
+        used = np.array([own.any(), own[:, 6:].any(), own[:, 12:].any()])
+        self._block.comm.Allreduce(MPI.IN_PLACE, used, op=MPI.LOR)
+        if not used[0]:
+            return
+        rotation = se3.rotation(self._rows()[:, :12])
+        # accelerations of the markers are differences themselves
+        last = _COMPONENTS if used[2] else 12
+        for kind, (name, first) in enumerate(self._BY):
+
+            def values(first: int = first) -> FloatArray:
+                return _components(self._rows(), rotation)[:, first:last]
+
+            if used[kind]:
+                change = self._functions[kind].derivatives(values, own[:, first:last], name)
+                sums.add(self._block, kind, change)
+
+    def _rows(self) -> FloatArray:
+        """Motion of the markers at the trial state, (k, 26)."""
+        return np.concatenate([np.empty((0, ROW)), *(one.rows() for one in self._markers)])
+
+
+def _components(rows: FloatArray, rotation: FloatArray) -> FloatArray:
+    """Motion (k, 18) of markers, with turns from rotations (k, 3, 3), inertial axes."""
+    R = se3.rotation(rows[:, :12])
+    turns = so3.log(R @ rotation.transpose(0, 2, 1))
+    return np.concatenate([rows[:, :3], turns, rows[:, 12:18], rows[:, 20:]], axis=1)
+
+
+class _Sensor:
+    """A measurement as a function of nodes."""
+
+    def __init__(self, probe: AnyProbe, sensor: Sensor) -> None:
+        """Find the nodes.
+
+        Raises:
+            InputError: it has no derivatives.
+        """
+        owner = f'{type(probe).__name__} "{probe.name}"'
+        if not isinstance(sensor, NodalSensor):
+            raise InputError(f"gradient: {owner} has no derivatives yet")
+        self._sensor, self._columns = sensor, len(probe.columns)
+        self._parts = [(one, NodeFunctions(owner, one.block, one.support)) for one in sensor.nodal]
+
+    def add(self, weights: FloatArray, columns: Sequence[int], sums: _Sums) -> None:
+        """Add derivatives of weighted columns by their nodes (collective)."""
+        if not weights.any():
+            return
+        every = np.zeros(self._columns)
+        every[list(columns)] = weights
+        factors = self._sensor.by_values(every)
+        for (one, functions), own in zip(self._parts, factors, strict=True):
+            sums.add(one.block, 0, functions.derivatives(one.values, own, "frames"))
+
+
 def _differences(
     probe: Probe, t: float, states: Sequence[MarkerState], factors: FloatArray
 ) -> FloatArray:
@@ -206,7 +314,7 @@ def _differences(
         def slope(direction: FloatArray, step: float, m: int = m) -> tuple[float, float]:
             """Derivative along a direction (18,) of the motion of a marker, and largest change."""
             total, largest = 0.0, 0.0
-            for part, weight in _STENCIL:
+            for part, weight in STENCIL:
                 moved = [*states]
                 moved[m] = _moved(states[m], part * step * direction)
                 change = float(factors @ probe.evaluate(t, moved)) - still
@@ -215,16 +323,16 @@ def _differences(
             return total, largest
 
         least = inf
-        for step in _STEPS:
+        for step in STEPS:
             own, changes = np.array([slope(one, step) for one in np.eye(_COMPONENTS)]).T
             # the components together, with a tenth of the step
             off = abs(slope(along, 0.1 * step)[0] - float(own @ along))
             off /= float(changes @ np.abs(along)) or 1.0
             if off < least:
                 found[m], least = own, off
-            if off <= _SUITS:
+            if off <= SUITS:
                 break
-        if not least <= _ENOUGH:
+        if not least <= ENOUGH:
             raise InputError(
                 f'gradient: a column of Probe "{probe.name}" has a kink or jumps at t = {t:.6g} s, '
                 "and has no derivative there"

@@ -1,18 +1,23 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""What columns depend on a parameter by themselves: through markers and functions of their probes.
+"""What columns depend on a parameter by themselves: through markers, functions and measurements.
 
-At a fixed state the columns of two models differ where an offset of a probe's marker, or a number
-in its function, is the parameter.
+At a fixed state the columns of two models differ where an offset of a probe's marker, a number in
+its function, or the stiffness behind a stress, is the parameter. Nodes whose start moves with the
+parameter move by as much in the models, and this motion is subtracted by the exact derivatives of
+the columns: strains between nodes that stay where they are while the shape changes would be much
+larger than those of the motion.
 """
 
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import cached_property
 
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.node_maps import fixed_apart
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.gradients.equations.node_maps import ROUNDING, fixed_apart, moved, twists
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.model.probes.base import Probe
 from flexfem.simulation.motion.stepping import Simulation
@@ -40,36 +45,74 @@ class DirectEffect:
         self._motion = motion
         self._others = [_Columns(one) for one in others]
         own = _Columns(motion.simulation)
+        parts = motion.system.parts
+        self._moves = [
+            [_moves(a.block, b.block) for a, b in zip(parts, one.system.parts, strict=True)]
+            for one in others
+        ]
         motion.go_to(0)
         disturb(motion)
         still, change = own.values(motion.times), 0.0
-        for moved in self._values(motion.times):
-            size = np.maximum(np.abs(still), np.abs(moved))
-            both = np.isfinite(still) & np.isfinite(moved) & (size > 0.0)
-            apart = np.abs(still - moved)[both] / size[both]
+        for near in self._values(motion.times):
+            size = np.maximum(np.abs(still), np.abs(near))
+            both = np.isfinite(still) & np.isfinite(near) & (size > 0.0)
+            apart = np.abs(still - near)[both] / size[both]
             change = max(change, float(apart.max(initial=0.0)))
         self.present = motion.on_all_ranks(change) > _SEEN
         motion.go_to(0)
 
-    def difference(self, step: int) -> FloatArray:
+    @cached_property
+    def following(self) -> list[FloatArray]:
+        """Local twists (n_owned, 6) of nodes from starts in the second model to those in the first.
+
+        Those of fixed unknowns are zero.
+        """
+        first, second = self._moves
+        parts = self._motion.system.parts
+        return [_free(p.block, a - b) for p, a, b in zip(parts, first, second, strict=True)]
+
+    def difference(self, step: int, *, following: bool = True) -> FloatArray:
         """Columns of the first model less those of the second, on the first rank (collective).
 
         Args:
             step: number of the step, at whose accepted state the system of the motion is.
+            following: nodes follow their starts; False for a fixed state.
         """
-        first, second = self._values([self._motion.times[step]])
+        first, second = self._values([self._motion.times[step]], following=following)
         found: FloatArray = np.nan_to_num(first - second)[0]
         return found
 
-    def _values(self, times: Sequence[float] | FloatArray) -> Iterator[FloatArray]:
-        """Columns of the models at the present state and some times."""
-        for one in self._others:
-            copy_state(self._motion.system, one.simulation.system)
+    def _values(
+        self, times: Sequence[float] | FloatArray, *, following: bool = True
+    ) -> Iterator[FloatArray]:
+        """Columns of the models at some times and the present state, with nodes that may follow."""
+        for one, moves in zip(self._others, self._moves, strict=True):
+            system = one.simulation.system
+            copy_state(self._motion.system, system)
+            for part, other, by in zip(self._motion.system.parts, system.parts, moves, strict=True):
+                frames = part.block.frames
+                if following and by.any():
+                    other.block.frames[:] = moved(frames, by, inertial=part.block.inertial)
             yield one.values(times)
 
 
+def _moves(block: FrameBlock, other: FrameBlock) -> FloatArray:
+    """Local twists (n, 6) of the nodes from their start to that in another model."""
+    by = twists(block.start_frames, other.start_frames, inertial=block.inertial)
+    by[np.abs(block.start_frames - other.start_frames).max(axis=1, initial=0.0) <= ROUNDING] = 0.0
+    return by
+
+
+def _free(block: FrameBlock, by: FloatArray) -> FloatArray:
+    """Twists (n_owned, 6) without fixed unknowns."""
+    found = by[: block.owned].copy()
+    found[:, block.width :] = 0.0
+    found[:, : block.width] = block.hold(found[:, : block.width].copy())
+    return found
+
+
 class _Columns:
-    """Columns of the functions of markers of a model, NaN for the others."""
+    """Columns of a model that have derivatives, NaN for the others."""
 
     def __init__(self, simulation: Simulation) -> None:
         self.simulation = simulation
@@ -81,11 +124,15 @@ class _Columns:
         They are zero on other ranks than the first.
         """
         states, at, found = self._recorder.states(), 0, []
+        comm, sensors = self.simulation.system.comm, self._recorder.sensors
         for probe in self.simulation.serial.model.probes:
             own = np.zeros((len(times), len(probe.columns)))
-            if not isinstance(probe, Probe):
+            if not probe.differentiable:
                 own[:] = np.nan
-            elif self.simulation.system.comm.rank == 0:
+            elif not isinstance(probe, Probe):
+                shares = comm.reduce(sensors[probe.name].update())
+                own[:] = 0.0 if shares is None else shares
+            elif comm.rank == 0:
                 seen = states[at : at + len(probe.markers)]
                 own[:] = [probe.evaluate(t, seen) for t in times]
                 at += len(probe.markers)

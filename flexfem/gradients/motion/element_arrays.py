@@ -21,6 +21,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.gradients.equations.node_maps import RateMaps, applied
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations, equations_at
+from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.direct import DirectEffect, copy_state, disturb
 from flexfem.gradients.motion.influence import (
     STEP,
@@ -113,7 +114,9 @@ class ElementInfluence:
         """See :class:`Influence`: none, see :func:`element_owners`."""
         return np.zeros(self.count)
 
-    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
+    def direct_products(
+        self, step: int, weights: FloatArray, seeds: Sequence[Sequence[NodeSeeds]]
+    ) -> FloatArray:
         """See :class:`Influence`: none, see :func:`_grouped`."""
         return np.zeros((len(weights), self.count))
 

@@ -22,6 +22,7 @@ from flexfem.gradients.equations.carried import CARRIED, Carried
 from flexfem.gradients.equations.node_maps import twists
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations, equations_at, jump
+from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.direct import DirectEffect, copy_state
 from flexfem.gradients.motion.parameters import Build, Values, plain
 from flexfem.gradients.motion.trajectory import Motion, StoppedError, begin, scheme_of
@@ -86,10 +87,17 @@ class Influence(Protocol):
         """
         ...
 
-    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
-        """Weights (k, columns) times derivatives of all columns at a fixed state, on one rank.
+    def direct_products(
+        self, step: int, weights: FloatArray, seeds: Sequence[Sequence[NodeSeeds]]
+    ) -> FloatArray:
+        """This rank's part of weights times derivatives of all columns at a fixed state.
 
         The system of the motion is at the accepted state after a step (collective).
+
+        Args:
+            step: its number.
+            weights: (k, columns).
+            seeds: of the weighted columns, for each block.
 
         Returns:
             (k, count).
@@ -178,7 +186,8 @@ class NumberInfluence:
         """
         motion, own = self._motion, np.zeros(len(self._motion.measured))
         if motion.measured and self._direct.present:
-            own = self._direct.difference(step)[[motion.columns.index(c) for c in motion.measured]]
+            own = self._direct.difference(step, following=False)
+            own = own[[motion.columns.index(c) for c in motion.measured]]
         found, numbers = [], []
         for one, sign in zip(self._pair, (1.0, -1.0), strict=True):
             found.append(evaluated(motion, one, step))
@@ -248,11 +257,31 @@ class NumberInfluence:
             ]
         )
 
-    def direct_products(self, step: int, weights: FloatArray) -> FloatArray:
+    def direct_products(
+        self, step: int, weights: FloatArray, seeds: Sequence[Sequence[NodeSeeds]]
+    ) -> FloatArray:
         """See :class:`Influence`."""
         if not self._direct.present:
             return np.zeros((len(weights), 1))
-        return weights @ self.columns(step)[:, np.newaxis]
+        found = weights @ self.columns(step)[:, np.newaxis]
+        found[:, 0] -= [self.followed(step, own) for own in seeds]
+        return found
+
+    def followed(self, step: int, seeds: Sequence[NodeSeeds]) -> float:
+        """This rank's part of the change of a column by nodes that follow their starts.
+
+        It is to be subtracted from those of :meth:`columns`.
+
+        Args:
+            step: number of the step, the same for all.
+            seeds: of the column, for each block.
+        """
+        del step
+        total = sum(
+            float((own.twists * following[own.nodes]).sum())
+            for own, following in zip(seeds, self._direct.following, strict=True)
+        )
+        return total / (2.0 * self._step)
 
     @property
     def depends_directly(self) -> bool:
@@ -260,9 +289,10 @@ class NumberInfluence:
         return self._direct.present
 
     def columns(self, step: int) -> FloatArray:
-        """Derivatives (columns,) of all columns at a fixed state, on the first rank (collective).
+        """Derivatives (columns,) of all columns, on the first rank (collective).
 
-        They are zero on the others.
+        The state is fixed but for nodes whose start moves with the parameter, which follow it, see
+        :meth:`followed`. They are zero on the other ranks.
         """
         return self._direct.difference(step) / (2.0 * self._step)
 

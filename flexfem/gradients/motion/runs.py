@@ -69,11 +69,11 @@ def backward(
             return
         motion.go_to(step)
         every = columns.every(weights[:count, :, step])
-        direct = [one.direct_products(step, every) for one in influences.values()]
+        seeds = [_seeds(motion, columns, step, own[:, step]) for own in weights]
+        for adjoint, own in zip(adjoints, seeds, strict=True):
+            adjoint.add(own)
+        direct = [one.direct_products(step, every, seeds[:count]) for one in influences.values()]
         np.add(sums, np.hstack(direct), out=sums)
-        for adjoint, own in zip(adjoints, weights, strict=True):
-            if own[:, step].any():
-                adjoint.add(_seeds(motion, columns, step, own[:, step]))
 
     def seed_memories(step: int) -> None:
         if motion.measured and step:  # the start is differentiated as a whole
@@ -171,11 +171,12 @@ def forward(
             continue
         motion.go_to(step)
         row, places = row_of[step], [motion.columns.index(name) for name in columns]
-        for values, own in zip(found, directions, strict=True):
-            for influence, factor in own:
+        seeds = [_seeds(motion, derivatives, step, one) for one in np.eye(len(columns))]
+        for values, direction in zip(found, directions, strict=True):
+            for influence, factor in direction:
                 if influence.depends_directly:
                     values[row] += factor * influence.columns(step)[places]
-        seeds = [_seeds(motion, derivatives, step, one) for one in np.eye(len(columns))]
+                    values[row] -= [factor * influence.followed(step, own) for own in seeds]
         for values, tangent in zip(found, tangents, strict=True):
             values[row] += [along(motion, own, tangent) for own in seeds]
     motion.system.comm.Allreduce(MPI.IN_PLACE, found)

@@ -70,6 +70,11 @@ class AnyProbe:
     unwrap: tuple[str, ...] = ()
     markers: tuple[Observed, ...] = ()
 
+    @property
+    def differentiable(self) -> tuple[str, ...]:
+        """Columns that have derivatives, see :func:`flexfem.gradient`."""
+        return ()
+
     def check(self, model: Structure) -> None:
         """Check the names that the probe refers to.
 
@@ -151,6 +156,11 @@ class Probe(AnyProbe):
     def __post_init__(self) -> None:
         """Check the columns."""
         check_columns(_checks.named(self, self.name), self.columns, self.unwrap)
+
+    @property
+    def differentiable(self) -> tuple[str, ...]:
+        """See :class:`AnyProbe`."""
+        return self.columns
 
     def evaluate(self, t: float, states: Sequence[MarkerState]) -> FloatArray:
         """Return the values of the columns at time `t`, shape (number of columns,).

@@ -206,6 +206,11 @@ class StrainProbe(AnyProbe):
         """Name the columns."""
         name_columns(self, _STRAINS + _RESULTANTS)
 
+    @property
+    def differentiable(self) -> tuple[str, ...]:
+        """See :class:`AnyProbe`."""
+        return self.columns
+
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
         beam = model.get(self.beam)
@@ -251,6 +256,11 @@ class ShellEnergyProbe(_BodiesProbe):
         """Name the columns."""
         name_columns(self, ("membrane", "bending", "shear"))
 
+    @property
+    def differentiable(self) -> tuple[str, ...]:
+        """See :class:`AnyProbe`."""
+        return self.columns
+
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
         owner = f'ShellEnergyProbe "{self.name}"'
@@ -289,6 +299,11 @@ class ElongationProbe(AnyProbe):
         """Name the column."""
         check_columns(_checks.named(self, self.name), (self.name,))
         _checks.assign(self, columns=(self.name,))
+
+    @property
+    def differentiable(self) -> tuple[str, ...]:
+        """See :class:`AnyProbe`."""
+        return self.columns
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
@@ -384,6 +399,11 @@ class ShellStrainProbe(AnyProbe):
     def __post_init__(self) -> None:
         """Name the columns."""
         name_columns(self, _SHELL_STRAINS + _SHELL_RESULTANTS)
+
+    @property
+    def differentiable(self) -> tuple[str, ...]:
+        """See :class:`AnyProbe`."""
+        return self.columns
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""

@@ -7,6 +7,7 @@ messages have a few numbers per probe.
 """
 
 from collections.abc import Iterator
+from dataclasses import dataclass
 
 from mpi4py import MPI
 
@@ -17,7 +18,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.marker import Ground, Observed
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.kernels.compiled import kernel
-from flexfem.layout.element_places import places_on_rank
+from flexfem.layout.element_places import ElementPlaces, places_on_rank
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.lie.se3 import compose_into
@@ -28,9 +29,10 @@ from flexfem.system.measure.sensors import create_sensor
 from flexfem.system.measure.sliders import Sliders
 from flexfem.system.system import BlockPart, System
 
-__all__ = ["ProbeRecorder"]
+__all__ = ["ROW", "MarkersInside", "ProbeRecorder"]
 
-_WIDTH = 26  # frame, velocities, arc length of a slider and its rate, accelerations
+#: Numbers of the motion of a marker:
+ROW = 26  # frame, velocities, arc length of a slider and its rate, accelerations
 
 
 @kernel
@@ -59,6 +61,32 @@ def _record(
             row[23 + i] = r0 * w[3] + r1 * w[4] + r2 * w[5]
 
 
+@dataclass(frozen=True)
+class MarkersInside:
+    """Markers between nodes, in elements of this rank.
+
+    Attributes:
+        block: of the elements' nodes.
+        points: places of the markers.
+        offsets: (k, 12) from the sections there.
+        places: (k,) numbers of the markers among those of all probes.
+    """
+
+    block: FrameBlock
+    points: ElementPlaces
+    offsets: FloatArray
+    places: IntArray
+
+    def rows(self) -> FloatArray:
+        """Motion of the markers at the trial state, (k, 26)."""
+        found, every = np.zeros((len(self.places), ROW)), np.arange(len(self.places))
+        frames, twists = self.points.motion(self.block)
+        _record(
+            frames, twists, self.points.twist_rates(self.block), every, self.offsets, every, found
+        )  # fmt: skip
+        return found
+
+
 class ProbeRecorder:
     """Buffer of the probes' markers and measurements.
 
@@ -66,6 +94,8 @@ class ProbeRecorder:
         columns: names of all columns; unwrap: names of those that are angles.
         sources: block, owned nodes, offsets (k, 12) and places of the markers at nodes of each
             part.
+        inside: markers between nodes.
+        sensors: those of probes that are no functions of markers, by the probes' names.
     """
 
     def __init__(self, system: System, serial: NumberedModel, depth: int = 64) -> None:
@@ -84,22 +114,28 @@ class ProbeRecorder:
         offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
         self._start = [serial.marker_pose(m).rotation for m in markers]
         self._bare = without_spin(serial, markers)
-        self._ground = np.zeros((len(markers), _WIDTH))
+        self._ground = np.zeros((len(markers), ROW))
         self._ground_places = [k for k, m in enumerate(markers) if isinstance(m, Ground)]
         self._ground[self._ground_places, :12] = offsets[self._ground_places]
         self.sources = [self._source(part, serial, markers, offsets) for part in system.parts]
-        self._inside = [
-            (part.block, points, offsets[places], places)
+        self.inside = [
+            MarkersInside(part.block, points, offsets[places], places)
             for part in system.parts
             for points, places in places_on_rank(serial, part.kind, part.block, markers)
         ]
         self._sliders = Sliders(system, markers)
-        mine = [places for *_, places in (*self.sources, *self._inside)]
+        mine = [places for *_, places in self.sources]
+        mine += [one.places for one in self.inside]
         mine.append(self._sliders.places)
         self._places = np.concatenate([np.empty(0, dtype=np.int64), *mine])
-        self._buffer = np.zeros((depth, len(markers), _WIDTH))
+        self._buffer = np.zeros((depth, len(markers), ROW))
         sensors = [create_sensor(probe, system, serial) for probe in self._probes]
-        self._sensors = [sensor for sensor in sensors if sensor is not None]
+        self.sensors = {
+            probe.name: sensor
+            for probe, sensor in zip(self._probes, sensors, strict=True)
+            if sensor is not None
+        }
+        self._sensors = list(self.sensors.values())
         self._meters = [sensor for sensor in sensors if isinstance(sensor, EnergyMeter)]
         width = sum(
             len(p.columns) for p, g in zip(self._probes, sensors, strict=True) if g is not None
@@ -168,10 +204,8 @@ class ProbeRecorder:
                 _record(
                     block.frames, block.velocity, block.acceleration, nodes, offsets, places, row
                 )  # fmt: skip
-        for block, points, offsets, places in self._inside:
-            frames, twists = points.motion(block)
-            rates = points.twist_rates(block)
-            _record(frames, twists, rates, np.arange(len(places)), offsets, places, row)
+        for one in self.inside:
+            row[one.places] = one.rows()
         if len(self._sliders.places):
             self._record_sliders(row)
 

@@ -14,9 +14,11 @@ from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.lie.vectors import cross
 from flexfem.model.contact import ContactProbe
+from flexfem.model.probes.aggregate import AggregateProbe
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.probes.cable import CableProbe
 from flexfem.model.probes.measured import EnergyProbe, MomentumProbe, ReactionProbe
+from flexfem.system.measure.aggregate import Aggregate
 from flexfem.system.measure.energies import EnergyMeter, refresh_rows
 from flexfem.system.measure.momenta import MomentumMeter
 from flexfem.system.system import System
@@ -90,6 +92,8 @@ class _ContactSensor:
 def create_sensor(probe: AnyProbe, system: System, serial: NumberedModel) -> Sensor | None:
     """Sensor of a probe (collective), None for functions of markers."""
     match probe:
+        case AggregateProbe():
+            return Aggregate(system, serial, probe)
         case ContactProbe():
             return _ContactSensor(system, probe)
         case EnergyProbe():
