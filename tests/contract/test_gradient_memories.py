@@ -58,13 +58,13 @@ def rope(every, *, stiffness, viscosity, slip, mass, kick) -> ff.Model:
 
 #: Numbers of a controlled arm: of each law, and of what they measure.
 ARM = {
-    "gain": 30.0, "integral": 20.0, "limit": 5.0, "filter": 0.1, "spring": 4.0, "damper": 0.5,
+    "gain": 30.0, "integral": 20.0, "setpoint": 0.3, "filter": 0.1, "spring": 4.0, "damper": 0.5,
     "inertia": 0.3, "mass": 1.0, "kick": 0.6, "offset": 0.1,
 }  # fmt: skip
 
 
 def arm(
-    *, gain, integral, limit, filter, spring, damper, inertia, mass, kick, offset
+    *, gain, integral, setpoint, filter, spring, damper, inertia, mass, kick, offset
 ) -> ff.Model:  # fmt: skip
     """Two arms with controllers of all kinds: sampled ones on loads, and continuous ones.
 
@@ -102,7 +102,7 @@ def arm(
         ff.PositionProbe("tip", ff.Marker("fore", offset=(0.2, 0.1, 0.0))),
         ff.Controller(
             "servo", ["z"], ["lift"],
-            ff.PID(gain, integral, 2.0, setpoint=0.3, filter_time=0.01, upper=limit),
+            ff.PID(gain, integral, 2.0, setpoint=setpoint, filter_time=0.01),
         ),
         ff.Controller("damper", ["z", "evz"], ["push"], compensator, sample_time=0.008),
         ff.Controller("cosine", ["ez"], ["twist"], lambda t, y: np.cos(spring * y[0]) * (1.0 + t)),

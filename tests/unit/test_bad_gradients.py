@@ -103,6 +103,19 @@ def test_controllers_without_derivatives(law, input, text):
     _refused(text, model=_model(push, ff.EnergyProbe(), servo))
 
 
+def test_internal_variables_in_plane_stress():
+    """They change the thickness, which acts on the forces in turn."""
+    law = ff.laws.Viscoelastic(ff.laws.NeoHookean(2e6, 4e6), [1e6], [0.01])
+    square = ff.SolidMesh.box((1, 1), (1, 1), "quadrilateral")
+    model = ff.Model("sheet")
+    model.add(
+        ff.Gravity((0.0, -9.81, 0.0)),
+        ff.Solid("sheet", law, square, density=1e3, plane="stress", degree=1),
+        ff.PositionProbe("tip", ff.Marker("sheet", (1.0, 1.0, 0.0))),
+    )
+    _refused("derivatives of internal variables in plane stress", model=model, wrt=["gravity[1]"])
+
+
 @pytest.mark.parametrize("number", range(2))
 def test_unsupported_parts(number):
     text, things = list(_unsupported())[number]

@@ -92,6 +92,13 @@ def test_fmu_is_the_law_that_it_was_made_from(version, tmp_path):
     assert float(law.update(0.0, np.zeros(2))[0]) == -GAINS["proportional"] * GAINS["setpoint"]
 
 
+def test_fmu_has_no_gradient(fmu):
+    model, options = pendulum(of_file(fmu)), ff.RunOptions(dt=1e-2, t_end=0.02)
+    column = model.of(ff.Probe)[0].columns[0]
+    with pytest.raises(ValueError, match="its FMU keeps its states to itself"):
+        ff.gradient(model, f"final:{column}", ["gravity[2]"], options)
+
+
 def test_fmu_goes_on_after_a_restart(fmu, shared_tmp_path):
     """The FMU cannot save its state: it is taken through its measurements again."""
     whole = _run(of_file(fmu))
