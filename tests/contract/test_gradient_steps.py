@@ -88,7 +88,10 @@ def test_steps_that_are_cut():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("kind", "time"), [("se3", 0.002), ("slider", 0.0023)])
+@pytest.mark.parametrize(
+    ("kind", "time"),
+    [("se3", 0.002), pytest.param("slider", 0.0023, marks=pytest.mark.slow)],
+)
 def test_jumps_of_loads(kind, time):
     """At the end of a step and within it, with rows of several kinds that are differentiated."""
     options = ff.RunOptions(dt=1e-3, t_end=4e-3, tolerance=1e-13)
@@ -134,7 +137,7 @@ def test_redundant_constraints():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("build", [pushed, switched])
+@pytest.mark.parametrize("build", [pushed, pytest.param(switched, marks=pytest.mark.slow)])
 def test_states_that_do_not_fit(build):
     """They are computed again, part by part and jump by jump."""
     options = ff.RunOptions(dt=1e-3, t_end=0.012, tolerance=1e-13)
@@ -149,6 +152,7 @@ def test_states_that_do_not_fit(build):
         assert parts.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_many_more_states_than_expected_do_not_fit():
     """Two steps become 32: first all are kept, then each second, then each fourth."""
