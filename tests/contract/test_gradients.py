@@ -166,7 +166,7 @@ def _rod(density, heights=(), moduli=()):
     return model
 
 
-@pytest.mark.parametrize(("name", "size", "models"), [("heights", 0.02, 12), ("moduli", 5e6, 10)])
+@pytest.mark.parametrize(("name", "size", "models"), [("heights", 0.02, 10), ("moduli", 5e6, 8)])
 def test_arrays_of_elements_take_few_models(name, size, models):
     """One number for each element, against the tangent with models of each entry."""
     count = 7
@@ -179,8 +179,8 @@ def test_arrays_of_elements_take_few_models(name, size, models):
         return _rod(**given)
 
     found = ff.gradient(build, "final:tip_z", values, options, accuracy=1e-12)
-    # the motion, a pair for the density, for the array 2 that find one group too few, 2 for each
-    # of two, 1 with all, and 2 more where they are not linear; 14 with a pair for each entry
+    # the motion, a pair for the density, 2 for each of two groups of the array, 1 with all of them,
+    # and 2 more where they are not linear; 14 with a pair for each entry
     assert len(built) == models
     along = {name: numbers * np.cos(np.arange(count)), "density": 50.0}
     tangent = ff.tangent_motion(_rod, values, along, options, accuracy=1e-12)
@@ -189,6 +189,41 @@ def test_arrays_of_elements_take_few_models(name, size, models):
     expected = MPI.COMM_WORLD.bcast(tangent.derivative.get("tip_z"))[-1]
     # an entry given to its neighbour changes the sum by a tenth
     assert sums == pytest.approx(expected, rel=1e-9)
+
+
+def test_entries_that_do_not_meet_are_one_group():
+    """Masses of bodies, each on a spring of its own: as many as nodes, but no two at one."""
+    built = []
+
+    def build(masses):
+        built.append(0)
+        model = ff.Model("row")
+        for k, mass in enumerate(masses):
+            body, place = ff.Marker(f"body_{k}"), (0.5 * k, 0.0, 0.0)
+            model.add(
+                ff.RigidBody(
+                    f"body_{k}", mass, (0.1, 0.1, 0.1), position=(0.5 * k + 1.2, 0.0, 0.0)
+                ),
+                ff.SpringDamper(
+                    f"spring_{k}", ff.Ground(place), body, stiffness=400.0, damping=1.0,
+                    rest_length=1.0,
+                ),
+            )  # fmt: skip
+        chosen = [ff.Marker(f"body_{k}") for k in range(len(masses))]
+        model.add(
+            ff.Probe("sum", chosen, ("x",), lambda t, *s: (sum(one.position[0] for one in s),))
+        )
+        return model
+
+    masses = np.array([1.0, 1.5, 2.0, 2.5, 3.0])
+    options = ff.RunOptions(dt=1e-2, t_end=0.1, tolerance=1e-12)
+    found = ff.gradient(build, "final:x", {"masses": masses}, options, accuracy=1e-12)
+    # the motion, 2 for each of two groups, 1 with more of all and 1 far away; 11 with pairs
+    assert len(built) == 7
+    tangent = ff.tangent_motion(build, {"masses": masses}, {"masses": masses}, options)
+    expected = MPI.COMM_WORLD.bcast(tangent.derivative.get("x"))[-1]
+    # an entry given to another body changes the sum by a tenth
+    assert found.gradient["final:x"]["masses"] @ masses == pytest.approx(expected, rel=1e-9)
 
 
 @pytest.mark.parametrize("element", ["solid", "director", "rotation_free"])

@@ -44,6 +44,8 @@ __all__ = ["Builder", "ElementInfluence", "Owners", "element_influence", "elemen
 
 #: Largest number of groups of an array's parameters.
 _GROUPS = 4
+#: So many nodes for an entry or fewer are those of elements that meet.
+_MEETING = 3
 #: Largest base of the digits of their numbers: parts that are as close as with the first one are
 #: told apart where forces are alike and depend on parameters by not more than about their cube.
 _BASES = 8192, 128
@@ -208,11 +210,23 @@ def element_owners(motion: Motion, builder: Builder) -> Owners | None:
     apart = apart or bool(motion.system.contacts) or motion.system.constraints.split
     if size <= _GROUPS or apart:
         return None
-    for count in range(1, _GROUPS):
+    nodes = sum(part.block.size_global for part in motion.system.parts)
+    # entries of elements that meet at nodes are as many as these: one group would not do
+    counts = range(2 if _MEETING * size > nodes else 1, _GROUPS)
+    for count in counts:
         found = _grouped(motion, builder, size, count)
         if found is not None:
-            return found
+            return _joined(motion.system, found)
     return None
+
+
+def _joined(system: System, owners: Owners) -> Owners:
+    """One group where no equation depends on parameters of two of them (collective)."""
+    every = [np.array(own) for own in zip(*owners, strict=True)]
+    meet = any(bool(((own >= 0).sum(axis=0) > 1).any()) for own in every)
+    if system.comm.allreduce(meet, op=MPI.LOR):
+        return owners
+    return [[own.max(axis=0) for own in every]]
 
 
 def element_influence(motion: Motion, builder: Builder, owners: Owners) -> ElementInfluence | None:
