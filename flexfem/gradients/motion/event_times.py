@@ -62,7 +62,7 @@ class _Functions:
         self.system, self.times = motion.system, motion.times
         self._model = copy(motion.model)
         self._model.probes = [
-            Probe(f"event {k}", event.markers, (f"event {k}",), _row_of(event.function))
+            Probe(event.name, event.markers, (f"event {k}",), _row_of(event.function))
             for k, event in enumerate(motion.model.events)
         ]
         serial = copy(motion.simulation.serial)
