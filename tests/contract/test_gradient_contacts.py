@@ -99,8 +99,51 @@ def sheet(law, speed, radius, thickness=0.002) -> ff.Model:
     return model
 
 
+def stopped(how, speed, stiffness=5e4, damping=5.0) -> ff.Model:
+    """A rod on a hinge with a weight that hits a stop, is caught by a cable, or meets a curve."""
+    x = np.linspace(0.0, 0.4, 3)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    mesh = ff.LineMesh(x, np.array([[0, 1], [1, 2]]), {"rod": np.arange(2)})
+    model, bob = ff.Model("stopped", mesh=mesh), ff.Marker("bob")
+    rubber = ff.Material(1e9, 0.3, 1100.0)
+    stops = {
+        "stop": ff.LimitStop(
+            "stop", ff.Ground((0.4, 0.0, 0.0)), bob, axis=(0.0, 0.0, 1.0), lower=-0.002,
+            stiffness=stiffness, damping=damping,
+        ),
+        "angle": ff.LimitStop(
+            "stop", ff.Ground(), ff.Marker("rod", "start"), motion="rotation",
+            axis=(0.0, 1.0, 0.0), upper=0.01, stiffness=0.01 * stiffness, damping=damping,
+        ),
+        "curve": ff.LimitStop(
+            "stop", ff.Ground((0.4, 0.0, 0.1)), bob, motion="distance", upper=0.103,
+            force=lambda way, rate: 5e4 * way * (1.0 + 20.0 * way) + 5.0 * rate,
+        ),
+    }  # fmt: skip
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Beam("rod", ff.Section.circle(0.01, rubber)),
+        ff.RigidBody(
+            "bob", 0.2, (1e-4, 2e-4, 3e-4), position=(0.43, 0.0, 0.003),
+            velocity=(0.1, 0.0, -speed),
+        ),
+        ff.Revolute("hinge", ff.Ground(), ff.Marker("rod", "start"), axis=(0.0, 1.0, 0.0)),
+        ff.Spherical(
+            "ball", ff.Marker("rod", "end"), ff.Marker("bob", offset=(-0.03, 0.0, -0.003))
+        ),
+        ff.SpringDamper(
+            "spring", ff.Marker("rod", "end"), ff.Marker("bob", offset=(0.1, 0.1, 0.0)),
+            stiffness=300.0, damping=0.2, rest_length=0.1,
+        ),
+        stops[how],
+        ff.PositionProbe("p", bob),
+        ff.PositionProbe("q", ff.Marker("rod", "end")),
+    )  # fmt: skip
+    return model
+
+
 BALLS = {"height": 0.006, "friction": 0.3}
 ROD = {"speed": 1.0, "youngs": 1e7}
+STOP = {"speed": 1.0, "stiffness": 5e4, "damping": 5.0}
 SHEET = {"speed": 1.0, "radius": 0.05}
 
 
@@ -126,6 +169,14 @@ def test_shells_on_obstacles(law):
     compare(partial(sheet, law), SHEET, of, options, step=1e-4)
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("how", ["stop", "angle", "curve"])
+def test_stops(how):
+    options = ff.RunOptions(dt=5e-4, t_end=0.016, tolerance=1e-13)
+    numbers = STOP if how != "curve" else {"speed": 1.0}
+    compare(partial(stopped, how), numbers, ["final:p_z", "final:q_x"], options, step=1e-4)
+
+
 @pytest.mark.three_ranks
 @pytest.mark.parametrize(
     ("build", "numbers", "of", "dt", "steps"),
@@ -133,6 +184,7 @@ def test_shells_on_obstacles(law):
         (balls, BALLS, "final:p_z", 5e-4, 12),
         (rod, ROD, "mean:q_z", 2e-4, 15),
         (partial(sheet, "penalty"), SHEET, "final:q_z", 2e-4, 22),
+        (partial(stopped, "stop"), STOP, "final:p_z", 5e-4, 24),
     ],
 )
 def test_ranks_agree(build, numbers, of, dt, steps):

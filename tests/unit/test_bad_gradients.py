@@ -64,8 +64,8 @@ def _unsupported():
         [ff.Event("stop", BOB, lambda t, bob: bob.position[2] + 9.0, ff.Stop())],
     )
     yield (
-        "there are no derivatives of stops and other unilateral forces yet",
-        [ff.LimitStop("end", ff.Ground(), BOB, axis=(1, 0, 0), upper=5.0, stiffness=10.0)],
+        "there are no derivatives of stops that stay closed yet",
+        [ff.LimitStop("end", ff.Ground(), BOB, axis=(1, 0, 0), upper=-5.0, stiffness=10.0)],
     )
 
 

@@ -164,7 +164,8 @@ class StepTangent:
         by[POSITIONS] = scale[rows.row_of_term][:, np.newaxis, np.newaxis] * rows.step_jacobian
         by[VELOCITIES] = by[STEP] - by[POSITIONS]
         self._mechanics.evaluate_rows(system, shifts)
-        self._hessians = rows.hessians(rows.multipliers)
+        # those that act over the step are among the forces
+        self._hessians = rows.hessians(np.where(rows.apart, 0.0, rows.multipliers))
 
     def apply(
         self, blocks: BlockVectors, multipliers: FloatArray, matrix: int = STEP
@@ -213,13 +214,14 @@ class StepTangent:
         changes = rows.changes(system.interface.steps)
         return found, changes - rows.yielding(multipliers, transposed=True)
 
-    def by_start(self, change: StateChange) -> BlockVectors:
-        """Change of the equations of blocks by that of the start of the step (collective)."""
+    def by_start(self, change: StateChange) -> tuple[BlockVectors, FloatArray]:
+        """Change of the equations by that of the start of the step (collective)."""
+        rows = np.zeros(self._system.constraints.size)
         for part in self._system.parts:
             part.block.residual[:] = 0.0
         for one in self.forces:
-            one.add_start(change)
-        return collected(self._system)
+            rows = rows + one.add_start(change)
+        return collected(self._system), rows
 
     def _multiply(self, matrix: int, *, transposed: bool) -> None:
         """Add the products of the blocks' own matrices and steps to the residuals."""

@@ -44,8 +44,9 @@ class Unilateral(Protocol):
     def add_transposed(self) -> None:
         """Add the transposed :meth:`add` (collective)."""
 
-    def add_start(self, change: StateChange) -> None:
-        """Add the change by that of the start to the residuals (collective)."""
+    def add_start(self, change: StateChange) -> FloatArray:
+        """Add the change by that of the start to the residuals; that of rows (r,) (collective)."""
+        ...
 
-    def start_transposed(self, z: list[FloatArray]) -> StateFactors:
+    def start_transposed(self, z: list[FloatArray], mu: FloatArray) -> StateFactors:
         """Factors of changes of the start by those of the equations (collective)."""

@@ -260,7 +260,7 @@ class Adjoint:
         ):
             self._back(own, (one, by), e, (dv, dw))
         for forces in linear.tangent.forces:
-            start = forces.start_transposed(self.z)
+            start = forces.start_transposed(self.z, self.mu)
             for own, twists, rates in zip(self.carried, start.twists, start.rates, strict=True):
                 own.q -= twists
                 own.v -= rates
@@ -390,8 +390,9 @@ class Tangent:
             predicted.append(Carried(q, v, own.a, w))
         nothing = np.zeros_like(rows)
         start = StateChange([own.q for own in self.carried], [own.v for own in self.carried])
-        by_start = linear.tangent.by_start(start)
-        total, left = [-(a + b) for a, b in zip(forces, by_start, strict=True)], -rows
+        by_start, rows_by_start = linear.tangent.by_start(start)
+        total = [-(a + b) for a, b in zip(forces, by_start, strict=True)]
+        left = -(rows + rows_by_start)
         for matrix, vectors in (
             (POSITIONS, [own.q for own in predicted]),
             (VELOCITIES, [

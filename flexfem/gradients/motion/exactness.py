@@ -41,8 +41,9 @@ def linearized(motion: Motion, accuracy: float) -> LinearizedStep:
     Raises:
         InputError: they are not exact, naming the body.
     """
-    mechanics = scheme_of(motion.simulation).split or END_POINT
-    tangent = StepTangent(motion.system, mechanics, unilateral_forces(motion.system))
+    split = scheme_of(motion.simulation).split
+    forces = unilateral_forces(motion.system, split)
+    tangent = StepTangent(motion.system, split or END_POINT, forces)
     linear = LinearizedStep(motion.system, motion.policy, accuracy, tangent)
     _check_exact(motion, linear)
     return linear

@@ -195,7 +195,17 @@ class Motion:
         return {name: values.copy() for name, values in self.simulation.controls.state().items()}
 
     def _add(self) -> None:
-        """Record the accepted state."""
+        """Record the accepted state.
+
+        Raises:
+            InputError: a stop has been closed for long.
+        """
+        rows = self.system.constraints
+        closed = bool((rows.forces[rows.unilateral] != 0.0).any())
+        if self.system.comm.allreduce(closed, op=MPI.LOR):
+            raise InputError(
+                "gradient: there are no derivatives of stops that stay closed yet; leave them out"
+            )
         kept = bool(self.grid.moves) and not isinstance(self.grid.moves[-1], Step)
         self._records.add(self.system.state(), self.simulation.time, keep=kept)
         self.known.append(self._knowledge())
@@ -400,7 +410,6 @@ def check_supported_system(motion: Motion) -> None:
     comm = system.comm
     found = {
         "friction of cables": bool(len(rows.wrapped_rows)),
-        "stops and other unilateral forces": bool(rows.unilateral.any()),
         "internal variables in plane stress, or of mixed cells that change their volumes": any(
             isinstance(part.elements, HistoryElements)
             and part.elements.remembering

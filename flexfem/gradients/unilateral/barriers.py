@@ -63,7 +63,7 @@ class Barriers:
         self._add_changes({AFTER: self._motions(twists, END), SPINS: self._spins(twists, END)})
         self._turn(twists, END)
 
-    def add_start(self, change: StateChange) -> None:
+    def add_start(self, change: StateChange) -> FloatArray:
         """See ``Unilateral``."""
         twists = self._of_kinds(change.twists)
         rates = [np.zeros((len(self._contacts.carriers.home), 3)) for _ in range(2)]
@@ -80,6 +80,7 @@ class Barriers:
             RATES: rates[0], SPIN_RATES: rates[1],
         })  # fmt: skip
         self._turn(twists, START)
+        return np.zeros(self._system.constraints.size)
 
     def _of_kinds(self, every: list[FloatArray]) -> dict[int, FloatArray]:
         """Vectors (n_owned, w) of all blocks as (n_owned, 6) of those with points, by kind."""
@@ -135,7 +136,7 @@ class Barriers:
         for kind, block in self._blocks.items():
             self._add_back(kind, factors, END, block.step, block.residual)
 
-    def start_transposed(self, z: list[FloatArray]) -> StateFactors:
+    def start_transposed(self, z: list[FloatArray], mu: FloatArray) -> StateFactors:
         """See ``Unilateral``."""
         own_z = self._of_kinds(z)
         factors = self._factors(own_z)

@@ -8,14 +8,18 @@ from flexfem.core.state import State
 from flexfem.gradients.equations.unilateral import Unilateral
 from flexfem.gradients.unilateral.barriers import Barriers
 from flexfem.gradients.unilateral.penalties import Penalties
+from flexfem.gradients.unilateral.stops import Stops
+from flexfem.integrators.split.step import Split
 from flexfem.system.system import System
 
 __all__ = ["leave_out_barriers", "recall_sides", "unilateral_forces"]
 
 
-def unilateral_forces(system: System) -> list[Unilateral]:
-    """Derivatives of these (collective)."""
+def unilateral_forces(system: System, split: Split | None) -> list[Unilateral]:
+    """Derivatives of these, some of which act by impulses (collective)."""
     found: list[Unilateral] = []
+    if split is not None and split.limited:
+        found.append(Stops(system, split))
     for contacts in system.contacts:
         if isinstance(contacts, BarrierContacts):
             found.append(Barriers(system, contacts))

@@ -20,7 +20,7 @@ class Penalties:
     def __init__(self, system: System, contacts: Contacts) -> None:
         """Store the contacts of a system."""
         self._contacts, self._scale = contacts, 0.0
-        self._blocks = [part.block for part in system.parts]
+        self._rows = system.constraints.size
         self._steps, self._forces = np.zeros((2, len(contacts.carriers.home), 3))
         self._triangles: list[tuple[IntArray, FloatArray]] = []
         self._surfaces: list[tuple[IntArray, FloatArray, int]] = []
@@ -41,10 +41,11 @@ class Penalties:
         """See ``Unilateral``."""
         self._multiply(transposed=True)
 
-    def add_start(self, change: StateChange) -> None:
+    def add_start(self, change: StateChange) -> FloatArray:
         """See ``Unilateral``: none."""
+        return np.zeros(self._rows)
 
-    def start_transposed(self, z: list[FloatArray]) -> StateFactors:
+    def start_transposed(self, z: list[FloatArray], mu: FloatArray) -> StateFactors:
         """See ``Unilateral``: none."""
         return StateFactors([np.zeros_like(own) for own in z], [np.zeros_like(own) for own in z])
 

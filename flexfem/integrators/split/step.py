@@ -89,7 +89,7 @@ class Split(EndPoint):
             if isinstance(contacts, BarrierContacts) and contacts.restitutes
         ]
         self._touching = any(isinstance(one, UnilateralContacts) for one in forces)
-        self._limited = [one for one in forces if isinstance(one, UnilateralRows)]
+        self.limited = [one for one in forces if isinstance(one, UnilateralRows)]
         rows, comm = system.constraints, system.comm
         self._rubbing: bool = comm.allreduce(bool(len(rows.coupled)), op=MPI.LOR)
         rows.split, self._apart = True, rows.unilateral
@@ -167,7 +167,7 @@ class Split(EndPoint):
         """
         if self._plain:
             status = attempt()
-            if status is Status.OK and not self._any([one.met for one in self._limited]):
+            if status is Status.OK and not self._any([one.met for one in self.limited]):
                 return status
             self._plain = False
             if not self._return(self._begin):
@@ -194,7 +194,7 @@ class Split(EndPoint):
         self._system.interface.update()
         opened = [forces.opened for forces in self._forces]  # each finds its own
         found = _OPENED * any(opened) + _ACTING * any(forces.acting for forces in self._forces)
-        found += _HOLDING * any(rows.holding for rows in self._limited)
+        found += _HOLDING * any(rows.holding for rows in self.limited)
         comm = self._system.comm
         found = comm.allreduce(found, op=MPI.BOR) if comm.size > 1 else found
         ended, self._holding = bool(found & _OPENED), bool(found & _HOLDING)

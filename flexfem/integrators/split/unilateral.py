@@ -161,10 +161,15 @@ class UnilateralRows(Unilateral):
 
     def begin(self, h: float, weight: float) -> None:
         """See :class:`Unilateral`."""
-        rows, over = self._rows, self._over
+        over = self._over
         over.size, over.weight = h, weight
         self._leaving[:] = False
         self._divide()
+        self.restart()
+
+    def restart(self) -> None:
+        """Start the same step at the state of the interface."""
+        rows, over = self._rows, self._over
         if not len(over.chosen):
             return
         if self._inexact:
