@@ -12,7 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem import _checks
-from flexfem._types import FloatArray
+from flexfem._types import BoolArray, FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.gradient import MEMORY, SOLVED, made_of
 from flexfem.gradients.motion.arrays import Known, directions_of, influence_of
@@ -32,6 +32,11 @@ from flexfem.gradients.motion.trajectory import Motion
 __all__ = ["Identification", "identify"]
 
 
+#: Singular values of the derivatives over the largest, below which they are errors, and the part of
+#: a parameter in such directions from which on it is not told.
+_SEEN, _PART = SOLVED, 1e-6
+
+
 @dataclass(frozen=True)
 class Identification:
     """Parameters that fit measurements best, and how well they are known.
@@ -39,13 +44,14 @@ class Identification:
     Attributes:
         values: parameters, numbers or arrays (n,).
         errors: their standard errors, of the same shapes: from the noise that is given, or that
-            left over.
+            left over; infinite for those of which the measurements do not tell.
         covariance: (n, n) of all numbers, in the order of the parameters.
         noise: root of the mean square of the differences left over, in units of the noise that is
             given.
         motions: number of motions that were computed.
         success: True if the method has converged.
         message: its own words.
+        warnings: which parameters the measurements do not tell.
     """
 
     values: Mapping[str, float | FloatArray]
@@ -55,6 +61,7 @@ class Identification:
     motions: int
     success: bool
     message: str
+    warnings: tuple[str, ...] = ()
 
     def interval(self, name: str, share: float = 0.95) -> tuple[npt.NDArray, npt.NDArray]:
         """Confidence interval of a parameter, least and largest value of each of its numbers.
@@ -148,12 +155,15 @@ class _Fit:
         used = int(np.isfinite(np.concatenate([*self._measured.values()])).sum())
         free = max(used - len(begin), 1)
         left = float(differences @ differences) / free
-        covariance = np.linalg.pinv(jacobian.T @ jacobian) * (1.0 if known else left)
-        covariance *= np.outer(self._scale, self._scale)
+        covariance, told = _covariance(jacobian)
+        covariance *= (1.0 if known else left) * np.outer(self._scale, self._scale)
+        covariance[np.diag(~told)] = np.inf
         roots = self._named(np.sqrt(np.diag(covariance)) / self._scale)
+        unknown = named(self._start, np.where(told, 0.0, 1.0))
         return Identification(
             plain(self._named(found.x)), plain(roots), covariance, left**0.5, self.motions,
             bool(found.success), str(found.message),
+            tuple(_untold(name, own) for name, own in unknown.items() if own.any()),
         )  # fmt: skip
 
     def _bounds(
@@ -209,6 +219,25 @@ class _Fit:
     def _named(self, x: FloatArray) -> Values:
         """Values by name of scaled numbers."""
         return named(self._start, np.asarray(x) * self._scale)
+
+
+def _covariance(jacobian: FloatArray) -> tuple[FloatArray, BoolArray]:
+    """Covariance (n, n) for unit noise, and (n,) which numbers the measurements tell."""
+    count = jacobian.shape[1]
+    padded = np.vstack([jacobian, np.zeros((max(count - len(jacobian), 0), count))])
+    _, sizes, directions = np.linalg.svd(padded, full_matrices=False)
+    seen = sizes > _SEEN * sizes.max(initial=0.0)
+    scaled = directions[seen] / sizes[seen, np.newaxis]
+    return scaled.T @ scaled, (directions[~seen] ** 2).sum(axis=0) <= _PART
+
+
+def _untold(name: str, unknown: FloatArray) -> str:
+    """Warning of a parameter, or of some of its numbers."""
+    which = "" if unknown.ndim == 0 else f"[{', '.join(map(str, np.flatnonzero(unknown)))}]"
+    return (
+        f'identify: the measurements do not tell "{name}"{which}, or only together with others; '
+        "measure more, or leave them out"
+    )
 
 
 def _noises(measured: Mapping[str, npt.ArrayLike], given: Mapping[str, float]) -> dict[str, float]:

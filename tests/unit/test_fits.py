@@ -168,6 +168,30 @@ def test_most_gradients():
     assert found.gradients <= 3
 
 
+def test_what_measurements_do_not_tell():
+    """Of two springs side by side they tell the sum: both have infinite errors, the damper has not.
+
+    The pseudoinverse of the normal equations gives errors of the sum to each of them.
+    """
+
+    def build(damping, first, second):
+        return oscillator(damping, first + second[0])
+
+    exact = columns(ff.simulate(oscillator(15.0, 380.0), OPTIONS))["x"]
+    start = {"damping": 12.0, "first": 200.0, "second": [170.0, 1.0]}
+    found = ff.identify(build, {"x": exact}, start, OPTIONS, noise={"x": 1e-3})
+    assert found.values["damping"] == pytest.approx(15.0, rel=1e-6)
+    assert found.values["first"] + found.values["second"][0] == pytest.approx(380.0, rel=1e-6)
+    assert np.isinf(found.errors["first"])
+    assert np.isinf(found.errors["second"]).all()
+    # that of the damper alone and the sum
+    assert 0.0 < found.errors["damping"] < 0.1
+    assert [text.split('"')[1] for text in found.warnings] == ["first", "second"]
+    assert "[0, 1]" in found.warnings[1]
+    for text in found.warnings:
+        assert_on_page(text)
+
+
 def test_identified_parameters_lie_within_their_errors():
     """Damping and stiffness of a noisy measurement, and the noise itself."""
     truth = {"damping": 15.0, "stiffness": 380.0}
