@@ -53,6 +53,7 @@ DRAWINGS = {
     "gripper": Drawing("--from 0.1 --interval 0.35"),
     "tyre": Drawing("--view=0.3,-1,0.25 --from 0.05 --interval 1"),
     "gear_pair": Drawing("--from 0.395 --interval 1"),
+    "lightest_jib": Drawing("--interval 2"),
     "knot": Drawing("--from 0.4 --to 2 --interval 1.6 --view=0.1,-0.5,1"),
     "plectoneme": Drawing("--from 3.7 --to 7 --interval 3.3 --view=-0.3,-0.5,1"),
     "turek_hron": Drawing("--view z --to 0.5 --interval 0.15"),

@@ -68,6 +68,8 @@ PICTURES = {
         "identified_beam:film,fit",
         ("compare_runs", "--columns", "tip_x,tip_z,left_x,left_z", "--across", "2"),
     ),
+    "tutorial_11_motion": ("lightest_jib", ("render", "--interval", "2", *_SIZE)),
+    "tutorial_11_history": ("lightest_jib", ("plot_history", "--columns", "stress")),
     "walk_motion": ("scissor", ("render", *_SIZE)),
     "walk_history": (
         "scissor",
