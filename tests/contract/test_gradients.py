@@ -226,6 +226,40 @@ def test_entries_that_do_not_meet_are_one_group():
     assert found.gradient["final:x"]["masses"] @ masses == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.serial
+def test_arrays_that_act_at_other_times():
+    """Knots of a force, which act one after the other, and forces, one of which acts later."""
+
+    def build(knots, late):
+        model = mechanism(**PARTS)
+        ramp = ff.Table([0.0, 4e-3, 8e-3, 1.0], [0.0, 0.0, 1.0, 1.0])
+        model.add(
+            ff.PointForce(
+                "early", ff.Marker("first"), (0.0, 0.0, 1.0),
+                amplitude=ff.Table(np.append(np.arange(len(knots)) * 2e-3, 1.0), [*knots, 0.0]),
+            ),
+            *(ff.PointForce(f"late_{k}", ff.Marker(name), (0.0, 0.0, one), amplitude=ramp)
+              for k, (name, one) in enumerate(zip(3 * ["first", "second"], late, strict=True))),
+        )  # fmt: skip
+        return model
+
+    values = {"knots": np.linspace(1.0, 2.0, 7), "late": np.linspace(2.0, 1.0, 6)}
+    options = ff.RunOptions(dt=1e-3, t_end=0.012, tolerance=1e-13)
+    found = ff.gradient(build, "final:p_z", values, options, accuracy=1e-12)
+    for name, given in values.items():
+        for k in range(len(given)):
+
+            def one(value, name=name, k=k):
+                moved = values[name].copy()
+                moved[k] = value
+                return build(**{**values, name: moved})
+
+            expected = differences(one, {"value": given[k]}, ["final:p_z"], options)[0, 0]
+            own = found.gradient["final:p_z"][name][k]
+            # of equations at the start alone all but the first knot's are zero
+            assert own == pytest.approx(expected, rel=1e-6, abs=1e-9)
+
+
 @pytest.mark.parametrize("element", ["solid", "director", "rotation_free"])
 def test_fixed_corners_move_as_their_edge_grows(element):
     """The corner of a clamped edge that begins at y = 0 is at y = width, on any rank."""

@@ -35,6 +35,7 @@ from flexfem.gradients.motion.influence import (
 )
 from flexfem.gradients.motion.parameters import Build, Values, plain
 from flexfem.gradients.motion.trajectory import Motion
+from flexfem.layout.elements import TimedElements
 from flexfem.model.model import Model
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.simulation.run.setup import set_up
@@ -205,7 +206,9 @@ class Builder:
 def element_owners(motion: Motion, builder: Builder) -> Owners | None:
     """Owners of the fewest groups, None if there are none (collective)."""
     size = len(builder.steps)
-    damped = motion.system.viscous() or motion.system.modal_dampers is not None
+    damped = (
+        motion.system.viscous() or motion.system.timed or motion.system.modal_dampers is not None
+    )
     apart = damped or motion.remembering or bool(motion.grid.events)
     apart = apart or bool(motion.system.contacts) or motion.system.constraints.split
     if size <= _GROUPS or apart:
@@ -300,8 +303,63 @@ def _grouped(motion: Motion, builder: Builder, size: int, count: int) -> Owners 
                 break
         else:
             return None
+        if not _always(motion, builder, (own, other.system), reading.owners):
+            return None
         found.append(reading.owners)
     return found
+
+
+def _always(
+    motion: Motion, builder: Builder, group: tuple[FloatArray, System], owners: Sequence[IntArray]
+) -> bool:
+    """True if all parameters of a group own something, and that at all times (collective).
+
+    What is read at one time is not all that parameters of loads do. Loads act with factors that
+    change with time: those of the motion are looked at where each is largest, at the start, in the
+    middle and at the end; parameters that change factors are none of elements.
+
+    Args:
+        motion: the motion, at a state at random.
+        builder: of the models.
+        group: 1 for its parameters (n,), 0 for others; the system with all of them changed.
+        owners: for each block, (n_owned,) numbers of parameters, -1 for none.
+    """
+    (own, other), system = group, motion.system
+    counts = np.zeros(len(own))
+    for one in owners:
+        counts += np.bincount(one[one >= 0], minlength=len(own))
+    system.comm.Allreduce(MPI.IN_PLACE, counts)
+    factors = np.array([_factors((system, other), t) for t in motion.times])
+    if (counts[own > 0.0] == 0.0).any() or not np.array_equal(factors[:, 0], factors[:, 1]):
+        return False
+    timed = any(isinstance(part.elements, TimedElements) for part in system.parts)
+    if not (factors.size or timed):  # nothing that parameters of elements do changes with time
+        return True
+    largest = np.abs(factors[:, 0]).argmax(axis=0)
+    parts = own * (1.0 + np.random.default_rng(1).permutation(len(own))) / len(own)
+    partly, clear = builder.system(parts), True
+    for step in sorted({0, motion.steps // 2, motion.steps, *largest.tolist()}):
+        system.set_time(motion.times[step])
+        still = equations_at(system, UNSCALED)
+        whole, moved = (_changes(system, one, still) for one in (other, partly))
+        if whole is None or moved is None:
+            return False
+        for index, a, b in zip(owners, whole, moved, strict=True):
+            expected = np.where(index >= 0, parts[index], 0.0)[:, np.newaxis] * a
+            most = float(np.abs(a).max(initial=0.0))
+            clear = clear and bool(
+                (np.abs(b - expected) <= _ALIKE * np.abs(a) + _NOTHING * most).all()
+            )
+            clear = clear and bool((np.abs(a[index < 0]) <= _NOTHING * most).all())
+    system.set_time(motion.times[0])
+    return bool(system.comm.allreduce(clear, op=MPI.LAND))
+
+
+def _factors(systems: Sequence[System], t: float) -> list[FloatArray]:
+    """Factors of the loads of systems at a time."""
+    for one in systems:
+        one.set_time(t)
+    return [one.factors.copy() for one in systems]
 
 
 @dataclass
