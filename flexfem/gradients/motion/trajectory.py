@@ -423,6 +423,7 @@ def check_supported_system(motion: Motion) -> None:
             "impulses with damping of modes": system.modal_dampers is not None,
             "impulses with friction in joints": bool(len(rows.coupled)),
             "impulses with force elements": rows.has_elements,
+            "impulses with sliders on lines": bool(rows.lines.joints),
             "impulses with internal variables": system.remembering,
             "impulses with controllers": len(motion.simulation.controls) > 0,
             "impulses with events": bool(motion.model.events),
