@@ -82,7 +82,7 @@ class Memory:
         return change
 
     def weights(self, step: int, sums: FloatArray) -> FloatArray:
-        """Derivatives by the measured columns after a step, on the first rank.
+        """Derivatives by the measured columns after a step, the same on all ranks.
 
         Args:
             step: its number.

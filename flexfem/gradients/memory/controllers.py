@@ -174,6 +174,7 @@ class ControllerMemory(Memory):
         found = np.zeros(len(self.measured))
         for loop, own in zip(self._loops, self._linear(step), strict=False):
             np.add.at(found, loop.places, sums[loop.numbers] @ own.columns)
+        self._comm.Bcast(found)
         return found
 
     def back(self, sums: FloatArray, z: BlockVectors, mu: FloatArray) -> FloatArray:
