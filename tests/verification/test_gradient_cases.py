@@ -55,6 +55,25 @@ def test_strongest_column(shared_tmp_path: Path) -> None:
     assert loads == pytest.approx([1.0, load], rel=0.01)
 
 
+def test_torques_that_keep_a_path(shared_tmp_path: Path) -> None:
+    """Errors of the flexible manipulator off its path are less by a digit, with a coarse spline.
+
+    Derivatives by another coefficient, or a torque that is not that of the run, leave it as it was.
+    """
+    outcome = load_case("optimal_manipulator").run(
+        coefficients=10, elements=2, samples=21, duration=0.1, t_end=0.1, dt=4e-3, motions=3,
+        output=shared_tmp_path,
+    )  # fmt: skip
+    assert outcome.status == "ok"
+    found = COMM.bcast(outcome.summary["results"])
+    assert found["improvement"] > 8.0
+    assert found["largest_error"] * found["improvement"] == pytest.approx(
+        found["largest_error_before"], rel=1e-3
+    )
+    if not COMM.rank:
+        assert len(table(shared_tmp_path / "parameters.csv")) == 30
+
+
 def searched(start: float, **more: object) -> ff.ParameterSearch:
     """A weight whose search is a given function."""
 
