@@ -54,9 +54,12 @@ class Task:
 
     @property
     def inequalities(self) -> list[tuple[int, float, float]]:
-        """Number of the value, its limit, and a sign with which the difference is to be >= 0."""
+        """Number of the value, its limit, and a factor with which the difference is to be >= 0.
+
+        Factors are one over the size of the limit: methods end by absolute violations.
+        """
         return [
-            (k, limit, sign)
+            (k, limit, sign / (abs(limit) or 1.0))
             for k, pair in enumerate(self.between, start=1)
             for limit, sign in zip(pair, (1.0, -1.0), strict=True)
             if limit is not None
@@ -65,7 +68,7 @@ class Task:
     def violation(self, values: FloatArray) -> float:
         """Largest part by which a constraint is exceeded, over its limit; 0 if none is."""
         return max(
-            (-sign * (values[k] - at) / (abs(at) or 1.0) for k, at, sign in self.inequalities),
+            (-factor * (values[k] - at) for k, at, factor in self.inequalities),
             default=0.0,
         )
 
@@ -114,10 +117,8 @@ def _mma(task: Task) -> Ended:
     nlopt = require("nlopt")
     found = nlopt.opt(nlopt.LD_MMA, len(task.start))
     found.set_min_objective(_of_nlopt(task, 0, 0.0, 1.0))
-    for k, limit, sign in task.inequalities:  # at most zero
-        found.add_inequality_constraint(
-            _of_nlopt(task, k, limit, -sign), 1e-8 * (abs(limit) or 1.0)
-        )
+    for k, limit, factor in task.inequalities:  # at most zero
+        found.add_inequality_constraint(_of_nlopt(task, k, limit, -factor), 1e-8)
     found.set_lower_bounds(task.low)
     found.set_upper_bounds(task.high)
     found.set_ftol_rel(task.tolerance)
@@ -132,15 +133,15 @@ def _mma(task: Task) -> Ended:
 
 
 def _of_nlopt(
-    task: Task, k: int, limit: float, sign: float
+    task: Task, k: int, limit: float, factor: float
 ) -> Callable[[FloatArray, FloatArray], float]:
     """A function of NLopt, which writes derivatives into its second argument."""
 
     def called(x: FloatArray, slopes: FloatArray) -> float:
         values, by = task.of(x)
         if slopes.size:
-            slopes[:] = sign * by[k]
-        return sign * float(values[k] - limit)
+            slopes[:] = factor * by[k]
+        return factor * float(values[k] - limit)
 
     return called
 
@@ -162,10 +163,10 @@ def _constraints(task: Task) -> list[dict[str, Any]]:
     return [
         {
             "type": "ineq",
-            "fun": lambda x, k=k, at=limit, s=sign: s * (task.of(x)[0][k] - at),
-            "jac": lambda x, k=k, s=sign: s * task.of(x)[1][k],
+            "fun": lambda x, k=k, at=limit, factor=factor: factor * (task.of(x)[0][k] - at),
+            "jac": lambda x, k=k, factor=factor: factor * task.of(x)[1][k],
         }
-        for k, limit, sign in task.inequalities
+        for k, limit, factor in task.inequalities
     ]
 
 

@@ -55,6 +55,22 @@ def test_strongest_column(shared_tmp_path: Path) -> None:
     assert loads == pytest.approx([1.0, load], rel=0.01)
 
 
+def test_blade_of_uniform_stress(shared_tmp_path: Path) -> None:
+    """All elements reach the stress, and areas are those of the formula at their middles."""
+    outcome = load_case("uniform_stress_blade").run(elements=4, output=shared_tmp_path)
+    assert outcome.status == "ok"
+    found = COMM.bcast(outcome.summary["results"])
+    # four elements of constant areas: 3.5 %, by the square of their length; the uniform blade is
+    # heavier by a third, and its areas are off by the whole difference
+    assert found["mass_over_best"] == pytest.approx(1.0, rel=0.05)
+    assert found["areas_off"] < 0.05
+    if COMM.rank:
+        return
+    stresses = [row["stress"] for row in table(shared_tmp_path / "history.csv")]
+    # a search that ends early leaves one below its limit, or above it
+    assert float(stresses[-1]) == pytest.approx(2e8, rel=1e-6)
+
+
 def test_torques_that_keep_a_path(shared_tmp_path: Path) -> None:
     """Errors of the flexible manipulator off its path are less by a digit, with a coarse spline.
 

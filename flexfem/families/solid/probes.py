@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import KW_ONLY
-from typing import Any
+from typing import Any, ClassVar
 
 from flexfem import _checks
 from flexfem._fields import checked, declared, text
@@ -71,6 +71,7 @@ class SolidProbe(AnyProbe):
         ValueError: An unknown measure, or one that is named twice.
     """
 
+    smooth: ClassVar[bool] = True
     name: str
     solid: str = text()
     place: Any = checked(_place, default=None)
@@ -80,11 +81,6 @@ class SolidProbe(AnyProbe):
     def __post_init__(self) -> None:
         """Name the columns."""
         name_columns(self, [column for name in self.measures for column in MEASURES[name]])
-
-    @property
-    def differentiable(self) -> tuple[str, ...]:
-        """See :class:`AnyProbe`."""
-        return self.columns
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""

@@ -2,6 +2,7 @@
 """Probe of the largest value of a function over elements, such as a stress."""
 
 from collections.abc import Callable, Sequence
+from typing import ClassVar
 
 import numpy as np
 
@@ -49,6 +50,7 @@ class AggregateProbe(AnyProbe):
         ValueError: No bodies, or a rho that is not positive.
     """
 
+    smooth: ClassVar[bool] = True
     name: str
     bodies: Sequence[str] = checked(_bodies)
     function: Callable[..., FloatArray] = function()
@@ -58,11 +60,6 @@ class AggregateProbe(AnyProbe):
         """Name the column."""
         check_columns(_checks.named(self, self.name), (self.name,))
         _checks.assign(self, columns=(self.name,))
-
-    @property
-    def differentiable(self) -> tuple[str, ...]:
-        """See :class:`AnyProbe`."""
-        return self.columns
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""

@@ -3,7 +3,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -63,8 +63,10 @@ class AnyProbe:
         columns: Names of its columns in the history, unique in the model.
         unwrap: Columns that are angles (radians) and are made continuous along the history.
         markers: Markers whose motion it needs.
+        smooth: True if its columns have derivatives.
     """
 
+    smooth: ClassVar[bool] = False
     name: str
     columns: tuple[str, ...]
     unwrap: tuple[str, ...] = ()
@@ -73,7 +75,7 @@ class AnyProbe:
     @property
     def differentiable(self) -> tuple[str, ...]:
         """Columns that have derivatives, see :func:`flexfem.gradient`."""
-        return ()
+        return self.columns if self.smooth else ()
 
     def check(self, model: Structure) -> None:
         """Check the names that the probe refers to.
@@ -147,6 +149,7 @@ class Probe(AnyProbe):
             `unwrap` that is no column.
     """
 
+    smooth: ClassVar[bool] = True
     name: str
     markers: Given[Observed | Sequence[Observed], tuple[Observed, ...]] = checked(observed)
     columns: Given[Sequence[str], tuple[str, ...]] = checked(strings)
@@ -156,11 +159,6 @@ class Probe(AnyProbe):
     def __post_init__(self) -> None:
         """Check the columns."""
         check_columns(_checks.named(self, self.name), self.columns, self.unwrap)
-
-    @property
-    def differentiable(self) -> tuple[str, ...]:
-        """See :class:`AnyProbe`."""
-        return self.columns
 
     def evaluate(self, t: float, states: Sequence[MarkerState]) -> FloatArray:
         """Return the values of the columns at time `t`, shape (number of columns,).

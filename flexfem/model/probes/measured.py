@@ -2,6 +2,7 @@
 """Probes of energies, momenta, joint forces, beam resultants and elongations."""
 
 from collections.abc import Sequence
+from typing import ClassVar
 
 import numpy as np
 import numpy.typing as npt
@@ -198,6 +199,7 @@ class StrainProbe(AnyProbe):
         ValueError: An empty name or a fraction outside [0, 1].
     """
 
+    smooth: ClassVar[bool] = True
     name: str
     beam: str = text()
     fraction: float = checked(_fraction, as_given=True)
@@ -205,11 +207,6 @@ class StrainProbe(AnyProbe):
     def __post_init__(self) -> None:
         """Name the columns."""
         name_columns(self, _STRAINS + _RESULTANTS)
-
-    @property
-    def differentiable(self) -> tuple[str, ...]:
-        """See :class:`AnyProbe`."""
-        return self.columns
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
@@ -250,16 +247,12 @@ class ShellEnergyProbe(_BodiesProbe):
         bodies: Names of shells, None for all.
     """
 
+    smooth: ClassVar[bool] = True
     name: str = "shell"
 
     def __post_init__(self) -> None:
         """Name the columns."""
         name_columns(self, ("membrane", "bending", "shear"))
-
-    @property
-    def differentiable(self) -> tuple[str, ...]:
-        """See :class:`AnyProbe`."""
-        return self.columns
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
@@ -291,6 +284,7 @@ class ElongationProbe(AnyProbe):
         ValueError: An empty name, or ends that are not two.
     """
 
+    smooth: ClassVar[bool] = True
     name: str
     body: str = text()
     ends: Sequence[str] | None = checked(_ends, default=None)
@@ -299,11 +293,6 @@ class ElongationProbe(AnyProbe):
         """Name the column."""
         check_columns(_checks.named(self, self.name), (self.name,))
         _checks.assign(self, columns=(self.name,))
-
-    @property
-    def differentiable(self) -> tuple[str, ...]:
-        """See :class:`AnyProbe`."""
-        return self.columns
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
@@ -392,6 +381,7 @@ class ShellStrainProbe(AnyProbe):
         ValueError: An empty name, or a position of another shape or not finite.
     """
 
+    smooth: ClassVar[bool] = True
     name: str
     shell: str = text()
     position: npt.ArrayLike = vector()
@@ -399,11 +389,6 @@ class ShellStrainProbe(AnyProbe):
     def __post_init__(self) -> None:
         """Name the columns."""
         name_columns(self, _SHELL_STRAINS + _SHELL_RESULTANTS)
-
-    @property
-    def differentiable(self) -> tuple[str, ...]:
-        """See :class:`AnyProbe`."""
-        return self.columns
 
     def check(self, model: Structure) -> None:
         """See :meth:`AnyProbe.check`."""
