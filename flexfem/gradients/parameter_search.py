@@ -5,9 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, field, replace
-from typing import Any
-
-from mpi4py import MPI
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 import numpy.typing as npt
@@ -20,11 +18,14 @@ from flexfem.analyses.dynamics import DYNAMICS
 from flexfem.analyses.modes import MODES
 from flexfem.analyses.statics import STATICS
 from flexfem.gradients.motion.parameters import Build, checked_values, plain
-from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.io.summary import write_summary
 from flexfem.io.tables.table import write_table
 from flexfem.options import Settings
-from flexfem.simulation.run.outcome import Outcome, Results
+
+if TYPE_CHECKING:
+    from mpi4py import MPI
+
+    from flexfem.simulation.run.outcome import Outcome, Results
 
 __all__ = ["FoundParameters", "ParameterSearch", "search_and_run"]
 
@@ -125,6 +126,11 @@ def search_and_run(
         InputError: a mistake in the model or the options, or something in it without derivative.
         OSError: the results cannot be written.
     """
+    # cases that name searches are listed and explained without these
+    from mpi4py import MPI
+
+    from flexfem.gradients.motion.trajectory import StoppedError
+
     comm, analysis = comm or MPI.COMM_WORLD, _ANALYSES[search.analysis]
     _checks.instance(repr(search), "options", options, analysis.settings)
     if getattr(options, "restart", None) is not None:
@@ -188,6 +194,8 @@ def _rows(search: ParameterSearch, found: FoundParameters) -> list[dict[str, Any
 
 def _stopped(reason: str, options: Settings, case: str, comm: MPI.Intracomm) -> Outcome:
     """Outcome of a search that has failed."""
+    from flexfem.simulation.run.outcome import Outcome
+
     summary = {"case": case, "ranks": comm.size, "status": reason, "results": {}}
     if options.output is not None:
         write_summary(options.output / "summary.json", summary, comm)

@@ -64,8 +64,11 @@ def _parser(prog: str) -> Parser:
 
 def _report(model: Any, options: Settings, as_json: bool) -> tuple[str, int]:
     """Text of summary and findings, and the number of findings."""
+    from flexfem.gradients.parameter_search import ParameterSearch
     from flexfem.model.model import Model
 
+    if isinstance(model, ParameterSearch):  # with the parameters to begin with
+        model = model.model(model.start)
     if not isinstance(model, Model):  # it has equations of its own
         text = str(model)
         return (json.dumps({"model": text, "warnings": []}) if as_json else text), 0

@@ -40,8 +40,8 @@ _NONE, _ONE = 1e-9, 1e-9
 #: Names of what forms of cells have beside the parameters of a law.
 TAKEN = frozenset({
     "asked", "position", "velocity", "step", "rate", "inverse", "size", "place", "dilatation",
-    "multiplier", "dilatation_step", "multiplier_step", "history", "span", "excess", "stretch",
-    "stretch_step",
+    "multiplier", "dilatation_step", "multiplier_step", "history", "history_step", "span", "excess",
+    "stretch", "stretch_step",
 })  # fmt: skip
 
 
