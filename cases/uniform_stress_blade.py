@@ -75,8 +75,8 @@ class Blade:
         each = self.density * self.length / self.elements
         return each * float(areas.sum()), {"areas": np.full(self.elements, each)}
 
-    def model(self, areas: Array) -> ff.Model:
-        """The blade with its centrifugal forces."""
+    def model(self, areas: Array, *, each: bool = False) -> ff.Model:
+        """The blade with its centrifugal forces, and a column for each element's stress."""
         points = np.linspace(0.0, self.length, self.elements + 1)[:, np.newaxis] * [[1.0, 0.0, 0.0]]
         cells = np.array([[i, i + 1] for i in range(self.elements)])
         mesh = ff.LineMesh(points, cells, {"blade": np.arange(self.elements)})
@@ -106,9 +106,12 @@ class Blade:
             ff.PointForce("tip", tip, (self.tip_mass * self.speed**2 * self.length, 0.0, 0.0)),
             ff.AggregateProbe("stress", "blade", stress),
             ff.Probe("tip_place", tip, ("stretch",), lambda t, s: (s.position[0] - self.length,)),
-            *(ff.AggregateProbe(f"stress_{k}", "blade", partial(of, k))
-              for k in range(self.elements)),
         )  # fmt: skip
+        if each:
+            model.add(
+                *(ff.AggregateProbe(f"stress_{k}", "blade", partial(of, k))
+                  for k in range(self.elements))
+            )  # fmt: skip
         return model
 
     def _section(self, area: float, steel: ff.Material) -> ff.Section:
@@ -123,7 +126,8 @@ def lightest(
 ) -> ff.FoundParameters:  # fmt: skip
     """Areas of the lightest blade."""
     found = ff.minimize(
-        search.build, None, search.start, replace(options, load_steps=1), cost=blade.mass,
+        partial(blade.model, each=True), None, search.start, replace(options, load_steps=1),
+        cost=blade.mass,
         bounds={"areas": (0.1 * blade.tip_area, None)},
         constraints=[(f"final:stress_{k}", None, blade.limit) for k in range(blade.elements)],
         most=most, tolerance=1e-7, report=report,
