@@ -131,8 +131,10 @@ def test_ranks_agree(kind):
         mine, all_of_us = alone.gradient[one], together.gradient[one]
         size = max(abs(mine[name] * NUMBERS[name]) for name in NUMBERS)
         for name, value in NUMBERS.items():
-            # a share of an element that is missing, or counted twice, is a tenth and more
-            assert abs(all_of_us[name] - mine[name]) * value < 1e-9 * size
+            # a share of an element that is missing, or counted twice, is a tenth and more; in the
+            # solid rounding is that of stresses, in which far larger parts cancel
+            limit = 1e-7 if kind == "solid" else 1e-9
+            assert abs(all_of_us[name] - mine[name]) * value < limit * size
 
 
 def test_stress_of_a_cantilever_at_rest():
