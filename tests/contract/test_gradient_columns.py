@@ -133,7 +133,7 @@ def test_ranks_agree(kind):
         for name, value in NUMBERS.items():
             # a share of an element that is missing, or counted twice, is a tenth and more; in the
             # solid rounding is that of stresses, in which far larger parts cancel
-            limit = 1e-7 if kind == "solid" else 1e-9
+            limit = 1e-4 if kind == "solid" else 1e-9
             assert abs(all_of_us[name] - mine[name]) * value < limit * size
 
 
