@@ -2,11 +2,12 @@
 """Command lines of derivatives by the adjoint: their own options, and those of a case."""
 
 import shlex
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, Protocol
 
+from flexfem import launch
 from flexfem._checks import InputError
 from flexfem._faults import FunctionError
 from flexfem.case import Case
@@ -23,6 +24,7 @@ class DerivativeLine(NamedTuple):
         case: the case.
         own: options of the command.
         of: the numbers.
+        command: name of the command, and of its file.
         output: folder of the results.
         parameters: keyword arguments of ``build``.
         settings: options of the analysis.
@@ -31,6 +33,7 @@ class DerivativeLine(NamedTuple):
     case: Case
     own: Any
     of: list[str]
+    command: str
     output: Path
     parameters: dict[str, Any]
     settings: Any
@@ -78,7 +81,7 @@ def read_derivatives(parser: Parser, argv: Sequence[str], prog: str) -> Derivati
     output = own.output or Path("results") / f"{case.folder}_{command}"
     parameters, settings = _prepared(case, given, output, command)
     built(case, parameters, argv)  # faults of the model before all else, on every rank
-    return DerivativeLine(case, own, parts(own.of), output, parameters, settings)
+    return DerivativeLine(case, own, parts(own.of), command, output, parameters, settings)
 
 
 def parts(texts: Sequence[str]) -> list[str]:
@@ -91,20 +94,48 @@ def units(case: Case) -> dict[str, str]:
     return {one.name: one.unit or "" for one in case.all_options() if isinstance(one, Option)}
 
 
-def table(rows: Sequence[Sequence[str]]) -> str:
+def table_of(rows: Sequence[Sequence[str]]) -> str:
     """Rows in columns as wide as they need."""
     widths = [max(map(len, column)) for column in zip(*rows, strict=True)]
     lines = ("  ".join(map(str.ljust, row, widths)).rstrip() for row in rows)
     return "\n".join(lines)
 
 
-def write(path: Path, found: object, names: Sequence[str]) -> None:
-    """Write attributes of a result to a file, on the first rank."""
+class Derived(Protocol):
+    """A result of a command.
+
+    Attributes:
+        warnings: what should be known before it is used.
+    """
+
+    @property
+    def warnings(self) -> tuple[str, ...]:
+        """See the class."""
+        ...
+
+
+def tell(
+    line: DerivativeLine, found: Derived, names: Sequence[str], text: Callable[[Path], str]
+) -> int:
+    """Write a result and print it, on the first rank; returns the exit code.
+
+    Args:
+        line: the command line.
+        found: the result.
+        names: of its attributes that are written.
+        text: what is printed, by the path of the file.
+    """
     from mpi4py import MPI
 
     from flexfem.io.summary import write_summary
 
+    path = line.output / f"{line.command}.json"
     write_summary(path, {name: getattr(found, name) for name in names}, MPI.COMM_WORLD)
+    if not line.own.quiet:
+        launch.say(text(path))
+    for warning in found.warnings:
+        launch.say(f"warning: {warning}", error=True)
+    return 0
 
 
 @contextmanager

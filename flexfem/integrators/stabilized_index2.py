@@ -21,6 +21,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.differences import STENCIL
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.solvers.newton.iteration import Equations, SolveAgain
 from flexfem.system.mechanics import END_POINT, Correction, EndPoint
@@ -28,9 +29,8 @@ from flexfem.system.system import Shifts, System
 
 __all__ = ["StabilizedIndex2"]
 
-#: Instants of differences of drives, as parts of the step, and their weights, of fourth order.
+#: Span of differences of drives, as a part of the step.
 _SPAN = 1.0 / 16.0
-_WEIGHTS = ((-2, 1.0 / 12.0), (-1, -2.0 / 3.0), (1, 2.0 / 3.0), (2, -1.0 / 12.0))
 
 
 @dataclass
@@ -60,7 +60,7 @@ class _PositionsAndRates:
         rows, total = system.constraints, np.zeros(system.constraints.size)
         if not rows.driven:
             return total
-        for k, weight in _WEIGHTS:
+        for k, weight in STENCIL:
             rows.set_time(system.instant + k * self._span)
             rows.evaluate(shifts.dynamics)
             total += weight / self._span * rows.values

@@ -136,20 +136,23 @@ def test_redundant_constraints():
     compare(doubled, NUMBERS, ["final:tip_z", "mean:speed"], options, 1e-8)
 
 
+def compare_memories(build, options, few):
+    """Gradients with all states, and with few bytes for them."""
+    whole, parts = (
+        ff.gradient(build, "mean:tip_z", NUMBERS, options, accuracy=1e-12, memory=most)
+        for most in (2e9, few)
+    )
+    for name, value in whole.gradient["mean:tip_z"].items():
+        # a part that is taken again with the size of a whole step is 1e-3
+        assert parts.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-8)
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize("build", [pushed, pytest.param(switched, marks=pytest.mark.slow)])
 def test_states_that_do_not_fit(build):
     """They are computed again, part by part and jump by jump."""
     options = ff.RunOptions(dt=1e-3, t_end=0.012, tolerance=1e-13)
-    whole, parts = (
-        ff.gradient(
-            partial(build, "se3"), "mean:tip_z", NUMBERS, options, accuracy=1e-12, memory=most
-        )
-        for most in (2e9, 2.4e4)
-    )
-    for name, value in whole.gradient["mean:tip_z"].items():
-        # a part that is taken again with the size of a whole step is 1e-3
-        assert parts.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-8)
+    compare_memories(partial(build, "se3"), options, 2.4e4)
 
 
 @pytest.mark.slow
@@ -159,14 +162,7 @@ def test_many_more_states_than_expected_do_not_fit():
     options = ff.RunOptions(
         dt=4e-3, t_end=8e-3, tolerance=1e-13, adaptive=True, error_tolerance=1e-6
     )
-    whole, parts = (
-        ff.gradient(
-            partial(body, "se3"), "mean:tip_z", NUMBERS, options, accuracy=1e-12, memory=most
-        )
-        for most in (2e9, 4.6e4)
-    )
-    for name, value in whole.gradient["mean:tip_z"].items():
-        assert parts.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-8)
+    compare_memories(partial(body, "se3"), options, 4.6e4)
 
 
 @pytest.mark.three_ranks

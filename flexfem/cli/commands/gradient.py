@@ -5,16 +5,15 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexfem import launch
 from flexfem.cli.derivative_line import (
     DerivativeLine,
     add_derivative_options,
     errors_of_derivatives,
     parts,
     read_derivatives,
-    table,
+    table_of,
+    tell,
     units,
-    write,
 )
 from flexfem.cli.usage import Parser
 
@@ -45,14 +44,12 @@ def execute(argv: Sequence[str], prog: str) -> int:
     line = read_derivatives(_parser(prog), argv, prog)
     with errors_of_derivatives():
         found, values = _gradient(line)
-    path = line.output / "gradient.json"
-    write(path, found, _NAMES)
-    if not line.own.quiet:
-        launch.say(_table(found, values, units(line.case)))
-        launch.say(_summary(found, path))
-    for text in found.warnings:
-        launch.say(f"warning: {text}", error=True)
-    return 0
+
+    def text(path: Path) -> str:
+        table = _table(found, values, units(line.case))
+        return f"{table}\n{_summary(found, path)}"
+
+    return tell(line, found, _NAMES, text)
 
 
 def _parser(prog: str) -> Parser:
@@ -95,7 +92,7 @@ def _table(found: "Gradient", values: Mapping[str, Any], units: Mapping[str, str
             rows.append(
                 (of, f"{value:.6g}", name, f"{at:.6g}", unit, f"{derivative:.9g}", relative)
             )
-    return table(rows)
+    return table_of(rows)
 
 
 def _summary(found: "Gradient", path: Path) -> str:

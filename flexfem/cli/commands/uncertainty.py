@@ -5,7 +5,6 @@ from collections.abc import Mapping, Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from flexfem import launch
 from flexfem._files import number_in
 from flexfem.cli.derivative_line import (
     DerivativeLine,
@@ -13,9 +12,9 @@ from flexfem.cli.derivative_line import (
     errors_of_derivatives,
     parts,
     read_derivatives,
-    table,
+    table_of,
+    tell,
     units,
-    write,
 )
 from flexfem.cli.usage import Parser
 
@@ -46,14 +45,12 @@ def execute(argv: Sequence[str], prog: str) -> int:
     line = read_derivatives(_parser(prog), argv, prog)
     with errors_of_derivatives():
         found, values, spread = _uncertainty(line)
-    path = line.output / "uncertainty.json"
-    write(path, found, _NAMES)
-    if not line.own.quiet:
-        launch.say(_table(found, values, spread, units(line.case)))
-        launch.say(_summary(found, path))
-    for text in found.warnings:
-        launch.say(f"warning: {text}", error=True)
-    return 0
+
+    def text(path: Path) -> str:
+        table = _table(found, values, spread, units(line.case))
+        return f"{table}\n{_summary(found, path)}"
+
+    return tell(line, found, _NAMES, text)
 
 
 def _parser(prog: str) -> Parser:
@@ -128,7 +125,7 @@ def _table(
             unit = units.get(name.split("[")[0], "") or "-"
             more = (f"{float(values[name]):.6g}", f"{spread[name]:.4g}", unit, f"{share:.3f}")
             rows.append((*own, name, *more) if k == 0 else ("", "", "", name, *more))
-    return table(rows)
+    return table_of(rows)
 
 
 def _summary(found: "Uncertainty", path: Path) -> str:

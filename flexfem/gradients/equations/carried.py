@@ -9,10 +9,10 @@ import numpy as np
 
 from flexfem._types import FloatArray
 
-__all__ = ["CARRIED", "Carried"]
+__all__ = ["Carried"]
 
 #: Names of what is carried.
-CARRIED = ("q", "v", "a", "w")
+_NAMES = ("q", "v", "a", "w")
 
 
 @dataclass
@@ -27,4 +27,13 @@ class Carried:
     @classmethod
     def nothing(cls, shape: tuple[int, ...]) -> Carried:
         """Zeros."""
-        return cls(*(np.zeros(shape) for _ in range(4)))
+        return cls(*(np.zeros(shape) for _ in _NAMES))
+
+    def add(self, other: Carried, factor: float) -> None:
+        """Add a multiple of others; arrays that others may share are left alone."""
+        for name in _NAMES:
+            setattr(self, name, getattr(self, name) + factor * getattr(other, name))
+
+    def product(self, other: Carried) -> float:
+        """This rank's part of the sum of products with others."""
+        return sum(float((getattr(self, n) * getattr(other, n)).sum()) for n in _NAMES)

@@ -12,7 +12,7 @@ from collections.abc import Callable
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.step_tangent import BlockVectors, StepTangent
+from flexfem.gradients.equations.step_tangent import BlockVectors, StepTangent, joined
 from flexfem.solvers.frozen.policy import FrozenPolicy
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.frozen.transposed import TransposedSolver
@@ -137,7 +137,7 @@ class LinearizedStep:
         """The same with the present factors; None without success."""
         blocks, rows, accuracy = right
         vectors, act = self._vectors, self._action(transposed=transposed)
-        left = _joined(blocks, rows)
+        left = joined(blocks, rows)
         first = self._preconditioned(left, transposed=transposed)
         (square,) = vectors.squares(first)
         solution = first if guess is None or self._frozen.exact else guess
@@ -179,7 +179,7 @@ class LinearizedStep:
 
         def counted(vector: FloatArray) -> FloatArray:
             self.applications += 1
-            return _joined(*act(*self.parts(vector)))
+            return joined(*act(*self.parts(vector)))
 
         return counted
 
@@ -199,8 +199,3 @@ class LinearizedStep:
         *own, rows = np.split(vector, self._vectors.sizes[1:])
         parts = zip(own, self._system.parts, strict=True)
         return [values.reshape(-1, part.block.width) for values, part in parts], rows
-
-
-def _joined(blocks: BlockVectors, rows: FloatArray) -> FloatArray:
-    """The vector of all parts."""
-    return np.concatenate([*(own.ravel() for own in blocks), rows])

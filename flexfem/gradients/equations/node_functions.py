@@ -10,6 +10,7 @@ the number of elements.
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import inf
 
 from mpi4py import MPI
@@ -18,25 +19,39 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.differences import STENCIL
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import moved
 
-__all__ = ["ENOUGH", "STENCIL", "STEPS", "SUITS", "NodeFunctions"]
+__all__ = ["ENOUGH", "STEPS", "SUITS", "NodeFunctions"]
 
 #: Differences relative to the size of what moves, the longest first.
 STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 #: Difference from a shorter step, relative to the largest changes, up to which a step suits, and up
 #: to which the best one does.
 SUITS, ENOUGH = 1e-7, 1e-5
-#: Places in steps, with weights.
-STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
-
-
 #: Difference from a shorter step with which no better one is sought: where nodes move together,
 #: as in rotations, their derivatives cancel.
 _PRECISE = 1e-11
 #: Changes relative to the largest values that are rounding.
 _ROUNDING = 1e-13
+
+
+@dataclass(frozen=True)
+class _Weighted:
+    """What is differentiated.
+
+    Attributes:
+        values: computes the (m, c) values at the trial state.
+        still: (m, c) those of the state itself.
+        weights: (m, c).
+        what: array of the block that is changed.
+    """
+
+    values: Callable[[], FloatArray]
+    still: FloatArray
+    weights: FloatArray
+    what: str
 
 
 class NodeFunctions:
@@ -84,8 +99,9 @@ class NodeFunctions:
             InputError: there are none.
         """
         block, best, least, rounding = self._block, np.zeros((len(self._at), 6)), inf, True
+        weighted = _Weighted(values, values(), weights, what)
         for k in range(self._best, len(STEPS)):
-            own, changes, off = self._slopes(values, weights, what, STEPS[k])
+            own, changes, off = self._slopes(weighted, STEPS[k])
             # of the weighted values, of all of them, and what differs
             sizes = np.array([changes[0], changes[1], off])
             block.comm.Allreduce(MPI.IN_PLACE, sizes, op=MPI.MAX)
@@ -108,51 +124,48 @@ class NodeFunctions:
         found: FloatArray = block.residual[: block.owned].copy()
         return found
 
-    def _slopes(
-        self, values: Callable[[], FloatArray], weights: FloatArray, what: str, step: float
-    ) -> tuple[FloatArray, tuple[float, float], float]:
+    def _slopes(self, one: _Weighted, step: float) -> tuple[FloatArray, tuple[float, float], float]:
         """Derivatives (u, 6) by the nodes, and their check along a direction at random.
 
         The second result are the changes along it of weighted values, and the largest of all
         values times the largest weight; the third one is the difference of the derivative along it.
         """
-        scale = self._scale if what == "frames" else np.ones_like(self._scale)
+        scale = self._scale if one.what == "frames" else np.ones_like(self._scale)
         found, largest = np.zeros((2, *scale.shape))
         for own, places in self._groups:
             for i in range(self._block.width):
                 along = np.zeros_like(scale)
                 along[places, i] = 1.0
-                slopes, changes, _ = self._along(values, weights, what, (scale * along, step))
+                slopes, changes, _ = self._along(one, scale * along, step)
                 np.add.at(found[:, i], places, slopes[own])
                 np.add.at(largest[:, i], places, changes[own])
         along = np.random.default_rng(3).standard_normal(scale.shape)
         along[:, self._block.width :] = 0.0
-        slopes, _, most = self._along(values, weights, what, (scale * along, 0.1 * step))
+        slopes, _, most = self._along(one, scale * along, 0.1 * step)
         off = abs(float(slopes.sum() - (found * along).sum()))
-        sizes = float((largest * np.abs(along)).sum()), most * float(np.abs(weights).max(initial=0))
-        return found / scale, sizes, off
+        most *= float(np.abs(one.weights).max(initial=0.0))
+        return found / scale, (float((largest * np.abs(along)).sum()), most), off
 
     def _along(
-        self, values: Callable[[], FloatArray], weights: FloatArray, what: str,
-        change: tuple[FloatArray, float],
-    ) -> tuple[FloatArray, FloatArray, float]:  # fmt: skip
+        self, one: _Weighted, direction: FloatArray, step: float
+    ) -> tuple[FloatArray, FloatArray, float]:
         """Derivatives (m,) of weighted values along a direction with its step, and changes.
 
         The last result is the largest change of all values without weights.
         """
-        block, at, (direction, step) = self._block, self._at, change
-        own: FloatArray = getattr(block, what)
-        before, still = own[at].copy(), values()
+        block, at = self._block, self._at
+        own: FloatArray = getattr(block, one.what)
+        before = own[at].copy()
         total, largest, most = np.zeros(self._count), np.zeros(self._count), 0.0
         for part, weight in STENCIL:
             way = part * step * direction
-            if what == "frames":
+            if one.what == "frames":
                 own[at] = moved(before, way, inertial=block.inertial)
             else:
                 own[at] = before + way
-            every = values() - still
+            every = one.values() - one.still
             most = max(most, float(np.abs(every).max(initial=0.0)) / step)
-            difference = (every * weights).sum(axis=1)
+            difference = (every * one.weights).sum(axis=1)
             total += weight / step * difference
             np.maximum(largest, np.abs(difference) / step, out=largest)
         own[at] = before

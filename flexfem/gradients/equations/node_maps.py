@@ -20,12 +20,12 @@ from flexfem.gradients.equations.kernels import apply_maps, apply_transposed_map
 from flexfem.lie import se3, so3
 
 __all__ = [
-    "ROUNDING", "RateMaps", "StepMaps", "TwistMap", "applied", "fixed_apart", "moved",
-    "rotations", "transposed", "twists",
+    "RateMaps", "StepMaps", "TwistMap", "applied", "fixed_apart", "increments_between", "moved",
+    "rotations", "start_moves", "transposed", "twists",
 ]  # fmt: skip
 
-#: Distance of fixed unknowns at the starts of two models, m or 1, up to which it is rounding.
-ROUNDING = 1e-13
+#: Distance of nodes at the starts of two models, m or 1, up to which it is rounding.
+_ROUNDING = 1e-13
 
 
 def rotations(frames: FloatArray) -> FloatArray:
@@ -53,6 +53,23 @@ def moved(frames: FloatArray, by: FloatArray, *, inertial: bool) -> FloatArray:
     return found
 
 
+def increments_between(frames: FloatArray, after: FloatArray, *, inertial: bool) -> FloatArray:
+    """Increments (n, 6) of a step from frames to those after it (n, 12)."""
+    if not inertial:
+        return twists(frames, after, inertial=False)
+    turns = np.einsum("nji,njk->nik", rotations(frames), rotations(after))
+    return np.concatenate([after[:, :3] - frames[:, :3], so3.log(turns)], axis=1)
+
+
+def start_moves(block: FrameBlock, other: FrameBlock) -> FloatArray:
+    """Local twists (n, 6) of nodes from their start to that in another model."""
+    frames, after = block.start_frames, other.start_frames
+    at = np.flatnonzero(np.abs(frames - after).max(axis=1, initial=0.0) > _ROUNDING)
+    found = np.zeros((len(frames), 6))
+    found[at] = twists(frames[at], after[at], inertial=block.inertial)
+    return found
+
+
 def fixed_apart(block: FrameBlock, other: FrameBlock) -> FloatArray:
     """Frames (n, 12) of a block, whose fixed unknowns move with the start of another one.
 
@@ -61,12 +78,11 @@ def fixed_apart(block: FrameBlock, other: FrameBlock) -> FloatArray:
     frames = block.frames.copy()
     if block.dirichlet is None:
         return frames
-    apart = np.abs(block.start_frames - other.start_frames).max(axis=1, initial=0.0) > ROUNDING
-    at = np.flatnonzero(apart & block.dirichlet.any(axis=1))
-    moves = twists(block.start_frames[at], other.start_frames[at], inertial=block.inertial)
-    moves[:, : block.width][~block.dirichlet[at]] = 0.0
+    moves = start_moves(block, other)
+    moves[:, : block.width][~block.dirichlet] = 0.0
     moves[:, block.width :] = 0.0
-    frames[at] = moved(frames[at], moves, inertial=block.inertial)
+    at = np.flatnonzero(moves.any(axis=1))
+    frames[at] = moved(frames[at], moves[at], inertial=block.inertial)
     return frames
 
 
@@ -177,3 +193,8 @@ class RateMaps:
             (moved[:, 0] - still[:, 0]) @ F, still[:, 0], (moved[:, 1] - still[:, 1]) @ F,
             still[:, 1],
         )  # fmt: skip
+
+    @classmethod
+    def by_rates(cls, block: FrameBlock) -> FloatArray:
+        """Maps (n, w, w) from rates of increments to those of local twists, w unknowns a node."""
+        return cls.of(block).by_rate[:, : block.width, : block.width]

@@ -24,7 +24,7 @@ from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = [
     "STEP", "BlockVectors", "StepTangent", "add_row_forces", "collected", "forces_on_blocks",
-    "put_steps", "row_changes",
+    "joined", "put_steps", "row_changes",
 ]  # fmt: skip
 
 #: (n_owned, width) for each part.
@@ -284,3 +284,8 @@ def _subtract(system: System, forces: FloatArray) -> None:
 def collected(system: System) -> BlockVectors:
     """Residuals of the blocks, without those of what is fixed."""
     return [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
+
+
+def joined(blocks: BlockVectors, rows: FloatArray) -> FloatArray:
+    """The vector of the parts of all blocks and of the rows."""
+    return np.concatenate([*(own.ravel() for own in blocks), rows])

@@ -10,11 +10,11 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.step_tangent import BlockVectors
+from flexfem.gradients.equations.step_tangent import BlockVectors, collected
 from flexfem.system.mechanics import END_POINT, EndPoint
 from flexfem.system.system import Shifts, System
 
-__all__ = ["Equations", "SystemEquations", "equations_at", "jump"]
+__all__ = ["Equations", "SystemEquations", "equations_at", "jump", "product"]
 
 #: Of blocks, (n_owned, width) each, and of all rows of this rank, (r,).
 Equations = tuple[BlockVectors, FloatArray]
@@ -35,8 +35,13 @@ _SEEN = 1e3
 def equations_at(system: System, shifts: Shifts, mechanics: EndPoint = END_POINT) -> Equations:
     """Equations of blocks, without reactions of what is fixed, and of all rows (collective)."""
     mechanics.evaluate(system, shifts)
-    blocks = [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
-    return blocks, system.constraints.values.copy()
+    return collected(system), system.constraints.values.copy()
+
+
+def product(system: System, factors: Equations, changes: Equations) -> float:
+    """This rank's part of factors of the equations times their changes."""
+    blocks = sum(float((a * b).sum()) for a, b in zip(factors[0], changes[0], strict=True))
+    return blocks + float(factors[1] @ (system.constraints.owned * changes[1]))
 
 
 def jump(

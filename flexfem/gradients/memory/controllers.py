@@ -20,9 +20,9 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._faults import FAILURES
 from flexfem._types import FloatArray, IntArray
-from flexfem.constraints.elements.differences import central, suited_step
+from flexfem.core.differences import central, suited_step
 from flexfem.gradients.equations.step_tangent import BlockVectors
-from flexfem.gradients.equations.values import Equations, equations_at
+from flexfem.gradients.equations.values import Equations, equations_at, product
 from flexfem.gradients.memory.base import Memory, StepEnd
 from flexfem.simulation.control.controls import ContinuousLoop, SampledLoop
 from flexfem.simulation.motion.stepping import Simulation
@@ -179,14 +179,8 @@ class ControllerMemory(Memory):
 
     def back(self, sums: FloatArray, z: BlockVectors, mu: FloatArray) -> FloatArray:
         """See :class:`Memory`."""
-        owned, at = self._motion.system.constraints.owned, 0
-        by_outputs = np.array(
-            [
-                sum(float((a * b).sum()) for a, b in zip(z, blocks, strict=True))
-                + float(mu @ (owned * rows))
-                for blocks, rows in self._effects
-            ]
-        )
+        system, at = self._motion.system, 0
+        by_outputs = np.array([product(system, (z, mu), own) for own in self._effects])
         self._comm.Allreduce(MPI.IN_PLACE, by_outputs)
         found = np.zeros_like(sums)
         for loop, own in zip(self._loops, self._known[1], strict=False):

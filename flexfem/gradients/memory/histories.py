@@ -11,7 +11,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.state import State
-from flexfem.gradients.equations.step_tangent import BlockVectors, put_steps
+from flexfem.gradients.equations.step_tangent import BlockVectors, collected, put_steps
 from flexfem.gradients.equations.values import Equations
 from flexfem.gradients.memory.base import Memory, StepEnd
 from flexfem.layout.elements import HistoryDerivatives, HistoryElements
@@ -132,7 +132,7 @@ class HistoryMemory(Memory):
         """Residuals of the blocks with those of ghosts (collective)."""
         for part in self._system.parts:
             part.block.add_ghosts()
-        return [part.block.hold(part.block.owned_residual.copy()) for part in self._system.parts]
+        return collected(self._system)
 
 
 def _variables(elements: HistoryElements) -> FloatArray:

@@ -33,7 +33,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.carried import CARRIED, Carried
+from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.equations.node_maps import RateMaps, StepMaps, transposed
 from flexfem.gradients.equations.step_tangent import (
@@ -43,7 +43,7 @@ from flexfem.gradients.equations.step_tangent import (
     BlockVectors,
 )
 from flexfem.gradients.equations.unilateral import StateChange
-from flexfem.gradients.equations.values import Equations
+from flexfem.gradients.equations.values import Equations, product
 from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.renewals.grid import Lead
@@ -202,8 +202,7 @@ class Adjoint:
     def subtract(self, other: Adjoint, factor: float) -> None:
         """Subtract a multiple of another one, which has done the same step last."""
         for own, less in zip(self.carried, other.carried, strict=True):
-            for name in CARRIED:
-                setattr(own, name, getattr(own, name) - factor * getattr(less, name))
+            own.add(less, -factor)
         self.z = [a - factor * b for a, b in zip(self.z, other.z, strict=True)]
         self.mu = self.mu - factor * other.mu
         self.targets -= factor * other.targets
@@ -211,8 +210,7 @@ class Adjoint:
 
     def times(self, equations: Equations) -> float:
         """This rank's part of the factors of the last step times changes of its equations."""
-        blocks = sum(float((a * b).sum()) for a, b in zip(self.z, equations[0], strict=True))
-        return blocks + float(self.mu @ (self._motion.system.constraints.owned * equations[1]))
+        return product(self._motion.system, (self.z, self.mu), equations)
 
     def arrive(self, step: int, maps: list[StepMaps]) -> None:
         """Go from the accepted state after a step to the trial state at its end."""
@@ -347,8 +345,7 @@ class Tangent:
     def add(self, other: Tangent, factor: float) -> None:
         """Add a multiple of another one at the same state."""
         for own, more in zip(self.carried, other.carried, strict=True):
-            for name in CARRIED:
-                setattr(own, name, getattr(own, name) + factor * getattr(more, name))
+            own.add(more, factor)
         self.targets += factor * other.targets
         self._size_change += factor * other._size_change
         for state, every in other._accelerations.items():

@@ -295,8 +295,7 @@ def _start_along(motion: Motion, changes: BlockVectors) -> list[Carried]:
     right = [part.block.hold(x) for part, x in zip(parts, changes, strict=True)]
     motion.tangent.solve(right, np.zeros(motion.system.constraints.size))
     for part in parts:
-        maps = RateMaps.of(part.block).by_rate[:, : part.block.width, : part.block.width]
-        accelerations = -transposed(maps, part.block.owned_step)
+        accelerations = -transposed(RateMaps.by_rates(part.block), part.block.owned_step)
         still = np.zeros_like(accelerations)
         found.append(Carried(still, still.copy(), accelerations, accelerations.copy()))
     return found

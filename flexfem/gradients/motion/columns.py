@@ -10,6 +10,7 @@ these all is exact.
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
+from copy import copy
 from dataclasses import dataclass, replace
 from math import inf
 from typing import Protocol
@@ -20,9 +21,10 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.differences import STENCIL
 from flexfem.core.marker import SlidingMarker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.gradients.equations.node_functions import ENOUGH, STENCIL, STEPS, SUITS, NodeFunctions
+from flexfem.gradients.equations.node_functions import ENOUGH, STEPS, SUITS, NodeFunctions
 from flexfem.gradients.equations.node_maps import rotations, transposed
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.layout.elements import one_width
@@ -238,8 +240,8 @@ class _Inside:
         self._block, self._markers = block, [one for one in markers if one.block is block]
         support = one_width([one.points.nodes for one in self._markers])
         self._places = np.concatenate([np.empty(0, np.int64), *(m.places for m in self._markers)])
-        owner = "a marker between nodes"
-        self._functions = [NodeFunctions(owner, block, support) for _ in self._BY]
+        functions = NodeFunctions("a marker between nodes", block, support)
+        self._functions = [copy(functions) for _ in self._BY]  # with steps of their own
 
     def add(self, found: FloatArray, sums: _Sums) -> None:
         """Add derivatives of all markers (markers, 18) by their nodes (collective)."""

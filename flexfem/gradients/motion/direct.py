@@ -17,7 +17,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.gradients.equations.node_maps import ROUNDING, fixed_apart, moved, twists
+from flexfem.gradients.equations.node_maps import fixed_apart, moved, start_moves
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.model.probes.base import Probe
 from flexfem.simulation.motion.stepping import Simulation
@@ -47,7 +47,7 @@ class DirectEffect:
         own = _Columns(motion.simulation)
         parts = motion.system.parts
         self._moves = [
-            [_moves(a.block, b.block) for a, b in zip(parts, one.system.parts, strict=True)]
+            [start_moves(a.block, b.block) for a, b in zip(parts, one.system.parts, strict=True)]
             for one in others
         ]
         motion.go_to(0)
@@ -96,13 +96,6 @@ class DirectEffect:
             yield one.values(times)
 
 
-def _moves(block: FrameBlock, other: FrameBlock) -> FloatArray:
-    """Local twists (n, 6) of the nodes from their start to that in another model."""
-    by = twists(block.start_frames, other.start_frames, inertial=block.inertial)
-    by[np.abs(block.start_frames - other.start_frames).max(axis=1, initial=0.0) <= ROUNDING] = 0.0
-    return by
-
-
 def _free(block: FrameBlock, by: FloatArray) -> FloatArray:
     """Twists (n_owned, 6) without fixed unknowns."""
     found = by[: block.owned].copy()
@@ -135,7 +128,7 @@ class _Columns:
             elif comm.rank == 0:
                 seen = states[at : at + len(probe.markers)]
                 own[:] = [probe.evaluate(t, seen) for t in times]
-                at += len(probe.markers)
+            at += len(probe.markers)
             found.append(own)
         return np.hstack(found) if found else np.zeros((len(times), 0))
 

@@ -104,9 +104,7 @@ class ElementInfluence:
             motion.tangent.assemble(MASS)
             motion.tangent.factor()
             right = [
-                part.block.hold(
-                    applied(_lv(part.block.width, RateMaps.of(part.block)), one.a + one.w)
-                )
+                part.block.hold(applied(RateMaps.by_rates(part.block), one.a + one.w))
                 for part, one in zip(system.parts, own, strict=True)
             ]
             motion.tangent.solve(right, np.zeros(system.constraints.size))
@@ -458,8 +456,3 @@ def _changes(source: System, system: System, still: Equations) -> BlockVectors |
     if source.comm.allreduce(changed, op=MPI.MAX) != 0.0:
         return None
     return [a - b for a, b in zip(blocks, still[0], strict=True)]
-
-
-def _lv(width: int, maps: RateMaps) -> FloatArray:
-    """Maps (n, w, w) from rates of increments to those of local twists."""
-    return maps.by_rate[:, :width, :width]

@@ -24,10 +24,15 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.carried import CARRIED
+from flexfem.core.differences import STENCIL
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.equations.node_maps import StepMaps
-from flexfem.gradients.equations.step_tangent import ACCELERATIONS, VELOCITIES, BlockVectors
+from flexfem.gradients.equations.step_tangent import (
+    ACCELERATIONS,
+    VELOCITIES,
+    BlockVectors,
+    joined,
+)
 from flexfem.gradients.equations.values import Equations, equations_at
 from flexfem.gradients.motion.adjoint import Adjoint, SizeChange, Tangent
 from flexfem.gradients.motion.columns import ColumnDerivatives, NodeSeeds
@@ -39,8 +44,6 @@ from flexfem.system.measure.probes import ProbeRecorder
 
 __all__ = ["EventTimes", "along", "by_time", "size_change"]
 
-#: Differences of fourth order: places and weights.
-_STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
 #: Weights of differences of third order from one side.
 _ONE_SIDE = (-11.0 / 6.0, 3.0, -1.5, 1.0 / 3.0)
 #: Difference of sizes of steps, relative; of times, as parts of ``dt``, the longest first.
@@ -88,7 +91,7 @@ class _Functions:
         """Derivative of the function by time at a fixed motion, 1/s (collective)."""
         number, system = self._motion.grid.events[state], self.system
         step, total = _TIMES[0] * self._motion.options.dt, 0.0
-        for place, weight in _STENCIL:
+        for place, weight in STENCIL:
             system.time = float(self.times[state]) + place * step
             values = self._motion.simulation.events.evaluate()
             total += weight / step * float(values[number])
@@ -107,7 +110,7 @@ def size_change(
     """What the size of a step changes, at whose end it is linearised (collective)."""
     taken, shifts = motion.grid.step(step), motion.laws(step).shifts
     laws = np.zeros(10)
-    for place, weight in _STENCIL:
+    for place, weight in STENCIL:
         h = taken.h * (1.0 + place * _SIZE)
         own = step_laws(taken.scheme.rho_inf, h)
         plain = own.predict[0]  # whose increments are zero
@@ -147,8 +150,8 @@ def by_time(motion: Motion, state: int) -> Equations:
     sizes = [part.block.owned_step.shape for part in system.parts]
     for part in _TIMES:
         step = part * motion.options.dt
-        values = np.array([_flat(_at(motion, state, k * step)) for k in range(-3, 4)])
-        central = np.array([w for _, w in _STENCIL]) @ values[[1, 2, 4, 5]] / step
+        values = np.array([joined(*_at(motion, state, k * step)) for k in range(-3, 4)])
+        central = np.array([w for _, w in STENCIL]) @ values[[1, 2, 4, 5]] / step
         after, before = (
             np.array(_ONE_SIDE) @ values[3:] / step,
             -(np.array(_ONE_SIDE) @ values[3::-1] / step),
@@ -182,11 +185,6 @@ def _at(motion: Motion, state: int, later: float) -> Equations:
     if motion.renewal is not None:
         return motion.renewal.equations(motion.system)
     return equations_at(motion.system, motion.laws(state).shifts)
-
-
-def _flat(equations: Equations) -> FloatArray:
-    """Blocks, then rows."""
-    return np.concatenate([*(one.ravel() for one in equations[0]), equations[1]])
 
 
 class EventTimes:
@@ -302,11 +300,7 @@ def along(motion: Motion, seeds: list[NodeSeeds], tangent: Tangent) -> float:
     """This rank's part of the change of a column by that of the nodes, at an accepted state."""
     one = Adjoint(motion)
     one.add(seeds)
-    return sum(
-        float((getattr(a, name) * getattr(b, name)).sum())
-        for a, b in zip(one.carried, tangent.carried, strict=True)
-        for name in CARRIED
-    )
+    return sum(a.product(b) for a, b in zip(one.carried, tangent.carried, strict=True))
 
 
 def _sum(first: BlockVectors, second: BlockVectors) -> BlockVectors:

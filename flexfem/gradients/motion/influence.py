@@ -18,10 +18,10 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.status import Status
-from flexfem.gradients.equations.carried import CARRIED, Carried
+from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.node_maps import twists
 from flexfem.gradients.equations.step_tangent import BlockVectors
-from flexfem.gradients.equations.values import Equations, equations_at, jump
+from flexfem.gradients.equations.values import Equations, equations_at, jump, product
 from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.direct import DirectEffect, copy_state
 from flexfem.gradients.motion.parameters import Build, Values, plain
@@ -230,13 +230,10 @@ class NumberInfluence:
     def products(self, step: int, factors: Sequence[Factors]) -> FloatArray:
         """See :class:`Influence`."""
         blocks, rows, numbers = self.equations(step)
-        owned, counted = self._motion.system.constraints.owned, self._motion.memories.owned
+        system, counted = self._motion.system, self._motion.memories.owned * numbers
         return np.array(
             [
-                [
-                    sum(float((a * b).sum()) for a, b in zip(z, blocks, strict=True))
-                    + float(mu @ (owned * rows) + own @ (counted * numbers))
-                ]
+                [product(system, (z, mu), (blocks, rows)) + float(own @ counted)]
                 for z, mu, own in factors
             ]
         )
@@ -246,11 +243,7 @@ class NumberInfluence:
         return np.array(
             [
                 [
-                    sum(
-                        float((getattr(a, part) * getattr(b, part)).sum())
-                        for a, b in zip(own, self.start, strict=True)
-                        for part in CARRIED
-                    )
+                    sum(a.product(b) for a, b in zip(own, self.start, strict=True))
                     + float(remembered @ (self._motion.memories.owned * self.numbers))
                 ]
                 for own, remembered in carried

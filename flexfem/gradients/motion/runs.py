@@ -11,7 +11,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.carried import CARRIED, Carried
+from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.equations.node_maps import StepMaps
 from flexfem.gradients.motion.adjoint import Adjoint, Tangent, maps_of
@@ -269,8 +269,7 @@ def _start(motion: Motion, direction: Direction) -> tuple[list[Carried], FloatAr
     numbers = np.zeros(len(motion.memories.owned))
     for influence, factor in direction:
         for total, own in zip(found, influence.start, strict=True):
-            for name in CARRIED:
-                getattr(total, name)[:] += factor * getattr(own, name)
+            total.add(own, factor)
         numbers += factor * influence.numbers
     return found, numbers
 

@@ -13,11 +13,10 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
-from flexfem.gradients.equations.node_maps import rotations
+from flexfem.gradients.equations.node_maps import increments_between
 from flexfem.gradients.equations.values import Equations, SystemEquations
 from flexfem.gradients.memory.base import Memories, Memory, StepEnd
 from flexfem.gradients.memory.controllers import ControllerMemory, recall
@@ -29,7 +28,6 @@ from flexfem.gradients.renewals.grid import Grid, Step
 from flexfem.gradients.renewals.renewal import Projection, Renewal
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.layout.elements import HistoryElements
-from flexfem.lie import se3, so3
 from flexfem.model.event import Rebound
 from flexfem.model.model import Model
 from flexfem.simulation.motion.stepping import Simulation
@@ -262,7 +260,9 @@ class Motion:
         system.constraints.elements.begin(laws.states, exact=True)
         for part in system.parts:
             block = part.block
-            block.increment[:] = _increments(block, self.frames(step, block.name))
+            ends = self.frames(step, block.name)
+            block.increment[:] = increments_between(block.frames0, ends, inertial=block.inertial)
+            block.increment[:, block.width :] = 0.0  # axes are rotated between steps only
             block.step[:] = 0.0
             block.correct(1.0)
         rows = system.constraints
@@ -433,15 +433,3 @@ def check_supported_system(motion: Motion) -> None:
         if comm.allreduce(present, op=MPI.LOR):
             raise InputError(f"gradient: there are no derivatives of {name} yet; leave them out")
     check_contacts(system.contacts)
-
-
-def _increments(block: FrameBlock, end: FloatArray) -> FloatArray:
-    """Increments (n, 6) of a block from its accepted frames to the next ones (n, 12)."""
-    start = block.frames0
-    if not block.inertial:
-        return se3.log(se3.compose(se3.inverse(start), end))
-    found = np.zeros((len(end), 6))
-    found[:, :3] = end[:, :3] - start[:, :3]
-    if block.width == 6:  # else the axes are rotated between steps only
-        found[:, 3:] = so3.log(np.einsum("nji,njk->nik", rotations(start), rotations(end)))
-    return found

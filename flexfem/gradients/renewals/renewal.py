@@ -30,6 +30,7 @@ from flexfem.gradients.equations.step_tangent import (
     VELOCITIES,
     BlockVectors,
     StepTangent,
+    collected,
     put_steps,
 )
 from flexfem.gradients.equations.values import Equations, equations_at
@@ -228,8 +229,7 @@ class Projection(Renewal):
             system.interface.update()
         _mass_times(system, changes)
         system.add_constraint_forces(rows.multipliers * rows.rigid)
-        blocks = [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
-        return blocks, (rates - rows.relaxation * rows.multipliers) * rows.rigid
+        return collected(system), (rates - rows.relaxation * rows.multipliers) * rows.rigid
 
     def _back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
         """See :class:`Renewal`."""
@@ -379,4 +379,4 @@ def _mass_times(system: System, steps: Sequence[FloatArray]) -> BlockVectors:
         [own[: p.block.owned, : p.block.width] for p, own in zip(system.parts, steps, strict=True)],
     )
     END_POINT.multiply_mass(system, 1.0)
-    return [part.block.hold(part.block.owned_residual.copy()) for part in system.parts]
+    return collected(system)

@@ -16,6 +16,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.contact.barrier.grouped import GroupedPairs
 from flexfem.contact.dissipation.data import ARMS, PUSH, SLIP, Groups, StepMotion
 from flexfem.contact.primitives.data import GAP, VERTEX_VERTEX, Pairs
+from flexfem.core.differences import STENCIL
 from flexfem.gradients.unilateral.friction import Friction
 
 __all__ = ["AFTER", "BEFORE", "RATES", "SPINS", "SPIN_RATES", "Entries", "GroupDerivatives"]
@@ -30,7 +31,6 @@ _STEP, _LEAST = 2e-3, 1e-3
 _FIELDS = 14
 _AXES, _LAWS = np.arange(3), [PUSH, *range(SLIP, SLIP + 6)]
 #: Weights of differences of fourth order, and of those of what is linear.
-_WEIGHTS = ((1.0, 2 / 3), (-1.0, -2 / 3), (2.0, -1 / 12), (-2.0, 1 / 12))
 _LINEAR = ((1.0, 1 / 2), (-1.0, -1 / 2))
 #: Place of points that nothing touches, m.
 _FAR = 1e12
@@ -217,7 +217,7 @@ class GroupDerivatives:
         copies, width = self._copies, 6 if self._own.rubs else 3
         found = [(np.zeros(0, np.int64), np.zeros(0, np.int64), np.zeros(0))]
         base = getattr(copies.motion, name)
-        weights = _WEIGHTS if name in (AFTER, BEFORE) else _LINEAR
+        weights = STENCIL if name in (AFTER, BEFORE) else _LINEAR
         for place in range(int(copies.place.max(initial=-1)) + 1):
             moved = np.flatnonzero(copies.place == place)
             of_group = np.full(len(steps), -1)

@@ -12,18 +12,17 @@ from __future__ import annotations
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray
-from flexfem.gradients.equations.node_maps import rotations
+from flexfem.core.differences import STENCIL
+from flexfem.gradients.equations.node_maps import increments_between, moved
 from flexfem.gradients.equations.step_tangent import BlockVectors, forces_on_blocks
 from flexfem.gradients.equations.unilateral import StateChange, StateFactors
 from flexfem.integrators.split.step import Split
-from flexfem.lie import se3, so3
 from flexfem.system.system import Shifts, System
 
 __all__ = ["Stops"]
 
-#: Differences of positions, m and rad, and their weights.
+#: Differences of positions, m and rad.
 _STEP = 1e-7
-_WEIGHTS = ((1.0, 2 / 3), (-1.0, -2 / 3), (2.0, -1 / 12), (-2.0, 1 / 12))
 
 
 class Stops:
@@ -86,12 +85,12 @@ class Stops:
         loads, values = np.zeros(6 * len(self._nodes)), np.zeros(rows.size)
         inertial = bool(face.inertial[node])
         factors = (rows.multipliers * acting)[rows.row_of_term][:, np.newaxis, np.newaxis]
-        for part, weight in _WEIGHTS:
-            moved = [one.copy() for one in ends]
-            twist = part * _STEP * np.eye(6)[axis]
-            moved[end][node] = _moved(moved[end][node], twist, inertial=inertial)
-            moved[2][node] = _increment(moved[0][node], moved[1][node], inertial=inertial)
-            self._evaluate(shifts, *moved)
+        for part, weight in STENCIL:
+            start, after, increments = (one.copy() for one in ends)
+            twist, own = part * _STEP * np.eye(6)[[axis]], (start, after)[end]
+            own[[node]] = moved(own[[node]], twist, inertial=inertial)
+            increments[[node]] = increments_between(start[[node]], after[[node]], inertial=inertial)
+            self._evaluate(shifts, start, after, increments)
             forces = np.zeros((len(face.keys) + 1, 6))
             np.add.at(forces, rows.term_nodes, factors * rows.force_jacobian)
             loads += weight / _STEP * forces[self._nodes].ravel()
@@ -153,21 +152,3 @@ class Stops:
         self._put(z)
         twists = self._on_blocks(self._turning[0].T @ self._steps + self._by_start.T @ mu)
         return StateFactors(twists, [np.zeros_like(own) for own in z])
-
-
-def _moved(frame: FloatArray, twist: FloatArray, *, inertial: bool) -> FloatArray:
-    """A frame (12,) that is moved by a local twist (6,)."""
-    if not inertial:
-        moved: FloatArray = se3.retract(frame[np.newaxis], twist[np.newaxis])[0]
-        return moved
-    R = frame[3:].reshape(3, 3)
-    return np.concatenate([frame[:3] + R @ twist[:3], (R @ so3.exp(twist[3:])).ravel()])
-
-
-def _increment(start: FloatArray, end: FloatArray, *, inertial: bool) -> FloatArray:
-    """Increment (6,) from a frame to another one."""
-    if inertial:
-        turns = rotations(np.stack([start, end]))
-        return np.concatenate([end[:3] - start[:3], so3.log(turns[0].T @ turns[1])])
-    found = se3.log(se3.compose(se3.inverse(start[np.newaxis]), end[np.newaxis]))
-    return np.asarray(found[0])
