@@ -22,9 +22,9 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.node_maps import RateMaps, transposed
 from flexfem.gradients.equations.step_tangent import BlockVectors
-from flexfem.gradients.motion.adjoint import Carried
 from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.direct import DirectEffect
 from flexfem.gradients.motion.element_arrays import (

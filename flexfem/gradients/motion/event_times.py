@@ -25,8 +25,6 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.differences import STENCIL
-from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.equations.node_maps import StepMaps
 from flexfem.gradients.equations.step_tangent import (
     ACCELERATIONS,
     VELOCITIES,
@@ -34,9 +32,10 @@ from flexfem.gradients.equations.step_tangent import (
     joined,
 )
 from flexfem.gradients.equations.values import Equations, equations_at
-from flexfem.gradients.motion.adjoint import Adjoint, SizeChange, Tangent
+from flexfem.gradients.motion.adjoint import Adjoint, Tangent
 from flexfem.gradients.motion.columns import ColumnDerivatives, NodeSeeds
 from flexfem.gradients.motion.trajectory import Motion
+from flexfem.gradients.schemes.base import Recursion, SizeChange
 from flexfem.integrators.generalized_alpha import step_laws
 from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
@@ -104,11 +103,9 @@ def _row_of(function: Callable[..., float]) -> Callable[..., Sequence[float]]:
     return lambda t, *states: (function(t, *states),)
 
 
-def size_change(
-    motion: Motion, step: int, linear: LinearizedStep, maps: list[StepMaps]
-) -> SizeChange:
+def size_change(motion: Motion, over: Recursion) -> SizeChange:
     """What the size of a step changes, at whose end it is linearised (collective)."""
-    taken, shifts = motion.grid.step(step), motion.laws(step).shifts
+    taken, shifts = motion.grid.step(over.step), motion.laws(over.step).shifts
     laws = np.zeros(10)
     for place, weight in STENCIL:
         h = taken.h * (1.0 + place * _SIZE)
@@ -117,9 +114,9 @@ def size_change(
         values = np.concatenate([plain[2:], own.rates, own.accept])
         laws += weight / (_SIZE * taken.h) * values
     found, velocities, accelerations = [], list[FloatArray](), list[FloatArray]()
-    for part, by in zip(motion.system.parts, maps, strict=True):
+    for part, by in zip(motion.system.parts, over.maps, strict=True):
         block = part.block
-        state = motion.state(step - 1).rows[block.name]
+        state = motion.state(over.step - 1).rows[block.name]
         own_nodes = np.s_[: block.owned, : block.width]
         v0, a0, w0, n = (
             x[own_nodes]
@@ -132,8 +129,9 @@ def size_change(
         velocities.append(by.by_increment(found[-1][0]) / shifts.velocity)
         accelerations.append(by.by_increment(found[-1][2]) / shifts.acceleration)
     nothing = np.zeros(motion.system.constraints.size)
-    by_v = linear.tangent.apply(velocities, nothing, VELOCITIES)
-    by_w = linear.tangent.apply(accelerations, nothing, ACCELERATIONS)
+    tangent = over.linear.tangent
+    by_v = tangent.apply(velocities, nothing, VELOCITIES)
+    by_w = tangent.apply(accelerations, nothing, ACCELERATIONS)
     return SizeChange(found, (_sum(by_v[0], by_w[0]), by_v[1] + by_w[1]))
 
 
@@ -205,12 +203,12 @@ class EventTimes:
         self._adjoint = Adjoint(self._motion)
         self._adjoint.add(self._seeds)
 
-    def size(self, step: int, linear: LinearizedStep, maps: list[StepMaps]) -> SizeChange | None:
+    def size(self, over: Recursion) -> SizeChange | None:
         """What the size of a step changes, which is linearised at its end; None if it is given."""
         grid = self._motion.grid
-        if not (grid.free(step) or grid.free(step - 1)):
+        if not (grid.free(over.step) or grid.free(over.step - 1)):
             return None
-        self._size = size_change(self._motion, step, linear, maps)
+        self._size = size_change(self._motion, over)
         return self._size
 
     def renew(self, state: int, adjoints: Sequence[Adjoint]) -> None:
@@ -234,44 +232,37 @@ class EventTimes:
                 total = blocks, change[1] + tangent.time * own[1]
             tangent.renew(state, renewal, total)
 
-    def back(
-        self, step: int, linear: LinearizedStep, maps: list[StepMaps], adjoints: Sequence[Adjoint]
-    ) -> FloatArray:
+    def back(self, over: Recursion, adjoints: Sequence[Adjoint]) -> FloatArray:
         """Complete adjoints that have gone back over a step with its size as given (collective).
 
         Returns:
             k of each, zero for a step that ends at no event.
         """
         factors = np.zeros(len(adjoints))
-        if step in self._motion.grid.events:
-            changes, own = by_time(self._motion, step), self._adjoint
-            own.step(step, linear, maps, self._size)
+        if over.step in self._motion.grid.events:
+            changes, own = by_time(self._motion, over.step), self._adjoint
+            own.step(over, self._size)
             below = own.by_size - own.times(changes)
             for k, adjoint in enumerate(adjoints):
                 above = adjoint.by_size - adjoint.times(changes) + adjoint.time
                 factors[k] = self._quotient(above, below)
                 adjoint.subtract(own, factors[k])
-        free = self._motion.grid.free(step - 1)
+        free = self._motion.grid.free(over.step - 1)
         for adjoint in adjoints:
             adjoint.time = -adjoint.by_size if free else 0.0
         return factors
 
-    def ahead(
-        self, step: int, linear: LinearizedStep, maps: list[StepMaps],
-        tangents: Sequence[tuple[Tangent, float]],
-    ) -> None:  # fmt: skip
+    def ahead(self, over: Recursion, tangents: Sequence[tuple[Tangent, float]]) -> None:
         """Change the times and ends of tangents that have done the step (collective).
 
         Args:
-            step: its number, at whose end it is linearised.
-            linear: the linearised equations.
-            maps: those of all blocks.
+            over: the step, which is linearised at its end.
             tangents: with changes of the function by parameters.
         """
         motion = self._motion
         changed = tangents[0][0].like()
-        changed.step(step, linear, maps, by_time(motion, step), (self._size, 1.0))
-        motion.go_to(step)
+        changed.step(over, by_time(motion, over.step), (self._size, 1.0))
+        motion.go_to(over.step)
         end = along(motion, self._seeds, changed)
         for tangent, change in tangents:
             own = along(motion, self._seeds, tangent) + (change if self._first else 0.0)

@@ -13,14 +13,14 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.equations.node_maps import StepMaps
-from flexfem.gradients.motion.adjoint import Adjoint, Tangent, maps_of
+from flexfem.gradients.motion.adjoint import Adjoint, Tangent
 from flexfem.gradients.motion.arrays import Entry
 from flexfem.gradients.motion.columns import ColumnDerivatives, NodeSeeds, history_weights
 from flexfem.gradients.motion.event_times import EventTimes, along
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence
 from flexfem.gradients.motion.trajectory import Motion
+from flexfem.gradients.schemes.base import Recursion
 from flexfem.gradients.unilateral.impulses import Impulses
 
 __all__ = ["backward", "forward"]
@@ -94,17 +94,17 @@ def backward(
                 adjoint.renew(step, motion.renewal)
             events.renew(step, adjoints)
         else:
+            over = motion.over(step, linear)
             if motion.kicked(step):
-                kicks = _kick(motion, step, impulses, adjoints)[:count]
+                kicks = _kick(motion, over, impulses, adjoints)[:count]
                 sums -= np.hstack([one.products(step, kicks) for one in influences.values()])
                 motion.go_to_end(step)
             linear.take(motion.laws(step).shifts)
             motion.memories.take(motion.end(step))
-            maps = maps_of(motion, step)
-            size = events.size(step, linear, maps)
+            size = events.size(over)
             for adjoint in adjoints:
-                adjoint.step(step, linear, maps, size)
-            factors = events.back(step, linear, maps, adjoints)
+                adjoint.step(over, size)
+            factors = events.back(over, adjoints)
             if step in motion.grid.events:
                 sums -= np.outer(factors[:count], changes) * (motion.system.comm.rank == 0)
             sizes[step] = sum(float((z**2).sum()) for z in growing.z)
@@ -154,18 +154,18 @@ def forward(
             if motion.renewal is not None:
                 events.renew_ahead(step, tangents, changes)
             else:
-                maps = maps_of(motion, step)
-                size = events.size(step, linear, maps)
+                over = motion.over(step, linear)
+                size = events.size(over)
                 for tangent, change in zip(tangents, changes, strict=True):
                     own_size = None if size is None else (size, -tangent.time)
-                    tangent.step(step, linear, maps, change, own_size)
+                    tangent.step(over, change, own_size)
                 if step in motion.grid.events:
-                    events.ahead(step, linear, maps, list(zip(tangents, moved, strict=True)))
+                    events.ahead(over, list(zip(tangents, moved, strict=True)))
                 else:
                     for tangent in tangents:
                         tangent.time = 0.0
                 if motion.kicked(step):
-                    _kick_ahead(motion, step, impulses, (tangents, directions))
+                    _kick_ahead(motion, over, impulses, (tangents, directions))
                 _arrive(motion, measured, step, (tangents, every))
         if step not in row_of:
             continue
@@ -202,38 +202,38 @@ def _seeds(
     return found
 
 
-def _take(motion: Motion, step: int, impulses: Impulses) -> list[StepMaps]:
-    """Linearise the impulses at the end of a step; returns its maps (collective)."""
+def _take(motion: Motion, step: int, impulses: Impulses) -> None:
+    """Linearise the impulses at the end of a step (collective)."""
     motion.go_to_end(step)
-    maps, taken = maps_of(motion, step), motion.grid.step(step)
+    taken = motion.grid.step(step)
     impulses.take(taken.scheme, taken.h, motion.laws(step).shifts, motion.state(step))
     motion.between = impulses
-    return maps
 
 
 def _kick(
-    motion: Motion, step: int, impulses: Impulses, adjoints: Sequence[Adjoint]
+    motion: Motion, over: Recursion, impulses: Impulses, adjoints: Sequence[Adjoint]
 ) -> list[Factors]:
     """Go back over the impulses of a step; returns factors of their equations (collective)."""
-    maps, found = _take(motion, step, impulses), []
+    _take(motion, over.step, impulses)
+    found = []
     for adjoint in adjoints:
-        adjoint.arrive(step, maps)
-        z, mu, adjoint.impulsive = impulses.back(adjoint.carried, maps)
+        adjoint.arrive(over)
+        z, mu, adjoint.impulsive = impulses.back(adjoint.carried, over.maps)
         found.append((z, mu, np.zeros(0)))
     return found
 
 
 def _kick_ahead(
-    motion: Motion, step: int, impulses: Impulses,
+    motion: Motion, over: Recursion, impulses: Impulses,
     moved: tuple[Sequence[Tangent], Sequence[Direction]],
 ) -> None:  # fmt: skip
     """Go over the impulses at the end of a step (collective)."""
     tangents, directions = moved
-    maps = _take(motion, step, impulses)
-    changes = _changes(motion, step, directions)
+    _take(motion, over.step, impulses)
+    changes = _changes(motion, over.step, directions)
     for tangent, (blocks, rows, _) in zip(tangents, changes, strict=True):
-        impulses.ahead(tangent.carried, maps, (blocks, rows), tangent.multipliers)
-        tangent.lead(step)
+        impulses.ahead(tangent.carried, over.maps, (blocks, rows), tangent.multipliers)
+        tangent.lead(over.step)
 
 
 def _changes(motion: Motion, step: int, directions: Sequence[Direction]) -> list[Factors]:

@@ -16,7 +16,8 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
-from flexfem.gradients.equations.node_maps import increments_between
+from flexfem.gradients.equations.linearized import LinearizedStep
+from flexfem.gradients.equations.node_maps import StepMaps, increments_between
 from flexfem.gradients.equations.values import Equations, SystemEquations
 from flexfem.gradients.memory.base import Memories, Memory, StepEnd
 from flexfem.gradients.memory.controllers import ControllerMemory, recall
@@ -26,6 +27,8 @@ from flexfem.gradients.motion.records import Records
 from flexfem.gradients.motion.support import check_contacts, check_supported
 from flexfem.gradients.renewals.grid import Grid, Step
 from flexfem.gradients.renewals.renewal import Projection, Renewal
+from flexfem.gradients.schemes.base import Recursion
+from flexfem.gradients.schemes.generalized_alpha import AlphaRecursion
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.layout.elements import HistoryElements
 from flexfem.model.event import Rebound
@@ -145,6 +148,12 @@ class Motion:
     def mechanics(self, step: int) -> EndPoint:
         """Equations of a step."""
         return self.grid.step(step).scheme.split or END_POINT
+
+    def over(self, step: int, linear: LinearizedStep) -> Recursion:
+        """A step, at whose trial state the system is, as adjoints and tangents go over it."""
+        taken, parts = self.grid.step(step), self.system.parts
+        maps = [StepMaps.of(part.block, self.frames(step, part.block.name)) for part in parts]
+        return AlphaRecursion(step, linear, maps, (taken.scheme, taken.h))
 
     def kicked(self, state: int) -> bool:
         """True if impulses in the step to a state have changed velocities."""
