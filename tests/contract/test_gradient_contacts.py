@@ -170,6 +170,13 @@ def test_shells_on_obstacles(law):
 
 
 @pytest.mark.serial
+def test_surfaces_that_do_not_meet():
+    options = ff.RunOptions(dt=2e-4, t_end=4e-4, tolerance=1e-13)
+    build = partial(sheet, "penalty", radius=0.05)
+    compare(build, {"speed": 1.0}, ["final:p_z"], options, step=1e-4)
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("how", ["stop", "angle", "curve"])
 def test_stops(how):
     options = ff.RunOptions(dt=5e-4, t_end=0.016, tolerance=1e-13)

@@ -215,6 +215,16 @@ def test_parameters_that_make_another_model():
     _refused("changes the number of nodes or joints", model=build, wrt={"length": 0.5})
 
 
+def test_parameters_at_the_end_of_their_range():
+    def build(inertia):
+        model = ff.Model("disc")
+        model.add(ff.RigidBody("bob", 1.0, (0.5, 0.5, inertia)), ff.PositionProbe("path", BOB))
+        return model
+
+    text = 'the model with a slightly different "inertia" is refused: RigidBody "bob": inertia'
+    _refused(text, model=build, of="final:path_z", wrt={"inertia": 1.0})
+
+
 def _falling(*actions):
     return [
         ff.Event(f"event {k}", BOB, lambda t, bob: t - 1.5e-3, action)

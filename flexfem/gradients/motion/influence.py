@@ -9,6 +9,7 @@ exact.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from contextlib import suppress
 from typing import Protocol
 
 from mpi4py import MPI
@@ -16,7 +17,9 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
+from flexfem._faults import FAILURES
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.differences import STENCIL
 from flexfem.core.status import Status
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.node_maps import twists
@@ -24,7 +27,7 @@ from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations, equations_at, jump, product
 from flexfem.gradients.motion.columns import NodeSeeds
 from flexfem.gradients.motion.direct import DirectEffect, copy_state
-from flexfem.gradients.motion.parameters import Build, Values, plain
+from flexfem.gradients.motion.parameters import Build, Values, plain, refusing
 from flexfem.gradients.motion.trajectory import Motion, StoppedError, begin, scheme_of
 from flexfem.gradients.unilateral.forces import recall_sides
 from flexfem.simulation.motion.stepping import Simulation
@@ -39,6 +42,12 @@ __all__ = [
 STEP = 1e-5
 #: The same with contacts, whose forces change within a small part of the sizes of bodies.
 _CLOSE = 3e-7
+#: The same of the start of nodes that move: rounding of positions, divided by a short difference,
+#: opens joints, and moves small rotary inertia by accelerations above those of the change itself.
+_LONG = 3e-3
+#: Squared error of second order over size, an estimate of that of fourth order, over what the
+#: length changes, up to which long differences are better than short ones.
+_BETTER = 0.5
 #: Second differences of the equations over first ones, from which on they are no smooth functions
 #: of a parameter.
 _ROUGH = 3e-3
@@ -139,41 +148,62 @@ class NumberInfluence:
         whole = difference_of(values[name][at])
         self.scale = whole / STEP
         self._step = _CLOSE * self.scale if motion.system.contacts else whole
-        simulations = []
-        for sign in (1.0, -1.0):
-            moved: FloatArray = np.array(values[name])
-            moved[at] += sign * self._step
-            simulations.append(beside(motion, build, {**values, name: moved}, name))
+        simulations = [
+            beside(motion, build, _moved(values, name, at, sign * self._step), name)
+            for sign in (1.0, -1.0)
+        ]
         self._pair = simulations
         for one in simulations:
             begin(scheme_of(one), scheme_of(one), motion.options.dt)
         # later the models are at other states
         for other in self._pair:
             _check_fixed(motion.system, other.system, self._name)
-        self.start = self._start()
+        self.start = self._start(build, values, name, at)
         first, second = (motion.memories.start(one) for one in self._pair)
         self.numbers = (first - second) / (2.0 * self._step)
         self._direct = DirectEffect(motion, simulations)
         # what sticks leaves more of rounding than equations change
         self._checked = any(contacts.rubs for contacts in motion.system.contacts)
 
-    def _start(self) -> list[Carried]:
+    def _start(
+        self, build: Build, values: Values, name: str, at: int | IntArray | tuple[()]
+    ) -> list[Carried]:
+        """Differences between the two models, or of fourth order over a longer way (collective)."""
+        motion, (first, second) = self._motion, (self._start_of(one) for one in self._pair)
+        short = (first - second) / (2.0 * self._step)
+        if not motion.system.contacts and any(motion.largest(short[0])):
+            step, found = _LONG * self.scale, {}
+            with suppress(*FAILURES):  # the model may not exist so far away
+                for place, _ in STENCIL:
+                    one = beside(motion, build, _moved(values, name, at, place * step), name)
+                    begin(scheme_of(one), scheme_of(one), motion.options.dt)
+                    found[place] = self._start_of(one)
+                long = np.sum([weight / step * found[place] for place, weight in STENCIL], axis=0)
+                lower = (found[1.0] - found[-1.0]) / (2.0 * step)
+                for k in range(len(short)):
+                    changes = long[k] - lower[k], long[k] - short[k], long[k]
+                    by_order, by_length, size = motion.largest(*changes)
+                    if by_order**2 <= _BETTER * by_length * size:
+                        short[k] = long[k]
+        carried, begins = [], 0
+        for part in motion.system.parts:
+            shape = part.block.owned, part.block.width
+            ends = begins + part.block.owned * part.block.width
+            moves, *rates = (own[begins:ends].reshape(shape) for own in short)
+            carried.append(Carried(part.block.hold(moves), *rates))
+            begins = ends
+        return carried
+
+    def _start_of(self, one: Simulation) -> FloatArray:
+        """(4, n) moves from the motion's start, and rates, of the owned nodes of all blocks."""
         found = []
-        for k, part in enumerate(self._motion.system.parts):
-            first = self._motion.state(0).rows[part.block.name]
-            pair = [one.system.parts[k].block.state() for one in self._pair]
+        for part, other in zip(self._motion.system.parts, one.system.parts, strict=True):
+            first, state = self._motion.state(0).rows[part.block.name], other.block.state()
             own = np.s_[: part.block.owned, : part.block.width]
-            moved = [
-                twists(first["frames"], state["frames"], inertial=part.block.inertial)
-                for state in pair
-            ]
-            rates = [
-                (pair[0][name] - pair[1][name])[own] / (2.0 * self._step)
-                for name in ("velocity", "auxiliary", "acceleration")
-            ]
-            moves = part.block.hold((moved[0] - moved[1])[own] / (2.0 * self._step))
-            found.append(Carried(moves, *rates))
-        return found
+            moves = twists(first["frames"], state["frames"], inertial=part.block.inertial)
+            rates = [state[name] for name in ("velocity", "auxiliary", "acceleration")]
+            found.append(np.stack([each[own].ravel() for each in (moves, *rates)]))
+        return np.concatenate(found, axis=1)
 
     def equations(self, step: int) -> Factors:
         """Derivatives of the equations of blocks, rows and memories at a step's end (collective).
@@ -290,6 +320,13 @@ class NumberInfluence:
         return self._direct.difference(step) / (2.0 * self._step)
 
 
+def _moved(values: Values, name: str, at: int | IntArray | tuple[()], change: float) -> Values:
+    """Values of which entries of one have changed."""
+    moved: FloatArray = np.array(values[name])
+    moved[at] += change
+    return {**values, name: moved}
+
+
 def difference_of(values: FloatArray) -> float:
     """Difference of a number, or of several that change together."""
     return STEP * (float(np.abs(values).max()) or 1.0)
@@ -302,7 +339,8 @@ def beside(motion: Motion, build: Build, values: Values, name: str) -> Simulatio
         InputError: the model does not exist at one of the values, or has another layout there.
         StoppedError: it does not start there.
     """
-    one = Simulation(build(**plain(values)), motion.options, motion.system.comm)
+    with refusing(name):
+        one = Simulation(build(**plain(values)), motion.options, motion.system.comm)
     if one.status is not Status.OK:
         raise StoppedError(f'gradient: the motion with another "{name}" does not start')
     check_layout(motion.system, one.system, name)

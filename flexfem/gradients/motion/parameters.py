@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import fields, is_dataclass, replace
 from functools import partial
 from typing import Any
@@ -19,7 +20,7 @@ from flexfem.options import meant
 
 __all__ = [
     "Build", "Values", "build_of", "build_with_options", "checked_values", "flat",
-    "model_with", "named", "parameters", "plain",
+    "model_with", "named", "parameters", "plain", "refusing",
 ]  # fmt: skip
 
 #: A model of values by name.
@@ -69,6 +70,21 @@ def checked_values(values: Mapping[str, npt.ArrayLike]) -> Values:
 def plain(values: Values) -> dict[str, float | FloatArray]:
     """Numbers for arrays without axes."""
     return {name: value if value.ndim else float(value) for name, value in values.items()}
+
+
+@contextmanager
+def refusing(name: str) -> Iterator[None]:
+    """Say which parameter has changed where a model is refused.
+
+    Raises:
+        InputError: naming it.
+    """
+    try:
+        yield
+    except ValueError as error:
+        raise InputError(
+            f'gradient: the model with a slightly different "{name}" is refused: {error}'
+        ) from error
 
 
 def named(like: Values, flat: FloatArray) -> Values:

@@ -23,7 +23,7 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.node_maps import fixed_apart
 from flexfem.gradients.motion.influence import check_layout
-from flexfem.gradients.motion.parameters import Build, Values, plain
+from flexfem.gradients.motion.parameters import Build, Values, plain, refusing
 from flexfem.model.model import Model
 from flexfem.system.system import System
 
@@ -105,13 +105,8 @@ class Parameter:
         for place, weight in stencil.weights.items():
             moved: FloatArray = np.array(self.values[self.name])
             moved[() if self.entry is None else self.entry] = self.value + place * step
-            try:
+            with refusing(self.text):
                 model = self.build(**plain({**self.values, self.name: moved}))
-            except ValueError as error:
-                raise InputError(
-                    f'gradient: "{self.text}" = {self.value + place * step:g} beside '
-                    f"{self.value:g} is refused: {error}"
-                ) from error
             yield Neighbour(model, place * step, weight / step)
 
 

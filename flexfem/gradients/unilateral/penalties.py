@@ -56,7 +56,8 @@ class Penalties:
         twists, subscripts = frames.twists(), "cba,cb->ca" if transposed else "cab,cb->ca"
         self._forces[:] = frames.wrenches[:] = 0.0
         for nodes, blocks in self._triangles:
-            found = np.einsum(subscripts, blocks, steps[nodes].reshape(len(nodes), -1))
+            own = steps[nodes].reshape(len(nodes), 3 * nodes.shape[1])
+            found = np.einsum(subscripts, blocks, own)
             np.add.at(self._forces, nodes, found.reshape(*nodes.shape, 3))
         for nodes, blocks, number in self._surfaces:
             twist = np.tile(twists[number], (len(nodes), 1))
