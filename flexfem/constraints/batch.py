@@ -414,8 +414,13 @@ class Constraints(NumberedRows):
             if not self.held[self.start[i]]:
                 yield i, joint
 
-    def evaluate(self, dynamics: FloatArray) -> None:
-        """Evaluate all rows at the interface's state; ``dynamics`` = (gamma/(beta h), beta h^2)."""
+    def evaluate(self, dynamics: FloatArray, *, elements: bool = True) -> None:
+        """Evaluate all rows at the interface's state.
+
+        Args:
+            dynamics: (2,) ``gamma/(beta h)`` and ``beta h^2``.
+            elements: False to leave out the laws of force elements.
+        """
         face = self.interface
         if self.lines.joints:
             self.lines.evaluate(face.frames, self.poses, self.force_jacobian)
@@ -429,7 +434,7 @@ class Constraints(NumberedRows):
             )  # fmt: skip
             self._add_line_dampers(self.slopes[:, 1], dynamics[0])
         self.hold_gradients()
-        if self.elements.groups:
+        if elements and self.elements.groups:
             self.elements.evaluate(self, dynamics)
             self._hold(self.step_jacobian)
 

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Consistent start: positions are checked, velocities and accelerations are solved for."""
 
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -18,6 +20,7 @@ from flexfem.system.mechanics import END_POINT, VISCOUS
 from flexfem.system.system import MASS, System
 
 __all__ = [
+    "accelerate",
     "check_gaps",
     "check_start",
     "drives",
@@ -26,6 +29,7 @@ __all__ = [
     "project_velocities",
     "second_rates",
     "start_consistently",
+    "zero_velocities",
 ]
 
 #: Factors with which rates of elastic rows are not scaled.
@@ -91,15 +95,8 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
     status = project_velocities(system, tangent, dt, np.zeros(rows.size))
     if status is not Status.OK:
         return status
-    values, _ = drives(system, dt)
-    _evaluate(system)
-    accelerations = second_rates(system, dt, values)
-    blocks = [-p.block.owned_residual for p in system.parts]
-    for _ in range(_SWEEPS):
-        if not tangent.solve(blocks, -_rigid(system, accelerations) - _compliant(system)):
-            return _unsolved(system, failed)
-        if not _update_laws(system, tangent):
-            break
+    if not accelerate(system, tangent, dt):
+        return _unsolved(system, failed)
     rows.forces[:], rows.impulses[:], rows.settled[:] = tangent.multiplier_step, 0.0, 0.0
     if not _decay(system, tangent, dt):
         return _unsolved(system, failed)
@@ -110,6 +107,24 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
     rows.consistent, rows.slack = True, False
     rows.elements.start(rows)
     return Status.OK
+
+
+def accelerate(system: System, tangent: TangentSolver, dt: float) -> bool:
+    """Accelerations into the blocks' steps, forces of rows in the solver (collective).
+
+    Accelerations of the trial state are zero, and its masses are factorised. Without success the
+    result is False.
+    """
+    values, _ = drives(system, dt)
+    _evaluate(system)
+    accelerations = second_rates(system, dt, values)
+    blocks = [-p.block.owned_residual for p in system.parts]
+    for _ in range(_SWEEPS):
+        if not tangent.solve(blocks, -_rigid(system, accelerations) - _compliant(system)):
+            return False
+        if not _update_laws(system, tangent):
+            break
+    return True
 
 
 def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
@@ -126,7 +141,8 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
     if not system.viscous():
         return True
     given, found = _steps(system), [np.zeros_like(step) for step in _steps(system)]
-    tangent.assemble(replace(MASS, velocity=dt), mechanics=VISCOUS)
+    with zero_velocities(system):
+        tangent.assemble(replace(MASS, velocity=dt), mechanics=VISCOUS)
     system.counters.mass_factorizations += 1
     if not tangent.factor():
         return False
@@ -144,6 +160,18 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
     for part, last in zip(system.parts, found, strict=True):
         part.block.owned_step[:] = last
     return True
+
+
+@contextmanager
+def zero_velocities(system: System) -> Iterator[None]:
+    """Let the derivatives by velocities be those at rest, without gyroscopic terms of elements."""
+    blocks = [part.block for part in system.parts]
+    velocities = [block.velocity.copy() for block in blocks]
+    for block in blocks:
+        block.velocity[:] = 0.0
+    yield
+    for block, own in zip(blocks, velocities, strict=True):
+        block.velocity[:] = own
 
 
 def _steps(system: System) -> list[FloatArray]:

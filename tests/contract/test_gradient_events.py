@@ -92,6 +92,32 @@ def test_events(kind):
     assert len(found.history["t"]) == 8
 
 
+def controlled(kind, **numbers):
+    """The same with friction by the force in a hinge, and controllers."""
+    model, b = arms(kind, **numbers), ff.Marker("b")
+    (root,) = (joint for joint in model.joints if joint.name == "root")
+    law = ff.StateSpace([[0.9]], [[1.0, 0.3]], [[2.0]], [[-9.0, -1.0]], initial=[0.1])
+    model.add(
+        ff.JointFriction("friction", root, coefficient=0.3, radius=0.1, velocity=0.5),
+        ff.PointForce("lift", b, (0.0, 0.0, 1.0)),
+        ff.Controller("sampled", ["tip_z", "falling"], ["lift"], law, sample_time=8e-3),
+        ff.Actuator(
+            "motor", ff.Ground(), ff.Marker("a", offset=(-0.5, 0.0, 0.0)), axis=(0.0, 1.0, 0.0)
+        ),
+        ff.Controller(
+            "follower", ["tip_z"], ["motor"], lambda t, y: -4.0 * np.sin(y[0]) * (1.0 + 20.0 * t)
+        ),
+    )  # fmt: skip
+    return model
+
+
+@pytest.mark.serial
+def test_events_with_friction_and_controllers():
+    """Without the friction by the forces behind an event derivatives are off by 1e-3."""
+    options = ff.RunOptions(dt=4e-3, t_end=0.02, tolerance=1e-13)
+    compare(partial(controlled, "lock"), VALUES, COLUMNS, options, 2e-7)
+
+
 def loaded(kind, **numbers):
     """The same under forces with kinks and jumps in steps with events, and at the start."""
     model, a, b = arms(kind, **numbers), ff.Marker("a"), ff.Marker("b")
@@ -113,10 +139,12 @@ def test_events_between_kinks(adaptive):
     compare(partial(loaded, "lock"), VALUES, COLUMNS, options, 5e-7, step=3e-4)
 
 
-def latched(**numbers):
-    """A rod that falls until its hinge locks."""
-    model, root = body("se3", **numbers), ff.Marker("rod", "start")
+def latched(kind="se3", **numbers):
+    """A rod that falls until its hinge locks, which rubs."""
+    model, root = body(kind, **numbers), ff.Marker("rod", "start")
+    (hinge,) = (joint for joint in model.joints if joint.name == "hinge")
     model.add(
+        ff.JointFriction("friction", hinge, coefficient=0.1, radius=0.02, velocity=0.05),
         ff.PrescribedAngle("latch", ff.Ground(), root, axis=(0.0, 1.0, 0.0), angle=lambda t: 0.0),
         ff.Event(
             "low", ff.Marker("rod", "end"), lambda t, s: s.velocity[2] ** 2 - 1e-4,
@@ -150,7 +178,15 @@ def test_ranks_agree_on_events():
     """The lock of a rod on several ranks, whose time is that of a marker on one of them."""
     options = ff.RunOptions(dt=1e-3, t_end=8e-3, tolerance=1e-13, split_above=1)
     alone, together = (
-        ff.gradient(latched, "final:tip_z", NUMBERS, options, accuracy=1e-13, comm=comm, check=True)
+        ff.gradient(
+            partial(latched, "damped"),
+            "final:tip_z",
+            NUMBERS,
+            options,
+            accuracy=1e-13,
+            comm=comm,
+            check=True,
+        )
         for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
     )
     assert together.check["final:tip_z"] < 1e-12

@@ -149,6 +149,29 @@ def test_controllers():
     compare(arm, ARM, ["final:tip_x", "mean:tip_z"], STEPS, 1e-7)
 
 
+def kicked(build, name, time, **numbers):
+    """With a force on a body that is switched off, where accelerations are computed again."""
+    model, on = build(**numbers), ff.TimeFunction(lambda t: float(t < time), [time])
+    model.add(ff.PointForce("kick", ff.Marker(name), (4.0, 3.0, 40.0), amplitude=on))
+    return model
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("build", "numbers", "name", "time"),
+    [
+        pytest.param(partial(rope, "iteration"), ROPE, "second", 0.0133, marks=pytest.mark.slow),
+        (partial(rope, "step"), ROPE, "second", 0.0133),
+        (arm, ARM, "fore", 0.012),
+    ],
+    ids=["rope", "rope_every_step", "arm"],
+)
+def test_jumps_of_loads(build, numbers, name, time):
+    """Rates of states are those behind a jump; controllers measure there again: 1e-3 and more."""
+    build = partial(kicked, build, name, time)
+    compare(build, numbers, ["final:tip_x", "mean:tip_z"], STEPS, 1e-8)
+
+
 @pytest.mark.serial
 def test_controllers_with_few_states_in_memory():
     """Steps that are taken again with other held outputs cannot be recovered."""

@@ -242,11 +242,30 @@ def test_events():
     _refused("an event holds a joint with a force law", model=holding)
 
 
-def test_jumps_with_damping():
-    """Accelerations behind a jump that damping ends at once are replaced there."""
-    model, force = body("damped", **NUMBERS), ff.TimeFunction(lambda t: float(t < 0.0015), [0.0015])
-    model.add(ff.PointForce("push", BOB, (0.0, 1.0, 0.0), amplitude=force))
-    _refused("which has no derivatives with damping of elements yet", model=model)
+def test_jumps_while_bodies_touch():
+    """Forces of contacts are no part of accelerations that are computed again."""
+    force = ff.TimeFunction(lambda t: float(t < 0.0015), [0.0015])
+    model = _model(
+        ff.PointForce("push", BOB, (0.0, 1.0, 0.0), amplitude=force),
+        ff.RigidBody("ball", 1.0, (0.1,) * 3, position=(0.0, 0.0, -0.949), shape=ff.Sphere(0.05)),
+        ff.Contact(
+            "landing", "ball", reach=0.002, surfaces=ff.RigidPlane(ff.Ground((0.0, 0.0, -1.0)))
+        ),
+    )  # fmt: skip
+    _refused("which has no derivatives with contacts or stops that are closed yet", model=model)
+
+
+def test_events_with_states_of_laws():
+    """States depend on the sizes of steps, which an event changes."""
+
+    def law(t, ends, z, numbers):
+        return np.zeros((2, 3)), None, -100.0 * z
+
+    model = _model(
+        *_falling(ff.ReleaseJoint("spring"))[:1],
+        ff.Force("late", [ff.Ground(), BOB], law, states=1, initial=[0.1]),
+    )
+    _refused("which has no derivatives with states of Force yet", model=model)
 
 
 def test_times_of_kinks():

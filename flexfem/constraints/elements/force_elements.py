@@ -71,11 +71,13 @@ class ForceElements:
         groups: those of each law.
         sets: the elements of each group with equally many terms a row.
         step: step of their states; that at rest outside of steps.
+        exact: True if derivatives are wanted of the accepted states, too, as they are.
     """
 
     def __init__(self, table: RowLayout) -> None:
         """Collect the elements."""
         self.step: StateStep = AT_REST
+        self.exact = False
         self._joints, self._rows = len(table.joints), int(table.start[-1])
         laws: dict[int, ElementLaw] = {}
         members: dict[int, list[tuple[int, int]]] = {}
@@ -101,7 +103,7 @@ class ForceElements:
 
     def begin(self, step: StateStep, *, exact: bool = False) -> None:
         """Begin a step of the states, or begin it again; ``exact``: see ``ElementGroup``."""
-        self.step = step
+        self.step, self.exact = step, exact
         for group in self.groups:
             group.exact = exact
             group.begin(step)
@@ -142,9 +144,9 @@ class ForceElements:
             dynamics: (2,) ``gamma/(beta h)``, zero for equilibrium or derivatives at fixed rates,
                 and ``beta h^2``.
         """
-        steady = dynamics[0] == 0.0 and self.step is AT_REST
+        steady = dynamics[0] == 0.0 and self.step is AT_REST and not self.exact
         step = None if steady else self.step
-        wanted = steady or step is not AT_REST
+        wanted = steady or self.exact or step is not AT_REST
         changes = rows.velocity_changes(dynamics[0]) if wanted else None
         for (group, motion), sets in zip(self.motions(rows), self.sets, strict=True):
             slopes = group.evaluate(motion, step, slopes=wanted)

@@ -134,12 +134,13 @@ class ElementGroup:
         self.begin()
 
     def arrived(self, motion: ElementMotion, step: StateStep) -> tuple[FloatArray, ...]:
-        """What a step carries on if it ends with this motion.
+        """What a step carries on if it ends with this motion, or a motion that begins with it.
 
         States, their rates and rate-like variables (e, n), and forces (e, r) of explicit laws.
         """
         self._settle(motion, step)
-        return self.z, self.g, step.auxiliary(self.z, self.z0, self.w0), self.forces
+        w = self.g if step is AT_REST else step.auxiliary(self.z, self.z0, self.w0)
+        return self.z, self.g, w, self.forces
 
     def exactly(self, motion: ElementMotion, step: StateStep) -> FloatArray:
         """(e, r + n, 12 m + n) exact derivatives of the law at the end of a step."""

@@ -28,6 +28,8 @@ __all__ = ["Memories", "Memory", "StepEnd"]
 class StepEnd:
     """The end of a step, at whose trial state the system is, with its equations linearised.
 
+    Or a state whose accelerations are computed again, with the factors of its equations there.
+
     Attributes:
         number: of the step.
         shifts: factors of the scheme.

@@ -125,21 +125,22 @@ class ControllerMemory(Memory):
         self._linear(end.number)
         system, controls = self._motion.system, self._motion.simulation.controls
         t, self._effects = float(self._motion.times[end.number]), []
+        acts = t + system.lead  # beside a jump of loads
         for loop in self._loops:
             one = controls.loops[loop.number]
-            given = one.outputs(t)
+            given = one.outputs(acts)
             for j in range(one.count):
                 by = _FAR * max(1.0, abs(float(given[j])))
                 found = []
                 for sign in (1.0, -1.0):
                     moved = given.copy()
                     moved[j] += sign * by
-                    one.impose(t, moved)
+                    one.impose(acts, moved)
                     system.set_time(t)
                     found.append(equations_at(system, end.shifts))
                 blocks = [(a - b) / (2.0 * by) for a, b in zip(*(x[0] for x in found), strict=True)]
                 self._effects.append((blocks, (found[0][1] - found[1][1]) / (2.0 * by)))
-            one.impose(t, given)
+            one.impose(acts, given)
         system.set_time(t)
         equations_at(system, end.shifts)
 

@@ -3,7 +3,8 @@
 
 At the end of a step ``z1 = z0 + a w0 + b g0 + c g(z1, motion)``, the rates g1 are those there, and
 ``w1 = (z1 - z0 - first w0)/last``; see ``constraints.elements.states``. Explicit laws act by their
-forces at the state before the step.
+forces at the state before the step. Where accelerations are computed again, ``z1 = z0``, ``w1`` is
+g1, and explicit laws act by their forces there.
 """
 
 from __future__ import annotations
@@ -16,7 +17,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.constraints.elements.group import ElementGroup
 from flexfem.constraints.elements.marker_changes import MarkerChanges
-from flexfem.constraints.elements.states import StateStep
+from flexfem.constraints.elements.states import AT_REST, StateStep
 from flexfem.core.state import State
 from flexfem.gradients.equations.step_tangent import BlockVectors, forces_on_blocks, put_steps
 from flexfem.gradients.equations.values import Equations
@@ -186,13 +187,16 @@ def _derivatives(
     begin[:, : 3 * n] = np.hstack([one, step.by_rate * one, step.by_auxiliary * one])
     follow = np.linalg.inv(one - step.gain * g_z)
     z_s, z_x = follow @ begin, step.gain * (follow @ g_x)
+    rates = g_z @ z_s, g_x + g_z @ z_x
     before = np.zeros((n, _width(group)))  # z0 + first w0
     before[:, : 3 * n] = np.hstack([one, 0.0 * one, step.first * one])
-    numbers = [z_s, g_z @ z_s, (z_s - before) / step.last]
-    motion = [z_x, g_x + g_z @ z_x, z_x / step.last]
+    begins = step is AT_REST
+    after = rates if begins else ((z_s - before) / step.last, z_x / step.last)
+    numbers, motion = [z_s, rates[0], after[0]], [z_x, rates[1], after[1]]
     rows = f_z @ z_s
     if explicit:
         numbers.append(rows)
         motion.append(f_x + f_z @ z_x)
+    if explicit and not begins:
         rows = np.broadcast_to(np.eye(r, _width(group), 3 * n), (e, r, _width(group)))
     return rows, np.concatenate(numbers, axis=1), np.concatenate(motion, axis=1)

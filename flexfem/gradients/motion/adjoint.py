@@ -106,8 +106,19 @@ class Adjoint:
     def renew(self, step: int, renewal: Renewal) -> None:
         """Go back over a part of a renewal, which is linearised (collective)."""
         self.to_step(step)
+        self.arrived, memories = self.remembered, self._motion.memories
+        follows, nothing = self._motion.follows(step), 0.0 * self.remembered
+        found = memories.gather(self.remembered) if follows else None
+        for k, (own, by) in enumerate(zip(self.carried, renewal.maps, strict=True)):
+            if found is not None:
+                own.q += by.hold(found[0][k])
+                own.v += by.hold_rates(by.by_increment.transposed(found[1][k]))
         self.z, self.mu = renewal.back(self.carried, self.targets)
-        self.arrived = self.remembered
+        if follows:
+            still = [0.0 * own for own in self.z], 0.0 * self.mu
+            self.remembered = memories.back(self.remembered, *still)
+        if renewal.acts:
+            self.remembered = self.remembered + memories.back(nothing, self.z, self.mu)
 
     def subtract(self, other: Adjoint, factor: float) -> None:
         """Subtract a multiple of another one, which has done the same step last."""
@@ -116,6 +127,8 @@ class Adjoint:
         self.z = [a - factor * b for a, b in zip(self.z, other.z, strict=True)]
         self.mu = self.mu - factor * other.mu
         self.targets -= factor * other.targets
+        self.arrived = self.arrived - factor * other.arrived
+        self.remembered = self.remembered - factor * other.remembered
         self.by_size -= factor * other.by_size
 
     def times(self, equations: Equations) -> float:
@@ -186,7 +199,15 @@ class Tangent:
 
     def renew(self, step: int, renewal: Renewal, changes: Equations) -> None:
         """Go over a part of a renewal, which is linearised (collective)."""
+        memories = self._motion.memories
+        own = memories.equations(self.remembered) if renewal.acts else None
+        if own is not None:
+            blocks = [a + b for a, b in zip(changes[0], own[0], strict=True)]
+            changes = blocks, changes[1] + own[1]
         renewal.ahead(self.carried, self.targets, changes)
+        if self._motion.follows(step):
+            moves = [one.q for one in self.carried], renewal.local([one.v for one in self.carried])
+            self.remembered = memories.ahead(self.remembered, moves)
         self.lead(step)
 
     def like(self) -> Tangent:
@@ -203,6 +224,7 @@ class Tangent:
         for own, more in zip(self.carried, other.carried, strict=True):
             own.add(more, factor)
         self.targets += factor * other.targets
+        self.remembered = self.remembered + factor * other.remembered
         self._size_change += factor * other._size_change
         for state, every in other._accelerations.items():
             self._accelerations[state] = [

@@ -215,16 +215,16 @@ class NumberInfluence:
             InputError: they are no smooth functions of the parameter.
         """
         motion, own = self._motion, np.zeros(len(self._motion.measured))
-        if motion.measured and self._direct.present:
+        if motion.measured and self._direct.present and motion.follows(step):
             own = self._direct.difference(step, following=False)
             own = own[[motion.columns.index(c) for c in motion.measured]]
         found, numbers = [], []
         for one, sign in zip(self._pair, (1.0, -1.0), strict=True):
             found.append(evaluated(motion, one, step))
-            if motion.between is None:
+            if motion.between is motion.renewal and motion.follows(step):
                 numbers.append(motion.memories.moved(one, motion.end(step), 0.5 * sign * own))
-            else:  # there are none
-                numbers.append(np.zeros(0))
+            else:  # they do not change
+                numbers.append(np.zeros(len(motion.memories.owned)))
         first, second = found
         if not self._checked and motion.between is None:
             self._check_smooth(first, second, step)
@@ -416,6 +416,7 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
         copy_state(motion.system, system)
         return equations_at(system, UNSCALED)
     if motion.between is not None:
+        motion.memories.recall(other, step)
         system.set_time(motion.times[step])
         copy_state(motion.system, system)
         return motion.between.equations(system, motion.restitution(other, step))

@@ -76,7 +76,8 @@ def backward(
         np.add(sums, np.hstack(direct), out=sums)
 
     def seed_memories(step: int) -> None:
-        if motion.measured and step:  # the start is differentiated as a whole
+        # the start is differentiated as a whole
+        if motion.measured and step and motion.follows(step):
             motion.go_to(step)
             for adjoint in adjoints:
                 own = motion.memories.weights(step, adjoint.remembered)
@@ -90,6 +91,7 @@ def backward(
             changes = np.concatenate([one.event_changes(step) for one in influences.values()])
         motion.go_to_end(step)
         if motion.renewal is not None:
+            motion.take_memories(step)
             for adjoint in adjoints:
                 adjoint.renew(step, motion.renewal)
             events.renew(step, adjoints)
@@ -100,7 +102,7 @@ def backward(
                 sums -= np.hstack([one.products(step, kicks) for one in influences.values()])
                 motion.go_to_end(step)
             linear.take(motion.laws(step).shifts)
-            motion.memories.take(motion.end(step))
+            motion.take_memories(step)
             size = events.size(over)
             for adjoint in adjoints:
                 adjoint.step(over, size)
@@ -148,7 +150,7 @@ def forward(
             motion.go_to_end(step)
             if motion.renewal is None:
                 linear.take(motion.laws(step).shifts)
-                motion.memories.take(motion.end(step))
+            motion.take_memories(step)
             every = _changes(motion, step, directions)
             changes = [(blocks, rows) for blocks, rows, _ in every]
             if motion.renewal is not None:
@@ -166,6 +168,7 @@ def forward(
                         tangent.time = 0.0
                 if motion.kicked(step):
                     _kick_ahead(motion, over, impulses, (tangents, directions))
+            if motion.follows(step):
                 _arrive(motion, measured, step, (tangents, every))
         if step not in row_of:
             continue
@@ -219,7 +222,7 @@ def _kick(
     for adjoint in adjoints:
         adjoint.arrive(over)
         z, mu, adjoint.impulsive = impulses.back(adjoint.carried, over.maps)
-        found.append((z, mu, np.zeros(0)))
+        found.append((z, mu, np.zeros(len(motion.memories.owned))))
     return found
 
 

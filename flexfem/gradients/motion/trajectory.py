@@ -13,6 +13,7 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.analyses.dynamics import RunOptions
+from flexfem.constraints.elements.states import AT_REST
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
@@ -25,14 +26,16 @@ from flexfem.gradients.memory.elements import ElementMemory
 from flexfem.gradients.memory.histories import HistoryMemory
 from flexfem.gradients.motion.records import Records
 from flexfem.gradients.motion.support import check_contacts, check_supported
+from flexfem.gradients.renewals.damping import DAMPING
 from flexfem.gradients.renewals.grid import Grid, Step
-from flexfem.gradients.renewals.renewal import Projection, Renewal
+from flexfem.gradients.renewals.renewal import AT_STATE, Accelerations, Projection, Renewal
 from flexfem.gradients.schemes.base import Recursion
 from flexfem.gradients.schemes.generalized_alpha import AlphaRecursion
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.layout.elements import HistoryElements
 from flexfem.model.event import Rebound
 from flexfem.model.model import Model
+from flexfem.simulation.control.controls import ContinuousLoop
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.simulation.run.time_grid import TimeGrid
 from flexfem.solvers.linear.tangent import TangentSolver
@@ -91,7 +94,9 @@ class Motion:
         self.recorder = ProbeRecorder(self.system, self.simulation.serial)
         self.columns = self.recorder.columns
         main = GeneralizedAlpha(options.rho_inf)
-        self.grid = Grid(self._add, self._change, self._check_renewal, self._locked, main)
+        parts: list[type[Renewal]] = [Projection, Accelerations]
+        parts += DAMPING if self.system.viscous() else ()
+        self.grid = Grid(self._add, self._change, self._check_renewal, self._locked, main, parts)
         self.renewal: Renewal | None = None
         self.between: SystemEquations | None = None
         self.equations: Equations | None = None
@@ -220,6 +225,7 @@ class Motion:
     def _change(self) -> None:
         """Record it again."""
         self._records.change(self.system.state())
+        self.known[-1] = self._knowledge()
 
     def _repeat(self, step: int) -> None:
         """Take a step again from the state before it."""
@@ -287,6 +293,7 @@ class Motion:
         rows, own = self.system.constraints, self.rows(step)  # which events may have switched
         rows.active[:], rows.held[:] = own["active"] > 0.0, own["held"] > 0.0
         rows.targets[rows.held] = own["targets"][rows.held]
+        recall(self.simulation, self.known[step - 1])  # before controllers measure again
         self.system.set_time(self.times[step])  # with the loads behind a jump
         factors = self.grid.restitutions.get(step, np.zeros(rows.size))
         self.renewal = renewal(self.system, self.tangent, self.options.dt, factors)
@@ -345,9 +352,20 @@ class Motion:
         return [float(one) for one in found]
 
     def end(self, step: int) -> StepEnd:
-        """The end of a step."""
+        """The end of a step, or of a part of a renewal."""
+        if self.grid.renewal(step) is not None:
+            return StepEnd(step, AT_STATE, AT_REST)
         laws = self.laws(step)
         return StepEnd(step, laws.shifts, laws.states)
+
+    def follows(self, state: int) -> bool:
+        """True if numbers of memories follow from a state, which is no intermediate one."""
+        return self.grid.renewal(state) in {None, self.grid.parts[-1]}
+
+    def take_memories(self, state: int) -> None:
+        """Linearise memories where they act, or follow from a state (collective)."""
+        if self.follows(state) or (self.renewal is not None and self.renewal.acts):
+            self.memories.take(self.end(state))
 
     def frames(self, step: int, block: str) -> FloatArray:
         """Frames (n, 12) of a block at the accepted state after a step."""
@@ -375,15 +393,22 @@ class Motion:
         """Refuse to make a state consistent where that has no derivatives (collective)."""
         system, rows = self.system, self.system.constraints
         at = [system.time + part * self.options.dt for part in (0.01, 0.125, 0.5)]
+        last = [move for move in self.grid.moves if isinstance(move, Step)][-1:]
+        acting = [contacts.closed > 0 for contacts in system.contacts]
         found = {
-            "damping of elements": system.viscous(),
-            "damping of modes": system.modal_dampers is not None,
-            "friction in joints": bool(rows.frictional.any()),
             "drives whose directions change with time": bool(rows.drives_at(at)[1].any()),
-            "memories of force elements and controllers": self.remembering,
-            "contacts": bool(system.contacts),
-            "stops and other unilateral forces": bool(rows.unilateral.any()) or rows.split,
+            "internal variables": system.remembering,
+            "contacts or stops that are closed": any(acting) or any(one.kicked for one in last),
         }
+        if self.grid.events:  # whose times move steps
+            elements = [group.law for group in rows.elements.groups]
+            loops = self.simulation.controls.loops
+            found |= {
+                "states of Force": any(law.states or law.explicit for law in elements),
+                "continuous controllers that follow accepted states": any(
+                    isinstance(loop, ContinuousLoop) and not loop.implicit for loop in loops
+                ),
+            }
         for name, present in found.items():
             if system.comm.allreduce(present, op=MPI.LOR):
                 raise InputError(

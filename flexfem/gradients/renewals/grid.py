@@ -15,7 +15,7 @@ from dataclasses import dataclass, field
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.gradients.renewals.hold import Hold
-from flexfem.gradients.renewals.renewal import Accelerations, Projection, Renewal
+from flexfem.gradients.renewals.renewal import Projection, Renewal
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.integrators.integrator import Integrator
 from flexfem.simulation.motion.journal import Journal
@@ -69,6 +69,7 @@ class Grid(Journal):
         locked: called where joints are switched; refuses it, or returns True if some rows are held
             at new values.
         main: coefficients of whole steps.
+        parts: those of a renewal.
         moves: what leads to each state but the first.
         leads: changes of states by their numbers.
         events: numbers of the events that happen at states, by the numbers of these.
@@ -80,6 +81,7 @@ class Grid(Journal):
     allow: Callable[[], None]
     locked: Callable[[], bool]
     main: GeneralizedAlpha
+    parts: Sequence[type[Renewal]]
     moves: list[Move] = field(default_factory=list)
     leads: dict[int, Lead] = field(default_factory=dict)
     events: dict[int, int] = field(default_factory=dict)
@@ -153,11 +155,15 @@ class Grid(Journal):
         self.add()
 
     def renewed(self) -> None:
-        """See :class:`Journal`; accelerations of the state between have no effect."""
+        """See :class:`Journal`; accelerations of the states between have no effect."""
         self.allow()
-        for part in (Projection, Accelerations):
+        for part in self.parts:
             self.moves.append(part)
             self.add()
+
+    def measured(self) -> None:
+        """See :class:`Journal`."""
+        self.change()
 
     def began_parts(self) -> None:
         """See :class:`Journal`."""

@@ -47,7 +47,7 @@ class Hold(Renewal):
         for part in system.parts:
             part.block.residual[:] = 0.0
         system.add_constraint_forces(factors)
-        for own, by, part in zip(carried, self._maps, system.parts, strict=True):
+        for own, by, part in zip(carried, self.maps, system.parts, strict=True):
             own.q += by.hold(part.block.owned_residual.copy())
         return [np.zeros_like(own.q) for own in carried], -factors
 

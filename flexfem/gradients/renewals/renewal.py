@@ -14,13 +14,14 @@ solve with it. Derivatives by positions are those of ``gradients.equations``, wi
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 
 from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
+from flexfem.constraints.elements.states import AT_REST
 from flexfem.core.status import Status
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import UnsolvedError
@@ -35,26 +36,35 @@ from flexfem.gradients.equations.step_tangent import (
 )
 from flexfem.gradients.equations.values import Equations, equations_at
 from flexfem.gradients.renewals.row_paths import RowPaths
-from flexfem.integrators.start import drives, project_velocities, second_rates
+from flexfem.integrators.start import accelerate, drives, project_velocities, second_rates
+from flexfem.solvers.linear.gmres import minimal_residual
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import MASS, Shifts, System
 
-__all__ = ["Accelerations", "Projection", "Renewal"]
+__all__ = ["AT_STATE", "SINGULAR", "Accelerations", "Projection", "Renewal"]
 
-_SINGULAR = "gradient: masses and constraints are singular where a load jumps"
+SINGULAR = "gradient: masses and constraints are singular where a load jumps"
 #: Changes of velocities, m/s and so on, with which their effect on the equations is as large as
 #: that of stiff bodies, from which it is told by a difference: it is linear in them.
 _LARGE = 1e6
+#: Relative accuracy of friction that follows from the forces in joints, and most iterations.
+_SETTLED, _MOST = 1e-13, 60
 #: Equations at a state, not scaled.
-_AT_STATE = Shifts(velocity=1.0, acceleration=1.0, scale=1.0)
+AT_STATE = Shifts(velocity=1.0, acceleration=1.0, scale=1.0)
 
 
 class Renewal(ABC):
-    """One of both systems of equations, linearised by :meth:`take`."""
+    """One of both systems of equations, linearised by :meth:`take`.
 
+    Attributes:
+        acts: True if laws, with what memories carry, act in its equations.
+        maps: of all blocks at the state.
+    """
+
+    acts = False
     _paths: RowPaths
-    _maps: list[StepMaps]
+    maps: list[StepMaps]
 
     def __init__(
         self, system: System, solver: TangentSolver, dt: float, restitution: FloatArray
@@ -122,37 +132,52 @@ class Renewal(ABC):
         self._solver.assemble(MASS)
         self._system.counters.mass_factorizations += 1
         if not self._solver.factor():
-            raise UnsolvedError(_SINGULAR)
+            raise UnsolvedError(SINGULAR)
 
     def _solved(self, blocks: BlockVectors, rows: FloatArray) -> tuple[BlockVectors, FloatArray]:
         """Solve with them."""
         if not self._solver.solve(blocks, rows):
-            raise UnsolvedError(_SINGULAR)
+            raise UnsolvedError(SINGULAR)
         found = [part.block.owned_step.copy() for part in self._system.parts]
         return found, self._solver.multiplier_step.copy()
 
-    def _take_maps(self) -> None:
-        self._maps = [StepMaps.of(p.block, p.block.frames) for p in self._system.parts]
+    def _undamped(self) -> BlockVectors:
+        """Accelerations (n_owned, w) without damping, in local axes (collective)."""
+        system = self._system
+        system.constraints.multipliers[:] = 0.0
+        for part in system.parts:
+            part.block.acceleration[:] = 0.0
+        system.interface.update()
+        Renewal._factor(self)
+        if not accelerate(system, self._solver, self._dt):
+            raise UnsolvedError(SINGULAR)
+        found = [part.block.owned_step.copy() for part in system.parts]
+        self._to_state()
+        return found
 
-    def _local(self, rates: Sequence[FloatArray]) -> BlockVectors:
+    def _take_maps(self) -> None:
+        self.maps = [StepMaps.of(p.block, p.block.frames) for p in self._system.parts]
+
+    def local(self, rates: Sequence[FloatArray]) -> BlockVectors:
         """Rates of increments in local axes."""
-        return [by.hold(by.by_increment(x)) for by, x in zip(self._maps, rates, strict=True)]
+        return [by.hold(by.by_increment(x)) for by, x in zip(self.maps, rates, strict=True)]
 
     def _from_rates(self, sums: Sequence[FloatArray]) -> BlockVectors:
         """Sums of influences of rates of increments as those of rates in local axes."""
-        return [by.hold(by.inverse.transposed(x)) for by, x in zip(self._maps, sums, strict=True)]
+        return [by.hold(by.inverse.transposed(x)) for by, x in zip(self.maps, sums, strict=True)]
 
     def _to_rates(self, sums: Sequence[FloatArray]) -> BlockVectors:
         """The contrary."""
         return [
-            by.by_increment.transposed(by.hold(x)) for by, x in zip(self._maps, sums, strict=True)
+            by.by_increment.transposed(by.hold(x)) for by, x in zip(self.maps, sums, strict=True)
         ]
 
     def _to_state(self) -> None:
         """Return from any trial state to the accepted one, with its rows evaluated."""
         self._system.reset()
+        self._system.constraints.elements.begin(AT_REST, exact=True)
         self._system.interface.update()
-        self._system.constraints.evaluate(_AT_STATE.dynamics)
+        self._system.constraints.evaluate(AT_STATE.dynamics)
 
 
 class Projection(Renewal):
@@ -169,7 +194,7 @@ class Projection(Renewal):
         self._before = self._velocities()
         status = project_velocities(system, self._solver, self._dt, self._restitution)
         if status is not Status.OK:
-            raise UnsolvedError(_SINGULAR)
+            raise UnsolvedError(SINGULAR)
         self._after = self._velocities()
         self._changes = [part.block.step.copy() for part in system.parts]
         self._impulses = self._solver.multiplier_step.copy()
@@ -186,7 +211,7 @@ class Projection(Renewal):
         self._still, self._moving = StepTangent(system), StepTangent(system)
         for tangent, factor in ((self._still, 0.0), (self._moving, self._scale)):
             self._set(0.0, factor)
-            tangent.take(_AT_STATE)
+            tangent.take(AT_STATE)
         self._to_trial()
 
     def _velocities(self) -> list[FloatArray]:
@@ -240,7 +265,7 @@ class Projection(Renewal):
         with_changes, _ = self._moving.apply_transposed(z, 0.0 * mu, POSITIONS)
         without, _ = self._still.apply_transposed(z, 0.0 * mu, POSITIONS)
         for own, by, *moves, momentum in zip(
-            carried, self._maps, with_changes, without, turned, momenta, strict=True
+            carried, self.maps, with_changes, without, turned, momenta, strict=True
         ):
             own.q -= by.hold((moves[0] - moves[1]) / self._scale + moves[2])
             own.v = momentum
@@ -265,7 +290,7 @@ class Projection(Renewal):
 
     def _ahead(self, carried: Sequence[Carried], targets: FloatArray, changes: Equations) -> None:
         """See :class:`Renewal`."""
-        q, v = [own.q for own in carried], self._local([own.v for own in carried])
+        q, v = [own.q for own in carried], self.local([own.v for own in carried])
         nothing, (forces, rows) = np.zeros(self._system.constraints.size), changes
         turning = self._turning(q, v)
         with_changes, _ = self._moving.apply(q, nothing, POSITIONS)
@@ -276,7 +301,7 @@ class Projection(Renewal):
             for a, b, c, d in zip(momenta, with_changes, without, forces, strict=True)
         ]
         found, _ = self._solved(total, -(rows + turning) * self._system.constraints.rigid)
-        for own, by, x in zip(carried, self._maps, found, strict=True):
+        for own, by, x in zip(carried, self.maps, found, strict=True):
             own.v = by.hold_rates(by.inverse(x))
 
     def _turning(self, q: BlockVectors, v: BlockVectors) -> FloatArray:
@@ -297,6 +322,8 @@ class Projection(Renewal):
 class Accelerations(Renewal):
     """Accelerations and forces of rows at given velocities."""
 
+    acts = True
+
     def take(self) -> None:
         """See :class:`Renewal`."""
         system, rows = self._system, self._system.constraints
@@ -304,23 +331,42 @@ class Accelerations(Renewal):
             part.block.lead_auxiliary(part.block.accelerations, 0.0)
         self._to_state()
         self._take_maps()
+        if system.viscous():  # which ends a part of them
+            put_steps(system, self._undamped())
+            for part in system.parts:
+                part.block.acceleration[:] = part.block.step
+                part.block.start()
+            self._to_state()
         rates = rows.second_rates() + _along_accelerations(system)
         self._paths = RowPaths(system, 2, rates)
+        rows.elements.forget()
         self._to_trial()
         self._tangent = StepTangent(system)
-        self._tangent.take(_AT_STATE)
+        self._tangent.take(AT_STATE)
+        self._couplings = rows.coupling.copy()
         self._factor()
+
+    def _factor(self) -> None:
+        """See :class:`Renewal`; friction is left to an iteration, which can be transposed."""
+        self._system.constraints.coupling[:] = 0.0
+        super()._factor()
+
+    def _to_state(self) -> None:
+        """See :class:`Renewal`; friction follows the forces of rows."""
+        rows = self._system.constraints
+        rows.multipliers[:] = rows.forces
+        super()._to_state()
 
     def _to_trial(self) -> None:
         """See :class:`Renewal`."""
         self._to_state()
-        rows = self._system.constraints
-        rows.multipliers[:] = rows.forces
 
     def equations(self, system: System, restitution: FloatArray | None = None) -> Equations:
         """See :class:`Renewal`."""
         rows = system.constraints
-        blocks, laws = equations_at(system, _AT_STATE)
+        rows.elements.forget()
+        rows.elements.begin(AT_REST, exact=True)
+        blocks, laws = equations_at(system, AT_STATE)
         values, _ = drives(system, self._dt)
         rates = second_rates(system, self._dt, values) + _along_accelerations(system)
         rates -= rows.relaxation * rows.multipliers
@@ -329,19 +375,27 @@ class Accelerations(Renewal):
     def _back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
         """See :class:`Renewal`."""
         system, rows = self._system, self._system.constraints
-        z, mu = self._solved(
-            self._from_rates([own.a + own.w for own in carried]), np.zeros(rows.size)
-        )
+        right = self._from_rates([own.a + own.w for own in carried])
+        friction, normal = rows.coupled.T
+
+        def solve(part: float, given: FloatArray) -> Equations:
+            z, mu = self._solved([part * own for own in right], given * rows.rigid)
+            put_steps(system, z)
+            moves = rows.changes(system.interface.steps) - given
+            laws = ~rows.rigid & (rows.compliance > 0.0)
+            by_laws = np.divide(moves, rows.compliance, out=np.zeros(rows.size), where=laws)
+            return z, np.where(rows.rigid, mu, by_laws)
+
+        self._to_state()
+        z, mu = self._coupled(solve, (friction, normal))
+        by_laws = np.where(rows.rigid, 0.0, mu)
+        mu = mu * rows.rigid
         turned, slowed = self._paths.transposed(mu)
         self._to_state()
-        put_steps(system, z)
-        moves = rows.changes(system.interface.steps)
-        laws = ~rows.rigid & (rows.compliance > 0.0)
-        by_laws = np.divide(moves, rows.compliance, out=np.zeros(rows.size), where=laws)
         by_q, _ = self._tangent.apply_transposed(z, by_laws, POSITIONS)
         by_v, _ = self._tangent.apply_transposed(z, by_laws, VELOCITIES)
         for own, by, *q, v, slow in zip(
-            carried, self._maps, by_q, turned, by_v, slowed, strict=True
+            carried, self.maps, by_q, turned, by_v, slowed, strict=True
         ):
             own.q -= by.hold(q[0] + q[1])
             own.v -= by.hold_rates(by.by_increment.transposed(v) + slow)
@@ -355,13 +409,52 @@ class Accelerations(Renewal):
         turning = self._paths.changes(q, v)
         self._to_state()
         by_q = self._tangent.apply(q, nothing, POSITIONS)
-        by_v = self._tangent.apply(self._local(v), nothing, VELOCITIES)
+        by_v = self._tangent.apply(self.local(v), nothing, VELOCITIES)
         total = [-a - b - c for a, b, c in zip(changes[0], by_q[0], by_v[0], strict=True)]
         left = changes[1] + np.where(rows.rigid, turning, by_q[1] + by_v[1])
-        found, _ = self._solved(total, -left)
-        for own, by, x in zip(carried, self._maps, found, strict=True):
+        friction, normal = rows.coupled.T
+
+        def solve(part: float, given: FloatArray) -> Equations:
+            return self._solved([part * own for own in total], given - part * left)
+
+        found, _ = self._coupled(solve, (normal, friction))
+        for own, by, x in zip(carried, self.maps, found, strict=True):
             own.w = by.hold_rates(by.inverse(x))
             own.a = own.w.copy()
+
+    def _coupled(
+        self, solve: Callable[[float, FloatArray], Equations], pairs: tuple[IntArray, IntArray]
+    ) -> Equations:
+        """Solution of equations with right-hand sides that depend on it by friction (collective).
+
+        Args:
+            solve: solution for a part of the right-hand sides, with others of rows (r,) added.
+            pairs: (k,) rows by which friction acts, and rows on which it does.
+        """
+        rows = self._system.constraints
+
+        def acting(found: Equations) -> FloatArray:
+            forces = np.zeros(rows.size)
+            np.add.at(forces, pairs[1], self._couplings * found[1][pairs[0]])
+            return forces
+
+        def products(vectors: FloatArray, vector: FloatArray) -> FloatArray:
+            found: FloatArray = vectors @ (rows.owned * vector)
+            self._system.comm.Allreduce(MPI.IN_PLACE, found)
+            return found
+
+        found = solve(1.0, np.zeros(rows.size))
+        first = acting(found)
+        size = float(np.sqrt(products(first[np.newaxis], first)[0]))
+        if size == 0.0:
+            return found
+        more, done = minimal_residual(
+            lambda given: given - acting(solve(0.0, given)), first, size, products,
+            _SETTLED * size, _MOST,
+        )  # fmt: skip
+        if not done:
+            raise UnsolvedError(SINGULAR)
+        return solve(1.0, more)
 
 
 def _along_accelerations(system: System) -> FloatArray:

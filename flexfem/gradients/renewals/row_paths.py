@@ -80,7 +80,7 @@ class RowPaths:
             curved = 0.5 * t * t if self._order == 2 else 0.0
             system.predict(np.array([t, curved, 1.0, 0.0, 0.0, 0.0, 1.0]), _REST)
             system.interface.update()
-            system.constraints.evaluate(_UNSCALED)
+            system.constraints.evaluate(_UNSCALED, elements=False)
             yield t, weight / step**self._order
 
     def transposed(self, factors: FloatArray) -> tuple[BlockVectors, BlockVectors]:

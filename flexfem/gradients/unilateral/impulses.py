@@ -33,15 +33,13 @@ from flexfem.core.state import State
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import UnsolvedError
 from flexfem.gradients.equations.node_maps import StepMaps, applied, rotations, transposed
+from flexfem.gradients.equations.row_jumps import RowJumps
 from flexfem.gradients.equations.step_tangent import (
     POSITIONS,
     VELOCITIES,
     BlockVectors,
     StepTangent,
-    add_row_forces,
-    collected,
     put_steps,
-    row_changes,
 )
 from flexfem.gradients.equations.unilateral import Unilateral
 from flexfem.gradients.equations.values import Equations, equations_at
@@ -64,7 +62,6 @@ class Impulses:
         self._tangent = StepTangent(system, forces=penalties)
         self._impulse = Impulse(system)
         self._jumps: BlockVectors = []
-        self._bends = np.zeros((0, 2, 6))
 
     def take(self, scheme: GeneralizedAlpha, h: float, shifts: Shifts, accepted: State) -> None:
         """Linearise at the end of a step (collective).
@@ -87,16 +84,7 @@ class Impulses:
         leave_out_barriers(system)
         system.interface.update()
         self._tangent.take(shifts)
-        self._bend()
-
-    def _bend(self) -> None:
-        """Find how ``G u`` changes with positions, (t, 2, 6) (collective)."""
-        system, face = self._system, self._system.interface
-        put_steps(system, self._jumps)
-        face.velocities[:] = face.steps
-        slopes = np.tile([0.0, 1.0], (system.constraints.size, 1))
-        self._bends = system.constraints.rate_changes(slopes, 0.0, held=True)
-        face.update()
+        self._rows = RowJumps(system, self._jumps)
 
     # -- Adjoint --------------------------------------------------------------------------------
 
@@ -121,16 +109,11 @@ class Impulses:
             right.append(by.hold(_local(part.block, own.w - seeds[-1])))
         z, m = self._solved(right, np.zeros(self._system.constraints.size))
         z, mu = [own / scale for own in z], -m
-        put_steps(self._system, z)
-        self._system.add_constraint_forces(mu)
-        forces = collected(self._system)
-        put_steps(self._system, z)
-        add_row_forces(self._system, self._bends, mu)
-        turned = collected(self._system)
+        turned, forces = self._rows.transposed(mu)
         by_place, changes = self._tangent.apply_transposed(z, 0.0 * mu, POSITIONS)
         by_velocity, _ = self._tangent.apply_transposed(z, 0.0 * mu, VELOCITIES)
         for k, (part, own, by) in enumerate(zip(self._system.parts, carried, maps, strict=True)):
-            own.q -= by_place[k] + turned[k] + _moments(part.block, forces[k], self._jumps[k])
+            own.q -= by_place[k] + turned[k]
             by.hold(own.q)
             v = own.v - by.by_increment.transposed(by_velocity[k]) / self._shifts.velocity
             w = seeds[k] - _rates(part.block, forces[k])
@@ -175,7 +158,8 @@ class Impulses:
         Raises:
             UnsolvedError: masses are singular.
         """
-        parts, nothing = self._system.parts, np.zeros(self._system.constraints.size)
+        parts, rows = self._system.parts, self._system.constraints
+        nothing = np.zeros(rows.size)
         # these axes are orthonormal ones
         moves = [by.axes.transposed(own.q) for own, by in zip(carried, maps, strict=True)]
         by_place, _ = self._tangent.apply(moves, multipliers * self._of_laws, POSITIONS)
@@ -183,15 +167,8 @@ class Impulses:
             [by.by_increment(own.v) / self._shifts.velocity
              for own, by in zip(carried, maps, strict=True)], nothing, VELOCITIES,
         )  # fmt: skip
-        turned = [
-            _local(part.block, own.w) + _turned(part.block, jump, q)
-            for part, own, q, jump in zip(parts, carried, moves, self._jumps, strict=True)
-        ]
-        rows = self._system.constraints
-        put_steps(self._system, turned)
-        values = rows.changes(self._system.interface.steps) + change[1]
-        put_steps(self._system, moves)
-        values += row_changes(self._system, self._bends)
+        jumps = [_local(part.block, own.w) for part, own in zip(parts, carried, strict=True)]
+        values = self._rows.changes(moves, jumps) + change[1]
         right = [
             -(a + b + c) / self._shifts.scale
             for a, b, c in zip(by_place, by_velocity, change[0], strict=True)
@@ -237,20 +214,4 @@ def _rates(block: FrameBlock, local: FloatArray) -> FloatArray:
     found = local.copy()
     if block.inertial:
         found[:, :3] = applied(rotations(block.frames[: block.owned]), local[:, :3])
-    return found
-
-
-def _turned(block: FrameBlock, jump: FloatArray, twists: FloatArray) -> FloatArray:
-    """Changes of jumps (n, w) in local axes as nodes turn by twists (n, w)."""
-    found = np.zeros_like(jump)
-    if block.inertial and block.width == 6:
-        found[:, :3] = np.cross(jump[:, :3], twists[:, 3:])
-    return found
-
-
-def _moments(block: FrameBlock, forces: FloatArray, jump: FloatArray) -> FloatArray:
-    """Factors of twists in forces (n, w) times the changes of :func:`_turned`."""
-    found = np.zeros_like(jump)
-    if block.inertial and block.width == 6:
-        found[:, 3:] = np.cross(forces[:, :3], jump[:, :3])
     return found

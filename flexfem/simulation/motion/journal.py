@@ -30,6 +30,9 @@ class Journal:
     def renewed(self) -> None:
         """Velocities, accelerations and multipliers were made consistent at the same positions."""
 
+    def measured(self) -> None:
+        """Controllers have measured the state once more, after it was made consistent."""
+
     def began_parts(self) -> None:
         """``Integrator.begin_parts`` was called."""
 

@@ -336,6 +336,7 @@ class Simulation:
         self.system.prediction = Prediction.VELOCITY
         self._behind_jump = True
         self.controls.accepted(jumped=True)
+        self.journal.measured()
         self.follow()
         return status
 
@@ -380,6 +381,8 @@ class Simulation:
             if status is Status.OK and short and not self._behind_jump:
                 status = self.renew()
                 self.journal.renewed()
+                self.controls.accepted()
+                self.journal.measured()
             if status is Status.OK and system.time < end:
                 self.follow()
             if status is Status.OK and len(events.fired) > self._limit:
@@ -428,6 +431,7 @@ class Simulation:
         if status is Status.OK:
             status = events.carry_out(hits)
             self.controls.accepted(jumped=True)
+            self.journal.measured()
         return status
 
 
