@@ -201,7 +201,8 @@ def gradient(
     Equilibria under increasing loads (``StaticOptions``) take one transposed solve for each row of
     the history on which a number depends; ``buckling:1`` is the first load factor of linearised
     buckling from the first and the last equilibrium. With ``ModeOptions`` the numbers are
-    ``frequency:1`` (Hz), ``damping:1`` and so on, about the state of the options.
+    ``frequency:1`` (Hz), ``damping:1`` and so on, about the state of the options; the mean of those
+    that are equal is ``frequency:1-2``.
 
     Args:
         model: the model; or a function that builds it from numbers with the names in ``wrt``, such

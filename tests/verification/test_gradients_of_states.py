@@ -3,7 +3,7 @@
 
 import math
 from collections.abc import Callable
-from functools import cache
+from functools import cache, partial
 
 from mpi4py import MPI
 
@@ -242,6 +242,36 @@ def test_deflection_and_frequency_of_a_cantilever():
     assert first["density"] == pytest.approx(-0.5, abs=1e-8)
     assert first["length"] == pytest.approx(-2.0, abs=0.01)
     assert first["width"] == pytest.approx(0.0, abs=1e-3)
+
+
+@pytest.mark.three_ranks
+def test_means_of_equal_frequencies_and_buckling_loads():
+    """A square cantilever: the width acts on one of each pair, by ``b`` and by ``b^3``."""
+
+    def build(width, youngs, force=1.0):
+        mesh = ff.LineMesh.straight({"rod": [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)]}, elements=8)
+        model, steel = ff.Model("rod", mesh=mesh), ff.Material(youngs, 0.3, 7850.0)
+        model.add(
+            ff.Beam("rod", ff.Section.rectangle(width, 0.005, steel)),
+            ff.Rigid("clamp", ff.Ground(), ff.Marker("rod", "start")),
+            ff.PointForce("push", ff.Marker("rod", "end"), (-force, 0.0, 0.0)),
+        )
+        return model
+
+    values = {"width": 0.005, "youngs": 2.1e11}
+    options, mean = ff.ModeOptions(modes=2, frames=0, quiet=True), "frequency:1-2"
+    free = partial(build, force=1e-9)
+    sung = relative(ff.gradient(free, mean, values, options), mean, values)
+    # a single vector of a pair gives any number from 0 to 1, and from 1 to 3
+    assert sung["width"] == pytest.approx(0.5, abs=1e-3)
+    assert sung["youngs"] == pytest.approx(0.5, abs=1e-6)
+    load = ff.gradient(build, "buckling:1-2", values, BUCKLING)
+    pressed = relative(load, "buckling:1-2", values)
+    assert pressed["width"] == pytest.approx(0.5 * (1.0 + 3.0), abs=1e-3)
+    assert pressed["youngs"] == pytest.approx(1.0, abs=1e-3)
+    alone = relative(ff.gradient(free, mean, values, options, comm=SELF), mean, values)
+    # vectors of which a rank misses a part are off by their size
+    assert alone == pytest.approx(sung, abs=1e-6)
 
 
 @pytest.mark.serial

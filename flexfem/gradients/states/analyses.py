@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 from mpi4py import MPI
@@ -38,17 +38,25 @@ _OF_STATICS, _OF_MODES = ("buckling",), ("frequency", "damping")
 
 @dataclass(frozen=True)
 class Eigenvalue:
-    """A number such as ``buckling:1``.
+    """A number such as ``buckling:1``, or a mean such as ``frequency:1-2``.
 
     Attributes:
         name: text in tables.
         kind: what stands before the colon.
-        number: what stands behind it, from 1.
+        numbers: what stands behind it, from 1.
     """
 
     name: str
     kind: str
-    number: int
+    numbers: range
+
+    def mean(self, of: Callable[[int], FloatArray]) -> FloatArray:
+        """Mean of a function of the numbers."""
+        return np.asarray(np.mean([of(number) for number in self.numbers], axis=0))
+
+    def mean_of(self, values: Sequence[float] | FloatArray) -> float:
+        """Mean of the values, from the first one, with these numbers."""
+        return float(np.mean([values[number - 1] for number in self.numbers]))
 
 
 @dataclass(frozen=True)
@@ -97,9 +105,14 @@ def _number(
     kind, _, text = name.partition(":")
     statics, modes = isinstance(options, StaticOptions), isinstance(options, ModeOptions)
     if isinstance(one, str) and kind in (_OF_MODES if modes else _OF_STATICS if statics else ()):
-        if not text.isdecimal() or int(text) < 1:
-            raise ValueError(f"gradient: '{name}' must end with a number from 1, as in {kind}:1")
-        return Eigenvalue(name, kind, int(text))
+        first, _, last = text.partition("-")
+        last = last or first
+        if not (first.isdecimal() and last.isdecimal() and 1 <= int(first) <= int(last)):
+            raise ValueError(
+                f"gradient: '{name}' must end with a number from 1, or a first and a last one, as "
+                f"in {kind}:1 or {kind}:1-2"
+            )
+        return Eigenvalue(name, kind, range(int(first), int(last) + 1))
     if modes:
         raise ValueError(
             f"gradient: with ModeOptions numbers are frequency:1, damping:1 and so on, got {name}"
@@ -148,10 +161,10 @@ def _of_equilibria(
     own = {one.name: one.value(path.history) for one in functionals if path.history}
     value: dict[str, float] = comm.bcast(own)
     if loads:
-        buckling = BucklingLoads(path, [one.number for one in loads])
-        found = buckling.gradients(chosen)
-        rows |= {one.name: row for one, row in zip(loads, found, strict=True)}
-        value |= {one.name: buckling.loads[one.number - 1] for one in loads}
+        buckling = BucklingLoads(path, [one.numbers for one in loads])
+        changes = buckling.gradients(chosen)
+        rows |= {one.name: one.mean(changes.__getitem__) for one in loads}
+        value |= {one.name: one.mean_of(buckling.loads) for one in loads}
     more = path.system.counters.factorizations - done
     gradient = {name: by_name(row, wrt[1]) for name, row in rows.items()}
     return Found(value, gradient, path.history, middle, (done, more))
@@ -162,21 +175,20 @@ def _of_modes(
     comm: MPI.Intracomm,
 ) -> Found:  # fmt: skip
     """Frequencies and damping ratios (collective)."""
-    found = Frequencies(model, options, comm, sorted({one.number for one in numbers}))
+    found = Frequencies(model, options, comm, [one.numbers for one in numbers])
     middle = time.perf_counter()
-    changes = found.gradients(parameters_of(*wrt))
-    value, rows = {}, {}
-    for one in numbers:
-        k, change = one.number, changes[one.number]
-        own = complex(found.modes.eigenvalues[k - 1])
-        if one.kind == "frequency":
-            value[one.name] = float(found.modes.frequencies[k - 1])
-            rows[one.name] = change.imag / (2.0 * np.pi)
-        else:  # - Re lambda / |lambda|
-            value[one.name] = float(found.modes.damping[k - 1])
-            size = abs(own)
-            by_size = own.real * (np.conj(own) * change).real / size**3
-            rows[one.name] = by_size - change.real / size
+    changes, modes = found.gradients(parameters_of(*wrt)), found.modes
+
+    def by_parameters(k: int) -> FloatArray:
+        """Derivatives of a damping ratio, ``- Re lambda / |lambda|``."""
+        own, change = complex(modes.eigenvalues[k - 1]), changes[k]
+        by_size = own.real * (np.conj(own) * change).real / abs(own) ** 3
+        return np.asarray(by_size - change.real / abs(own))
+
+    values = {"frequency": modes.frequencies, "damping": modes.damping}
+    rows_of = {"frequency": lambda k: changes[k].imag / (2.0 * np.pi), "damping": by_parameters}
+    value = {one.name: one.mean_of(values[one.kind]) for one in numbers}
+    rows = {one.name: one.mean(rows_of[one.kind]) for one in numbers}
     history = {} if comm.rank else {
         "t": np.arange(1.0, len(found.modes) + 1.0), "frequency": found.modes.frequencies,
         "damping_ratio": found.modes.damping,

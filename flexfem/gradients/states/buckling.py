@@ -5,7 +5,10 @@
 ``solvers.statics.buckling``. With the left vector y, ``B = (1 - mu) A_0 + mu A_1`` and
 ``y^T B = 0``:
 
-``dmu = y^T ((1 - mu) dA_0 + mu dA_1) x / (y^T (A_0 - A_1) x)``,  ``dt = dmu (t_1 - t_0)``.
+``dmu = y^T ((1 - mu) dA_0 + mu dA_1) x / (y^T (A_0 - A_1) x)``,  ``dt = dmu (t_1 - t_0)``,
+
+and the mean of several equal ones by the mean of this over vectors with ``Y^T (A_0 - A_1) X``
+diagonal.
 
 Both matrices change with a parameter at a fixed state and along the change of their equilibria,
 ``dq/dp = - A^-1 F_p``, which is found first: their differences are those of matrices of neighbours
@@ -26,25 +29,28 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.motion.trajectory import StoppedError
-from flexfem.gradients.states.eigenvectors import ComplexArray, Inverse, eigenvectors, times
+from flexfem.gradients.states.eigenvectors import (
+    SHIFT,
+    ComplexArray,
+    Inverse,
+    eigenvectors,
+    equal,
+    times,
+)
 from flexfem.gradients.states.neighbours import MATRICES, Parameter, check_without_sliders
 from flexfem.gradients.states.path import SINGULAR, Direction, Equilibria, NearPath
 from flexfem.solvers.statics.buckling import LinearBuckling
 
 __all__ = ["BucklingLoads"]
 
-#: Distance of the shift from an eigenvalue, and of eigenvalues that count as equal, relative.
-_SHIFT, _EQUAL = 1e-7, 1e-5
-
 
 @dataclass(frozen=True)
-class _Mode:
-    """A buckling load with its vectors, and ``y^T (A_0 - A_1) x``."""
+class _Vectors:
+    """Equal buckling loads with vectors (n, m) for which ``Y^T (A_0 - A_1) X = 1``."""
 
     mu: float
     right: ComplexArray
     left: ComplexArray
-    size: complex
 
 
 class BucklingLoads:
@@ -54,56 +60,64 @@ class BucklingLoads:
         loads: load factors by distance from the first equilibrium.
     """
 
-    def __init__(self, path: Equilibria, numbers: Sequence[int]) -> None:
+    def __init__(self, path: Equilibria, groups: Sequence[Sequence[int]]) -> None:
         """Find them (collective).
 
         Args:
             path: the path.
-            numbers: those that are differentiated, from 1.
+            groups: loads, from 1, whose means are differentiated.
 
         Raises:
-            InputError: there are fewer, or one of these is not simple.
+            InputError: there are fewer, or one of these is equal to one outside its group.
         """
         check_without_sliders(path.system)
-        self._path, self._numbers = path, list(numbers)
+        self._path = path
+        every = sorted({number for group in groups for number in group})
         path.go_to(0)
         problem = LinearBuckling(path.equilibrium)
         path.go_to(path.rows - 1)
-        found = problem.solve(max(numbers) + 1)
+        found = problem.solve(every[-1] + 1)
         self.loads = [t for t, _ in found]
         self._span = float(path.times[-1] - path.times[0])
-        for number in numbers:
-            self._check(number)
+        for group in groups:
+            self._check(group)
         matrices = []
         for row in self._rows:
             path.go_to(row)
             matrices.append(path.matrix())
-        self._modes = [self._mode(matrices, found[k - 1]) for k in numbers]
+        alike = dict.fromkeys(equal(self.loads, number) for number in every)
+        self._vectors = {
+            numbers: self._of(matrices, [found[k - 1] for k in numbers]) for numbers in alike
+        }
 
     @property
     def _rows(self) -> tuple[int, int]:
         """Rows of the history of both matrices."""
         return 0, self._path.rows - 1
 
-    def _check(self, number: int) -> None:
-        if number > len(self.loads):
-            raise InputError(
-                f"gradient: there is no buckling:{number}, {len(self.loads)} buckling loads were "
-                "found"
-            )
-        own = self.loads[number - 1]
-        for k, other in enumerate(self.loads, start=1):
-            if k != number and abs(other - own) <= _EQUAL * abs(own):
+    def _check(self, group: Sequence[int]) -> None:
+        for number in group:
+            if number > len(self.loads):
                 raise InputError(
-                    f"gradient: buckling:{number} and buckling:{k} are equal ({own:g}), and have "
-                    "no derivatives one by one"
+                    f"gradient: there is no buckling:{number}, {len(self.loads)} buckling loads "
+                    "were found"
+                )
+            alike = equal(self.loads, number)
+            if not set(alike) <= set(group):
+                raise InputError(
+                    f"gradient: buckling loads {alike[0]} to {alike[-1]} are equal "
+                    f"({self.loads[number - 1]:g}), and have no derivatives one by one; take their "
+                    f"mean, buckling:{alike[0]}-{alike[-1]}"
                 )
 
-    def _mode(self, matrices: list[PETSc.Mat], found: tuple[float, list[FloatArray]]) -> _Mode:
-        t, motion = found
+    def _of(
+        self, matrices: list[PETSc.Mat], found: Sequence[tuple[float, list[FloatArray]]]
+    ) -> _Vectors:
+        """Vectors of equal loads, from these and their motions (collective)."""
         first, last = matrices
-        mu = (t - float(self._path.times[0])) / self._span
-        shifted, same = mu * (1.0 + _SHIFT), PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
+        mean = float(np.mean([t for t, _ in found]))
+        mu = (mean - float(self._path.times[0])) / self._span
+        shifted, same = mu * (1.0 + SHIFT), PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN
         matrix = first.copy()
         matrix.scale(1.0 - shifted)
         matrix.axpy(shifted, last, same)
@@ -114,19 +128,21 @@ class BucklingLoads:
         def weigh(x: ComplexArray, transposed: bool) -> ComplexArray:
             return times(first, x, transposed=transposed) - times(last, x, transposed=transposed)
 
-        start = self._path.vector(motion, np.zeros(self._path.system.constraints.size))
-        right, left = eigenvectors(inverse, start.astype(np.complex128), self._total, weigh)
-        size = complex(self._total(np.array([np.vdot(left, weigh(right, False))]))[0])
-        return _Mode(mu, right, left, size)
+        rows = np.zeros(self._path.system.constraints.size)
+        starts = [self._path.vector(motion, rows).astype(np.complex128) for _, motion in found]
+        return _Vectors(mu, *eigenvectors(inverse, starts, self._total, weigh))
 
     def _total(self, values: ComplexArray) -> ComplexArray:
         """Sums over the ranks."""
         self._path.system.comm.Allreduce(MPI.IN_PLACE, values, op=MPI.SUM)
         return values
 
-    def gradients(self, parameters: Sequence[Parameter]) -> FloatArray:
-        """Derivatives (numbers, parameters) of the loads (collective)."""
-        found = np.zeros((len(self._numbers), len(parameters)), dtype=np.complex128)
+    def gradients(self, parameters: Sequence[Parameter]) -> dict[int, FloatArray]:
+        """Derivatives (parameters,) of the loads by their numbers (collective).
+
+        Those of equal ones are that of their mean.
+        """
+        found = {k: np.zeros(len(parameters), dtype=np.complex128) for k in self._vectors}
         for p, parameter in enumerate(parameters):
             near = [
                 (NearPath(self._path, one.model, parameter.text), one.offset, one.weight)
@@ -139,11 +155,14 @@ class BucklingLoads:
                     one.go_to_present()
                     one.move(direction, offset)
                     matrix = one.matrix()
-                    for k, mode in enumerate(self._modes):
-                        product = np.vdot(mode.left, times(matrix, mode.right))
-                        found[k, p] += weight * share(mode.mu) * product / mode.size
+                    for numbers, own in self._vectors.items():
+                        factor = weight * share(own.mu) / len(numbers)
+                        for x, y in zip(own.right.T, own.left.T, strict=True):
+                            found[numbers][p] += factor * np.vdot(y, times(matrix, x))
                     matrix.destroy()
-        return np.ascontiguousarray(self._total(found).real) * self._span
+        for changes in found.values():
+            self._total(changes)
+        return {k: changes.real * self._span for ks, changes in found.items() for k in ks}
 
     def _direction(self, near: Sequence[tuple[NearPath, float, float]]) -> Direction:
         """Change of the present equilibrium with a parameter (collective)."""

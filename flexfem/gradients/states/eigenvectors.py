@@ -1,15 +1,17 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Right and left eigenvectors of a simple eigenvalue, and its derivative.
+"""Right and left eigenvectors of an eigenvalue, and its derivative.
 
 With ``P(lambda) x = 0`` and ``P(lambda)^H y = 0`` a simple eigenvalue changes with a parameter by
 ``dlambda = - y^H dP x / (y^H P' x)``, P' the derivative by lambda and dP the change of the matrix
 at fixed lambda (Lancaster, Numer. Math. 6 (1964) 377-387). Rows of constraints are a part of P, and
-so are their changes of dP.
+so are their changes of dP. m equal eigenvalues with vectors X, Y have the derivatives of
+``- (Y^H P' X)^-1 Y^H dP X`` as eigenvalues along one parameter (Lancaster, the same), which are no
+gradient; their mean, the trace over m, has one.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 from petsc4py import PETSc
 
@@ -19,10 +21,12 @@ import numpy.typing as npt
 from flexfem.la.direct import DirectSolver
 from flexfem.solvers.modal.shifted_inverse import real_form
 
-__all__ = ["ComplexArray", "Inverse", "eigenvectors", "times"]
+__all__ = ["SHIFT", "ComplexArray", "Inverse", "eigenvectors", "equal", "times"]
 
 ComplexArray = npt.NDArray[np.complex128]
 
+#: Distance of the shift from an eigenvalue, and of eigenvalues that count as equal, relative.
+SHIFT, _EQUAL = 1e-7, 1e-5
 #: Sweeps of inverse iteration, each of which gains the digits by which the shift is nearer to this
 #: eigenvalue than to others.
 _SWEEPS = 3
@@ -76,24 +80,38 @@ class Inverse:
         return np.asarray(found[:size] + 1j * found[size:], dtype=np.complex128)
 
 
+def equal(values: Sequence[complex] | ComplexArray, number: int) -> tuple[int, ...]:
+    """Numbers, from 1, of the eigenvalues that are equal to one, itself included."""
+    own = values[number - 1]
+    distances = [abs(other - own) for other in values]
+    return tuple(k for k, off in enumerate(distances, 1) if off <= _EQUAL * abs(own) or k == number)
+
+
 def eigenvectors(
-    inverse: Inverse, start: ComplexArray, total: Callable[[ComplexArray], ComplexArray],
+    inverse: Inverse, starts: Sequence[ComplexArray], total: Callable[[ComplexArray], ComplexArray],
     weigh: Callable[[ComplexArray, bool], ComplexArray],
 ) -> tuple[ComplexArray, ComplexArray]:  # fmt: skip
-    """Right and left eigenvectors by inverse iteration (collective).
+    """Right and left eigenvectors (n, m) of m equal eigenvalues, ``Y^H P' X = 1`` (collective).
 
     Args:
-        inverse: of P at a value much nearer to the eigenvalue than to others.
-        start: right vector to begin with; its part of the constraints need not be known.
+        inverse: of P at a value much nearer to the eigenvalues than to others.
+        starts: m right vectors (n,) to begin the inverse iteration with; their part of the
+            constraints need not be known.
         total: sums over the ranks.
         weigh: P' times a vector, or its Hermitian transpose.
     """
     found = []
     for transposed in (False, True):
-        vector = start
+        vectors = np.stack(starts, axis=1)
         for _ in range(_SWEEPS):
-            vector = inverse.solve(weigh(vector, transposed), transposed=transposed)
-            size = float(total(np.array([np.vdot(vector, vector)]))[0].real) ** 0.5
-            vector = vector / size
-        found.append(vector)
-    return found[0], found[1]
+            vectors = np.stack(
+                [inverse.solve(weigh(x, transposed), transposed=transposed) for x in vectors.T],
+                axis=1,
+            )
+            lower = np.linalg.cholesky(total(vectors.conj().T @ vectors))
+            vectors = vectors @ np.linalg.inv(lower).conj().T
+        found.append(vectors)
+    right, left = found
+    weighed = np.stack([weigh(x, False) for x in right.T], axis=1)
+    size = total(left.conj().T @ weighed)
+    return right, left @ np.linalg.inv(size).conj().T

@@ -7,7 +7,8 @@ simple eigenvalue with its right and left vectors changes by
 ``dlambda = - y^H dP x / (y^H (2 lambda M + C) x)``
 
 (Fox, Kapoor, AIAA J. 6 (1968) 2426-2429, for real symmetric matrices; Lancaster, Numer. Math. 6
-(1964) 377-387).
+(1964) 377-387), the mean of several equal ones by the mean of this over vectors with
+``Y^H (2 lambda M + C) X`` diagonal.
 
 About an equilibrium, or in a steady rotation, the state moves with a parameter by
 ``dq/dp = - A^-1 F_p``, one solve for each parameter: dP is the difference of the matrices of
@@ -28,7 +29,14 @@ from flexfem._types import FloatArray
 from flexfem.analyses.modes import ModeOptions
 from flexfem.core.status import Status
 from flexfem.gradients.motion.trajectory import StoppedError
-from flexfem.gradients.states.eigenvectors import ComplexArray, Inverse, eigenvectors, times
+from flexfem.gradients.states.eigenvectors import (
+    SHIFT,
+    ComplexArray,
+    Inverse,
+    eigenvectors,
+    equal,
+    times,
+)
 from flexfem.gradients.states.neighbours import (
     MATRICES,
     Parameter,
@@ -45,20 +53,17 @@ from flexfem.solvers.modal.pencil import Pencil
 
 __all__ = ["Frequencies"]
 
-#: Distance of the shift from an eigenvalue, and of eigenvalues that count as equal, relative.
-_SHIFT, _EQUAL = 1e-7, 1e-5
 #: Part of a square of an eigenvalue that is round-off.
 _REAL = 1e-9
 
 
 @dataclass(frozen=True)
 class _Vectors:
-    """An eigenvalue with its vectors, and ``y^H (2 lambda M + C) x``."""
+    """Equal eigenvalues with vectors (n, m) for which ``Y^H (2 lambda M + C) X = 1``."""
 
     value: complex
     right: ComplexArray
     left: ComplexArray
-    size: complex
 
 
 class Frequencies:
@@ -69,18 +74,20 @@ class Frequencies:
     """
 
     def __init__(
-        self, model: Model, options: ModeOptions, comm: MPI.Intracomm, numbers: Sequence[int]
-    ) -> None:
+        self, model: Model, options: ModeOptions, comm: MPI.Intracomm,
+        groups: Sequence[Sequence[int]],
+    ) -> None:  # fmt: skip
         """Find them (collective).
 
         Args:
             model: the model.
             options: those of the modes; more are computed if the numbers ask for them.
             comm: communicator.
-            numbers: modes that are differentiated, from 1.
+            groups: modes, from 1, whose means are differentiated.
 
         Raises:
-            InputError: one of them is zero or not simple, or something has no derivatives.
+            InputError: one of them is zero, or equal to one outside its group, or something has no
+                derivatives.
             StoppedError: there is no state, or modes are doubtful.
         """
         if options.state is not None:
@@ -89,7 +96,7 @@ class Frequencies:
         self._point = point = OperatingPoint(model, options, comm)
         check_path_independent(model, point.system)
         check_without_sliders(point.system)
-        count = max(options.modes, *numbers)
+        count = max(options.modes, *(number for group in groups for number in group))
         point.check_count("gradient", count)
         status = point.settle(options.spin)
         if status is not Status.OK:
@@ -98,18 +105,20 @@ class Frequencies:
         text = doubts(found, min(count, len(found)), options.accuracy)
         if text != "ok" or len(found) < count:
             raise StoppedError(f"gradient: {text if text != 'ok' else 'modes are missing'}")
-        for number in numbers:
-            _check_simple(found, number)
+        for group in groups:
+            _check_apart(found, group)
         self.modes = found
         self._multipliers = point.linearization.multipliers.copy()
         pencil = Pencil.of(point.linearization)
-        self._vectors = {k: self._of(pencil, k) for k in numbers}
+        every = sorted({number for group in groups for number in group})
+        alike = dict.fromkeys(equal(found.eigenvalues, number) for number in every)
+        self._vectors = {numbers: self._of(pencil, numbers) for numbers in alike}
 
-    def _of(self, pencil: Pencil, number: int) -> _Vectors:
-        """Vectors of a mode (collective)."""
+    def _of(self, pencil: Pencil, numbers: tuple[int, ...]) -> _Vectors:
+        """Vectors of equal modes (collective)."""
         matrices, lin = pencil.matrices, pencil.linearization
-        value = complex(self.modes.eigenvalues[number - 1])
-        shift = value * (1.0 + _SHIFT)
+        value = complex(np.mean([self.modes.eigenvalues[k - 1] for k in numbers]))
+        shift = value * (1.0 + SHIFT)
         real = matrices.stiffness.copy()
         real.axpy((shift**2).real, matrices.mass)
         real.axpy(shift.real, matrices.damping)
@@ -124,17 +133,19 @@ class Frequencies:
             by_mass = times(matrices.mass, x, transposed=transposed)
             return 2.0 * factor * by_mass + times(matrices.damping, x, transposed=transposed)
 
-        start = np.zeros(lin.size, dtype=np.complex128)
-        start[: lin.unknowns] = self.modes.shapes[number - 1]
+        starts = np.zeros((len(numbers), lin.size), dtype=np.complex128)
+        for start, k in zip(starts, numbers, strict=True):
+            start[: lin.unknowns] = self.modes.shapes[k - 1]
         inverse = Inverse(real, imaginary)
         if not inverse.regular:
             raise StoppedError("gradient: the equations of motion are singular")
-        right, left = eigenvectors(inverse, start, lin.total, weigh)
-        size = complex(lin.total(np.array([np.vdot(left, weigh(right, False))]))[0])
-        return _Vectors(value, right, left, size)
+        return _Vectors(value, *eigenvectors(inverse, list(starts), lin.total, weigh))
 
     def gradients(self, parameters: Sequence[Parameter]) -> dict[int, ComplexArray]:
-        """Derivatives (parameters,) of the eigenvalue of each mode, by its number (collective)."""
+        """Derivatives (parameters,) of the eigenvalue of each mode, by its number (collective).
+
+        Those of equal ones are that of their mean.
+        """
         found = {k: np.zeros(len(parameters), dtype=np.complex128) for k in self._vectors}
         for p, parameter in enumerate(parameters):
             near = [(one, self._near(one.model)) for one in parameter.neighbours(MATRICES)]
@@ -143,12 +154,15 @@ class Frequencies:
                 self._bring_to_equilibrium(points, parameter.text)
             for one, point in near:
                 matrices = point.linearization.matrices()
-                for number, own in self._vectors.items():
-                    x, value = own.right, own.value
-                    moved = value**2 * times(matrices.mass, x) + times(matrices.stiffness, x)
-                    moved += value * times(matrices.damping, x)
-                    found[number][p] -= one.weight * np.vdot(own.left, moved) / own.size
-        return {k: self._point.linearization.total(own) for k, own in found.items()}
+                for numbers, own in self._vectors.items():
+                    value, weight = own.value, one.weight / len(numbers)
+                    for x, y in zip(own.right.T, own.left.T, strict=True):
+                        moved = value**2 * times(matrices.mass, x) + times(matrices.stiffness, x)
+                        moved += value * times(matrices.damping, x)
+                        found[numbers][p] -= weight * np.vdot(y, moved)
+        total = self._point.linearization.total
+        sums = {numbers: total(changes) for numbers, changes in found.items()}
+        return {number: changes for numbers, changes in sums.items() for number in numbers}
 
     def _near(self, model: Model) -> OperatingPoint:
         """A neighbour in the state of the options, or at its start (collective)."""
@@ -187,16 +201,17 @@ class Frequencies:
         return residual
 
 
-def _check_simple(found: Modes, number: int) -> None:
-    """Refuse modes without a derivative."""
-    own = found.eigenvalues[number - 1]
-    if own == 0.0 or found.frequencies[number - 1] == 0.0:
-        raise InputError(
-            f"gradient: mode {number} does not oscillate, and its frequency has no derivative"
-        )
-    for k, other in enumerate(found.eigenvalues, start=1):
-        if k != number and abs(other - own) <= _EQUAL * abs(own):
+def _check_apart(found: Modes, group: Sequence[int]) -> None:
+    """Refuse modes without a derivative, and equal ones of which some are left out."""
+    for number in group:
+        if found.eigenvalues[number - 1] == 0.0 or found.frequencies[number - 1] == 0.0:
             raise InputError(
-                f"gradient: modes {number} and {k} have one frequency "
-                f"({found.frequencies[number - 1]:g} Hz), and have no derivatives one by one"
+                f"gradient: mode {number} does not oscillate, and its frequency has no derivative"
+            )
+        alike = equal(found.eigenvalues, number)
+        if not set(alike) <= set(group):
+            raise InputError(
+                f"gradient: modes {alike[0]} to {alike[-1]} have one frequency "
+                f"({found.frequencies[number - 1]:g} Hz), and have no derivatives one by one; take "
+                f"their mean, {alike[0]}-{alike[-1]}"
             )
