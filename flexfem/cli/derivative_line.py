@@ -58,6 +58,10 @@ def add_derivative_options(parser: Parser, command: str, checked: str) -> None:
         "--memory", type=float, default=2e9, metavar="BYTES",
         help="for states on each rank; with less, they are computed once more (default: 2e9)",
     )  # fmt: skip
+    add(
+        "--scratch", type=folder, metavar="DIR",
+        help="folder in which states that do not fit are kept instead, for the time of the command",
+    )  # fmt: skip
     add("--unchecked", action="store_true", help=f"do not {checked}")
     add(
         "--output", type=folder, metavar="DIR",

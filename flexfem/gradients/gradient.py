@@ -6,6 +6,7 @@ from __future__ import annotations
 import time
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -21,6 +22,7 @@ from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import NumberInfluence
 from flexfem.gradients.motion.parameters import Build, Values, parameters, plain
+from flexfem.gradients.motion.records import MEMORY, Storage
 from flexfem.gradients.motion.runs import backward, forward
 from flexfem.gradients.motion.support import check_columns
 from flexfem.gradients.motion.trajectory import Motion
@@ -29,7 +31,6 @@ from flexfem.gradients.states.neighbours import by_name
 from flexfem.model.model import Model
 
 __all__ = [
-    "MEMORY",
     "SOLVED",
     "Differentiation",
     "Gradient",
@@ -40,8 +41,6 @@ __all__ = [
 
 #: Relative accuracy of the linearised equations.
 SOLVED = 1e-8
-#: Memory for states on each rank, bytes.
-MEMORY = 2e9
 #: Growth of the adjoint over the motion from which on it is of little use.
 _GROWTH = 1e4
 _CHAOTIC = (
@@ -104,12 +103,12 @@ class Differentiation:
     def __init__(
         self, build: Build, of: str | Functional | Sequence[str | Functional],
         options: Options, *, ks_rho: float | None = None, accuracy: float = SOLVED,
-        memory: float = MEMORY, comm: MPI.Intracomm | None = None,
+        storage: Storage | None = None, comm: MPI.Intracomm | None = None,
     ) -> None:  # fmt: skip
         """Store the arguments of :func:`gradient`."""
         self._build, self._options, self._comm = build, options, comm
         self.functionals = numbers_of(of, ks_rho, options)
-        self._accuracy, self._memory = accuracy, memory
+        self._accuracy, self._storage = accuracy, storage or Storage()
         self._known: Known = {}
 
     def at(self, values: Values, *, check: bool = False) -> Gradient:
@@ -135,7 +134,7 @@ class Differentiation:
         """Values of the functionals alone (collective)."""
         made, options = made_of(self._build, values), self._options
         if isinstance(options, RunOptions):
-            motion = Motion(made, options, self._comm, self._memory)
+            motion = Motion(made, options, self._comm, self._storage)
             return _values(motion, self._of_history(made))
         comm = self._comm or MPI.COMM_WORLD
         return found_at(made, self.functionals, (self._build, {}), options, comm).value
@@ -152,7 +151,7 @@ class Differentiation:
         """Derivatives of a motion (collective)."""
         begin = time.perf_counter()
         functionals, build = self._of_history(made), self._build
-        motion = Motion(made, options, self._comm, self._memory)
+        motion = Motion(made, options, self._comm, self._storage)
         history = motion.history()
         done, middle = motion.system.counters.factorizations, time.perf_counter()
         influences = {
@@ -187,6 +186,7 @@ def gradient(
     ks_rho: float | None = None,
     accuracy: float = SOLVED,
     memory: float = MEMORY,
+    scratch: str | Path | None = None,
     check: bool = False,
     comm: MPI.Intracomm | None = None,
 ) -> Gradient:
@@ -219,6 +219,8 @@ def gradient(
             again.
         memory: largest number of bytes for states of a motion on each rank; with less, states are
             computed once more.
+        scratch: folder in which states that do not fit are kept instead, in a file of each rank
+            that is removed in the end.
         comm: communicator, all ranks by default.
 
     Raises:
@@ -230,7 +232,13 @@ def gradient(
     """
     build, values = parameters(model, wrt)
     return Differentiation(
-        build, of, options, ks_rho=ks_rho, accuracy=accuracy, memory=memory, comm=comm
+        build,
+        of,
+        options,
+        ks_rho=ks_rho,
+        accuracy=accuracy,
+        storage=Storage(memory, scratch),
+        comm=comm,
     ).at(values, check=check)
 
 
@@ -243,6 +251,7 @@ def tangent_motion(
     columns: Sequence[str] | None = None,
     accuracy: float = SOLVED,
     memory: float = MEMORY,
+    scratch: str | Path | None = None,
     comm: MPI.Intracomm | None = None,
 ) -> TangentMotion:
     """Derivatives of columns of a history along one direction of parameters (collective).
@@ -256,6 +265,7 @@ def tangent_motion(
         accuracy: relative accuracy of the linearised equations of a step.
         memory: largest number of bytes for states on each rank; with less, states are computed
             once more.
+        scratch: folder in which states that do not fit are kept instead.
         comm: communicator, all ranks by default.
 
     Raises:
@@ -269,7 +279,7 @@ def tangent_motion(
     made = made_of(build, values)
     chosen = [*columns] if columns is not None else _columns(made)
     check_columns(made, chosen)
-    motion = Motion(made, options, comm, memory)
+    motion = Motion(made, options, comm, Storage(memory, scratch))
     along = [
         (NumberInfluence(motion, build, values, name, entry), float(change))
         for name, given in direction.items()

@@ -14,7 +14,7 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._types import BoolArray, FloatArray
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.gradients.gradient import MEMORY, SOLVED, made_of
+from flexfem.gradients.gradient import SOLVED, made_of
 from flexfem.gradients.motion.arrays import Known, directions_of, influence_of
 from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.parameters import (
@@ -25,6 +25,7 @@ from flexfem.gradients.motion.parameters import (
     named,
     plain,
 )
+from flexfem.gradients.motion.records import Storage
 from flexfem.gradients.motion.runs import forward
 from flexfem.gradients.motion.support import check_columns
 from flexfem.gradients.motion.trajectory import Motion
@@ -196,7 +197,7 @@ class _Fit:
         values, names = self._named(x), list(self._measured)
         made = made_of(self._build, values)
         check_columns(made, names)
-        motion = Motion(made, self._options, self._comm, MEMORY)
+        motion = Motion(made, self._options, self._comm, Storage())
         self.motions += 1
         influences = [
             influence_of(motion, self._build, values, name, self._known) for name in values

@@ -19,11 +19,12 @@ from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.gradients.gradient import MEMORY, SOLVED, Differentiation, made_of
+from flexfem.gradients.gradient import SOLVED, Differentiation, made_of
 from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.functionals import Functional, parse
 from flexfem.gradients.motion.influence import NumberInfluence
 from flexfem.gradients.motion.parameters import Build, Values, flat, model_with, named, plain
+from flexfem.gradients.motion.records import Storage
 from flexfem.gradients.motion.runs import forward
 from flexfem.gradients.motion.support import check_columns
 from flexfem.gradients.motion.trajectory import Motion
@@ -187,7 +188,7 @@ class ProductsOfMotion:
     def _motion(self, values: Values) -> Motion:
         made = made_of(self._build, values)
         check_columns(made, self._columns)
-        return Motion(made, self._options, self._comm, MEMORY)
+        return Motion(made, self._options, self._comm, Storage())
 
     def _slopes(self, history: Mapping[str, FloatArray]) -> FloatArray:
         """Derivatives of the weighted sum by the columns, (columns, rows)."""

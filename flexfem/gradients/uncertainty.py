@@ -5,6 +5,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
+from pathlib import Path
 
 from mpi4py import MPI
 
@@ -13,9 +14,10 @@ import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._types import FloatArray
-from flexfem.gradients.gradient import MEMORY, Differentiation, Gradient
+from flexfem.gradients.gradient import Differentiation, Gradient
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.parameters import Values, flat, named, parameters
+from flexfem.gradients.motion.records import MEMORY, Storage
 from flexfem.gradients.states.analyses import Options
 from flexfem.gradients.states.neighbours import by_name
 from flexfem.model.model import Model
@@ -67,6 +69,7 @@ def uncertainty(
     ks_rho: float | None = None,
     check: bool = True,
     memory: float = MEMORY,
+    scratch: str | Path | None = None,
     comm: MPI.Intracomm | None = None,
 ) -> Uncertainty:
     """Standard deviations of numbers of an analysis from those of its parameters (collective).
@@ -91,7 +94,8 @@ def uncertainty(
         options: those of the motion, the equilibria or the modes.
         ks_rho: of "ks", one over the unit of the column.
         check: make these runs, one for each number and one more.
-        memory: largest number of bytes for states of a motion on each rank.
+        memory: see there.
+        scratch: see there.
         comm: communicator, all ranks by default.
 
     Raises:
@@ -100,7 +104,8 @@ def uncertainty(
     """
     build, values = parameters(model, wrt)
     root = _root(spread, values)
-    analysis = Differentiation(build, of, options, ks_rho=ks_rho, memory=memory, comm=comm)
+    storage = Storage(memory, scratch)
+    analysis = Differentiation(build, of, options, ks_rho=ks_rho, storage=storage, comm=comm)
     found = analysis.at(values)
     names = list(found.gradient)
     slopes = np.array([flat(values, found.gradient[name]) for name in names])

@@ -296,16 +296,20 @@ def test_fixed_corners_move_as_their_edge_grows(element):
     assert found["final:root_y"]["length"] == pytest.approx(0.0, abs=1e-9)
 
 
-def test_states_that_do_not_fit_are_computed_again():
+def test_states_that_do_not_fit_are_computed_again_or_on_disk(shared_tmp_path):
     options = ff.RunOptions(dt=1e-3, t_end=0.012, tolerance=1e-13)
     build = partial(body, "se3")
-    whole, parts = (
-        ff.gradient(build, "mean:tip_z", NUMBERS, options, accuracy=1e-12, memory=memory)
-        for memory in (2e9, 2.4e4)
+    whole, parts, stored = (
+        ff.gradient(build, "mean:tip_z", NUMBERS, options, accuracy=1e-12, **storage)
+        for storage in ({}, {"memory": 2.4e4}, {"memory": 5e3, "scratch": shared_tmp_path})
     )
     for name, value in whole.gradient["mean:tip_z"].items():
         # a state of another step gives 1e-3 and more
         assert parts.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-9)
+        assert stored.gradient["mean:tip_z"][name] == value
+    assert not list(shared_tmp_path.iterdir())
+    with pytest.raises(ValueError, match=r"scratch folder .*missing cannot be written: No such"):
+        ff.gradient(build, "mean:tip_z", NUMBERS, options, scratch=shared_tmp_path / "missing")
     with pytest.raises(ValueError, match=r"the states of 12 steps need .* GB of memory on a rank"):
         ff.gradient(build, "mean:tip_z", NUMBERS, options, memory=1e3)
 

@@ -75,7 +75,14 @@ def _gradient(line: DerivativeLine) -> "tuple[Gradient, Mapping[str, Any]]":
     build, values = build_with_options(line.case.build, line.parameters, wrt)
     checked = isinstance(line.settings, RunOptions) and not own.unchecked
     found = gradient(
-        build, line.of, values, line.settings, ks_rho=own.ks_rho, memory=own.memory, check=checked
+        build,
+        line.of,
+        values,
+        line.settings,
+        ks_rho=own.ks_rho,
+        memory=own.memory,
+        scratch=own.scratch,
+        check=checked,
     )
     return found, values
 

@@ -92,8 +92,8 @@ def _uncertainty(
         for name, (width, relative) in given.items()
     }
     found = uncertainty(
-        build, line.of, values, spread, line.settings, ks_rho=own.ks_rho, memory=own.memory,
-        check=not own.unchecked,
+        build, line.of, values, spread, line.settings, ks_rho=own.ks_rho,
+        check=not own.unchecked, memory=own.memory, scratch=own.scratch,
     )  # fmt: skip
     return found, values, spread
 

@@ -1,25 +1,50 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Accepted states of all steps of a motion, within a bound of memory.
 
-If all of them do not fit, those at the starts of about ``sqrt(steps)`` blocks are kept, and the
-states within a block are computed again when they are needed: going back once costs one motion
-more, and ``3 sqrt(steps)`` states. Blocks grow where there are more steps than expected. Binomial
-schedules (Griewank, Walther, ACM Trans. Math. Softw. 26 (2000) 19-45) need fewer states, and 2.5 to
-3.5 motions.
+Those that do not fit go to a file. Without a folder for it those at the starts of about
+``sqrt(steps)`` blocks are kept, and the states within a block are computed again when they are
+needed: going back once costs one motion more, and ``3 sqrt(steps)`` states. Blocks grow where there
+are more steps than expected. Binomial schedules (Griewank, Walther, ACM Trans. Math. Softw. 26
+(2000) 19-45) need fewer states, and 2.5 to 3.5 motions.
 """
 
 from __future__ import annotations
 
+import tempfile
+import weakref
 from collections.abc import Callable
+from dataclasses import dataclass
 from math import ceil, sqrt
+from os import SEEK_END
+from pathlib import Path
 
 from mpi4py import MPI
 
+import numpy as np
+
 from flexfem._checks import InputError
+from flexfem._types import FloatArray
 from flexfem.core.state import State
 from flexfem.system.system import System
 
-__all__ = ["Records"]
+__all__ = ["MEMORY", "Records", "Storage"]
+
+#: Largest number of bytes for states on each rank.
+MEMORY = 2e9
+
+
+@dataclass(frozen=True)
+class Storage:
+    """Where states go.
+
+    Attributes:
+        memory: largest number of bytes on each rank.
+        scratch: folder of a file for those that do not fit, which is removed in the end; None if
+            they are computed again.
+    """
+
+    memory: float = MEMORY
+    scratch: str | Path | None = None
 
 
 class Records:
@@ -30,23 +55,24 @@ class Records:
     """
 
     def __init__(
-        self, system: System, steps: int, memory: float, advance: Callable[[int], None]
+        self, system: System, steps: int, storage: Storage, advance: Callable[[int], None]
     ) -> None:
         """Choose what is kept (collective).
 
         Args:
             system: at its start.
             steps: of the motion.
-            memory: largest number of bytes on each rank.
+            storage: where states go.
             advance: takes one step, whose number it gets.
 
         Raises:
-            InputError: the memory does not suffice.
+            InputError: the memory does not suffice, or the folder cannot be written.
         """
         self._system, self._advance = system, advance
         self._size = system.comm.allreduce(_bytes(system.state()), op=MPI.MAX)
-        self._memory = memory
-        self._length = 1 if (steps + 1) * self._size <= memory else ceil(sqrt(steps))
+        self._memory, self._file = storage.memory, _file(system.comm, storage.scratch)
+        fit = (steps + 1) * self._size <= self._memory or self._file is not None
+        self._length = 1 if fit else ceil(sqrt(steps))
         self._check(steps)
         self.times: list[float] = []
         self._starts: dict[int, State] = {}
@@ -78,9 +104,14 @@ class Records:
             self._kept.add(step)
         if step % self._length and not keep:
             return
-        self._starts[step] = _copied(state)
         most = self._memory / self._size
-        while len(self._starts) - len(self._kept) > (most if self._length == 1 else most / 3.0):
+        if self._file is not None and len(self._starts) + 1 > most:
+            self._file.write(step, state)
+            return
+        self._starts[step] = _copied(state)
+        while self._file is None and len(self._starts) - len(self._kept) > (
+            most if self._length == 1 else most / 3.0
+        ):
             self._length *= 2
             self._check(step)
             self._starts = {
@@ -94,6 +125,8 @@ class Records:
         last = len(self.times) - 1
         if last in self._starts:
             self._starts[last] = _copied(state)
+        elif self._file is not None:
+            self._file.write(last, state)
 
     def load(self, *steps: int) -> None:
         """Make states available, those of few blocks at a time (collective).
@@ -119,18 +152,88 @@ class Records:
         """The state after a step, which is available."""
         if step in self._starts:
             return self._starts[step]
+        if self._file is not None:
+            return self._file.read(step)
         return self._near[step - step % self._length][step]
+
+
+class _StateFile:
+    """States of this rank in a file without a name, which ends with the process."""
+
+    #: States that stay in memory after they were read: both ends of a step, and another model's.
+    _RECENT = 4
+
+    def __init__(self, folder: str | Path) -> None:
+        """Create the file; raises OSError."""
+        self._file = tempfile.TemporaryFile(dir=folder)  # noqa: SIM115
+        weakref.finalize(self, self._file.close)
+        self._layouts: dict[int, tuple[int, State]] = {}
+        self._recent: dict[int, State] = {}
+
+    def write(self, step: int, state: State) -> None:
+        """Append a state, in place of an earlier one of the same step."""
+        self._recent.pop(step, None)
+        place = self._file.seek(0, SEEK_END)
+        for values in _arrays(state):
+            self._file.write(np.ascontiguousarray(values).data.cast("B") if values.size else b"")
+        # of the arrays only what they look like
+        self._layouts[step] = place, _mapped(state, lambda values: np.broadcast_to(
+            np.zeros((), values.dtype), values.shape
+        ))  # fmt: skip
+
+    def read(self, step: int) -> State:
+        """The state of a step."""
+        if step in self._recent:
+            return self._recent[step]
+        place, layout = self._layouts[step]
+        self._file.seek(place)
+        found = _mapped(layout, lambda like: np.frombuffer(
+            bytearray(self._file.read(like.size * like.itemsize)), like.dtype
+        ).reshape(like.shape))  # fmt: skip
+        while len(self._recent) >= self._RECENT:
+            del self._recent[next(iter(self._recent))]
+        self._recent[step] = found
+        return found
+
+
+def _file(comm: MPI.Intracomm, folder: str | Path | None) -> _StateFile | None:
+    """A file in a folder (collective).
+
+    Raises:
+        InputError: it cannot be created.
+    """
+    if folder is None:
+        return None
+    made, fault = None, ""
+    try:
+        made = _StateFile(folder)
+    except OSError as error:
+        fault = error.strerror or str(error)
+    if fault := max(comm.allgather(fault)):
+        raise InputError(f"gradient: the scratch folder {folder} cannot be written: {fault}")
+    return made
+
+
+def _arrays(state: State) -> list[FloatArray]:
+    """All arrays of a state."""
+    rows = [values for arrays in state.rows.values() for values in arrays.values()]
+    return [*state.values.values(), *rows]
+
+
+def _mapped(state: State, change: Callable[[FloatArray], FloatArray]) -> State:
+    """A state of changed arrays, in the order of :func:`_arrays`."""
+    values = {name: change(own) for name, own in state.values.items()}
+    rows = {
+        group: {name: change(own) for name, own in arrays.items()}
+        for group, arrays in state.rows.items()
+    }
+    return State(values, rows)
 
 
 def _bytes(state: State) -> int:
     """Memory of the arrays of a state on this rank."""
-    rows = [values for arrays in state.rows.values() for values in arrays.values()]
-    return sum(values.nbytes for values in (*state.values.values(), *rows))
+    return sum(values.nbytes for values in _arrays(state))
 
 
 def _copied(state: State) -> State:
-    rows = {
-        group: {name: values.copy() for name, values in arrays.items()}
-        for group, arrays in state.rows.items()
-    }
-    return State({name: values.copy() for name, values in state.values.items()}, rows)
+    return _mapped(state, np.copy)

@@ -24,7 +24,7 @@ from flexfem.gradients.memory.base import Memories, Memory, StepEnd
 from flexfem.gradients.memory.controllers import ControllerMemory, recall
 from flexfem.gradients.memory.elements import ElementMemory
 from flexfem.gradients.memory.histories import HistoryMemory
-from flexfem.gradients.motion.records import Records
+from flexfem.gradients.motion.records import Records, Storage
 from flexfem.gradients.motion.support import check_contacts, check_supported
 from flexfem.gradients.renewals.damping import DAMPING
 from flexfem.gradients.renewals.grid import Grid, Step
@@ -76,9 +76,9 @@ class Motion:
     """
 
     def __init__(
-        self, model: Model, options: RunOptions, comm: MPI.Intracomm | None, memory: float
+        self, model: Model, options: RunOptions, comm: MPI.Intracomm | None, storage: Storage
     ) -> None:
-        """Compute the motion (collective), whose states take so many bytes on a rank at most.
+        """Compute the motion (collective), whose states go to a storage.
 
         Raises:
             InputError: a mistake in the model, or something in it that has no derivatives.
@@ -104,7 +104,7 @@ class Motion:
         self.known: list[dict[str, FloatArray]] = []
         self.memories = Memories(self._memories())
         self.measured = [name for one in self.memories.parts for name in one.measured]
-        self._run(TimeGrid.of(options.dt, options.t_end), memory)
+        self._run(TimeGrid.of(options.dt, options.t_end), storage)
 
     def _memories(self) -> list[Memory]:
         """What there is to carry."""
@@ -164,14 +164,14 @@ class Motion:
         """True if impulses in the step to a state have changed velocities."""
         return state > 0 and self.grid.renewal(state) is None and self.grid.step(state).kicked
 
-    def _run(self, grid: TimeGrid, memory: float) -> None:
+    def _run(self, grid: TimeGrid, storage: Storage) -> None:
         """Take all steps."""
         simulation, options = self.simulation, self.options
         if simulation.status is not Status.OK:
             raise StoppedError(f"gradient: the motion did not start: {simulation.status.value}")
         simulation.journal = simulation.events.journal = self.grid
         count = grid.steps(options.t_end)
-        self._records = Records(self.system, count, memory, self._repeat)
+        self._records = Records(self.system, count, storage, self._repeat)
         rows_at, values = list[int](), list[FloatArray]()
 
         def record() -> None:
