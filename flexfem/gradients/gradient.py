@@ -24,7 +24,7 @@ from flexfem.gradients.motion.influence import NumberInfluence
 from flexfem.gradients.motion.parameters import Build, Values, parameters, plain
 from flexfem.gradients.motion.records import MEMORY, Storage
 from flexfem.gradients.motion.runs import backward, forward
-from flexfem.gradients.motion.support import check_columns
+from flexfem.gradients.motion.support import check_columns, differentiable
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.states.analyses import Options, found_at, numbers_of
 from flexfem.gradients.states.neighbours import by_name
@@ -134,8 +134,9 @@ class Differentiation:
         """Values of the functionals alone (collective)."""
         made, options = made_of(self._build, values), self._options
         if isinstance(options, RunOptions):
-            motion = Motion(made, options, self._comm, self._storage)
-            return _values(motion, self._of_history(made))
+            functionals = self._of_history(made)
+            wanted = [name for one in functionals for name in one.columns]
+            return _values(Motion(made, options, self._comm, self._storage, wanted), functionals)
         comm = self._comm or MPI.COMM_WORLD
         return found_at(made, self.functionals, (self._build, {}), options, comm).value
 
@@ -151,7 +152,8 @@ class Differentiation:
         """Derivatives of a motion (collective)."""
         begin = time.perf_counter()
         functionals, build = self._of_history(made), self._build
-        motion = Motion(made, options, self._comm, self._storage)
+        wanted = [name for one in functionals for name in one.columns]
+        motion = Motion(made, options, self._comm, self._storage, wanted)
         history = motion.history()
         done, middle = motion.system.counters.factorizations, time.perf_counter()
         influences = {
@@ -277,9 +279,9 @@ def tangent_motion(
         if name not in values:
             raise ValueError(f'tangent_motion: direction names "{name}", which is no parameter')
     made = made_of(build, values)
-    chosen = [*columns] if columns is not None else _columns(made)
+    chosen = [*columns] if columns is not None else differentiable(made)
     check_columns(made, chosen)
-    motion = Motion(made, options, comm, Storage(memory, scratch))
+    motion = Motion(made, options, comm, Storage(memory, scratch), chosen)
     along = [
         (NumberInfluence(motion, build, values, name, entry), float(change))
         for name, given in direction.items()
@@ -316,11 +318,6 @@ def _check(
         size = sum(abs(part) for part in parts)
         found[one.name] = float(abs(sum(parts) - expected) / size) if size else abs(expected)
     return motion.on_all_ranks(found)
-
-
-def _columns(model: Model) -> list[str]:
-    """Columns that have derivatives."""
-    return [name for probe in model.probes for name in probe.differentiable]
 
 
 def made_of(build: Build, values: Values) -> Model:

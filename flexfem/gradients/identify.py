@@ -197,7 +197,7 @@ class _Fit:
         values, names = self._named(x), list(self._measured)
         made = made_of(self._build, values)
         check_columns(made, names)
-        motion = Motion(made, self._options, self._comm, Storage())
+        motion = Motion(made, self._options, self._comm, Storage(), names)
         self.motions += 1
         influences = [
             influence_of(motion, self._build, values, name, self._known) for name in values

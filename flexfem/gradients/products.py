@@ -188,7 +188,7 @@ class ProductsOfMotion:
     def _motion(self, values: Values) -> Motion:
         made = made_of(self._build, values)
         check_columns(made, self._columns)
-        return Motion(made, self._options, self._comm, Storage())
+        return Motion(made, self._options, self._comm, Storage(), self._columns)
 
     def _slopes(self, history: Mapping[str, FloatArray]) -> FloatArray:
         """Derivatives of the weighted sum by the columns, (columns, rows)."""

@@ -33,7 +33,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray
 from flexfem.core.laws import LawKind
 from flexfem.core.nodes.action_kernels import add_products
-from flexfem.integrators.drive_rates import drive_rates
+from flexfem.integrators.drive_rates import DriveRates, drive_rates
 from flexfem.integrators.start import laws_settled
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.linear.tangent import TangentSolver
@@ -61,7 +61,7 @@ class AcceptedForces:
             end: end of the motion, s, after which drives are not evaluated.
         """
         self._system, self._tangent = system, tangent
-        self._span, self._end = span, end
+        self.span, self._end = span, end
         self._frozen: FrozenSolver | None = None
         self._inverted = True  # masses of bodies are regular
         # of the rows at the last factorisation of their system
@@ -71,6 +71,10 @@ class AcceptedForces:
         self._turning = any(part.elements is None for part in system.parts)  # rigid bodies
         self._rubbing = self._any(system.constraints.frictional.any())
         self._nothing = [np.zeros_like(part.block.owned_residual) for part in system.parts]
+
+    def drives(self) -> DriveRates:
+        """Derivatives of the drives by time, now."""
+        return drive_rates(self._system.constraints, self._system.time, self.span, self._end)
 
     def __call__(self) -> FloatArray:
         """Forces (r,) of all rows, N or N m (collective).
@@ -84,7 +88,7 @@ class AcceptedForces:
             return rows.forces
         face.update()
         rows.multipliers[:], velocities = rows.forces, face.velocities.copy()
-        drives = drive_rates(rows, system.time, self._span, self._end)
+        drives = self.drives()
         self._evaluate()
         right, gradients = self._out_of_balance(), rows.gradients_of(rigid)
         if self._turning:
@@ -205,7 +209,7 @@ class AcceptedForces:
             rows.step_jacobian[:] = gradients
             if not keep:
                 self._compliance, self._coupling = rows.compliance.copy(), rows.coupling.copy()
-            self._inverted, found = self._kept().constrain(MASS, values, keep, rows.mean_forces)
+            self._inverted, found = self.masses.constrain(MASS, values, keep, rows.mean_forces)
             rows.step_jacobian[:] = own
             if self._inverted:
                 return found
@@ -215,8 +219,9 @@ class AcceptedForces:
         self._tangent.solve(right, values)
         return self._tangent.multiplier_step
 
-    def _kept(self) -> FrozenSolver:
-        """Solver with the factors of the masses at the start."""
+    @property
+    def masses(self) -> FrozenSolver:
+        """Solver with the factors of the masses at the start (collective)."""
         if self._frozen is None:
             self._frozen = FrozenSolver.of_masses(self._system)
         return self._frozen

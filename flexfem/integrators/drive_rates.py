@@ -38,6 +38,10 @@ _POWER = 8
 _UNSCALED = np.array([1.0, 1.0])
 
 
+#: No instants, and no weights.
+_NEVER = np.empty(0), np.empty((0, 0)), np.empty((0, 0))
+
+
 @dataclass(frozen=True)
 class DriveRates:
     """Derivatives of rows by time at fixed positions.
@@ -46,7 +50,8 @@ class DriveRates:
         time: the instant, s.
         first, second: (r,) derivatives of the values.
         turning: (r,) True for rows whose gradients depend on time.
-        times, weights: (k,) instants, s, and (r, k) weights for further first derivatives.
+        times, weights: (k,) instants, s, and (r, k) weights for further first derivatives; second
+            ones have weights_again.
     """
 
     time: float
@@ -55,6 +60,7 @@ class DriveRates:
     turning: BoolArray
     times: FloatArray
     weights: FloatArray
+    weights_again: FloatArray
 
     def of_rates(self, rows: Constraints) -> FloatArray:
         """(r,) derivatives by time of the rates of the rows at the interface's velocities."""
@@ -93,13 +99,13 @@ def drive_rates(rows: Constraints, t: float, span: float, end: float) -> DriveRa
         shares[:, 0 if chosen is _BEHIND else 2] = 1.0
     first, second = (shares @ weights for weights in _stencils(chosen.start, chosen.stop, span))
     by_time, twice = (np.einsum("rk,kr->r", w, values) for w in (first, second))
-    return DriveRates(t, by_time, twice, turning, times, first)
+    return DriveRates(t, by_time, twice, turning, times, first, second)
 
 
 def _at_rest(rows: Constraints, t: float) -> DriveRates:
     """Derivatives of drives that do not change around the instant."""
     nothing = np.zeros(rows.size)
-    return DriveRates(t, nothing, nothing, nothing > 0.0, np.empty(0), np.empty((0, 0)))
+    return DriveRates(t, nothing, nothing, nothing > 0.0, *_NEVER)
 
 
 @lru_cache(maxsize=8)

@@ -190,6 +190,39 @@ def test_columns_that_are_measured():
     )  # fmt: skip
 
 
+def _without_forces():
+    """What forces of joints have no derivatives with."""
+    hinge = ff.Revolute("axle", ff.Ground((0.55, 0.0, 0.0)), BOB, axis=(0.0, 1.0, 0.0))
+    yield "friction", [hinge, ff.JointFriction("rub", hinge, coefficient=0.1, radius=0.1)]
+    pushed = ff.Force("pushed", [BOB], lambda t, ends, z: -ends.velocities)
+    yield "force elements", [pushed]
+    touching = ff.LimitStop("end", ff.Ground(), BOB, axis=(1, 0, 0), upper=9.0, stiffness=10.0)
+    yield "impulses of contacts, stops or slack springs", [touching]
+
+
+@pytest.mark.parametrize(("what", "more"), [*_without_forces()], ids=["rub", "law", "slack"])
+def test_forces_of_joints(what, more):
+    """Another column of the same model has derivatives."""
+    model = _model(*more, ff.ReactionProbe("force", "spring"))
+    _refused(
+        f"there are no derivatives of forces of joints with {what} yet", model=model,
+        of="final:force_fz",
+    )  # fmt: skip
+    ff.gradient(model, "final:tip_z", ["bob.mass"], OPTIONS)
+
+
+def test_controllers_of_forces():
+    control = ff.Controller(
+        "grip", ["force_fz"], ["load"], lambda t, y: 0.1 * y[0], sample_time=1e-3
+    )
+    model = _model(
+        ff.ReactionProbe("force", "spring"),
+        ff.PointForce("load", BOB, (0.0, 0.0, 1.0)),
+        control,
+    )
+    _refused('Controller "grip" measures "force_fz", a force of a joint', model=model)
+
+
 def test_functions():
     build = partial(body, "se3")
     _refused("wrt must be values by name", model=build, wrt=["mass"])

@@ -23,8 +23,8 @@ from flexfem.system.mechanics import END_POINT, EndPoint
 from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = [
-    "STEP", "BlockVectors", "StepTangent", "add_row_forces", "collected", "forces_on_blocks",
-    "joined", "put_steps", "row_changes",
+    "STEP", "BlockVectors", "StepTangent", "add_row_forces", "collected", "forces_at_interface",
+    "forces_on_blocks", "joined", "put_steps", "row_changes",
 ]  # fmt: skip
 
 #: (n_owned, width) for each part.
@@ -267,11 +267,18 @@ def row_changes(system: System, jacobian: FloatArray) -> FloatArray:
 
 def add_row_forces(system: System, jacobian: FloatArray, multipliers: FloatArray) -> None:
     """Add the transposed :func:`row_changes` of multipliers (r,) to the residuals."""
+    _subtract(system, -forces_at_interface(system, jacobian, multipliers))
+
+
+def forces_at_interface(
+    system: System, jacobian: FloatArray, multipliers: FloatArray
+) -> FloatArray:
+    """Sums (n, 6) at interface nodes of gradients (t, 2, 6) times multipliers (r,) of rows."""
     rows = system.constraints
     forces = np.zeros((len(system.interface.keys) + 1, 6))
     factors = multipliers[rows.row_of_term][:, np.newaxis, np.newaxis]
     np.add.at(forces, rows.term_nodes, factors * jacobian)
-    _subtract(system, -forces[:-1])
+    return forces[:-1]
 
 
 def _subtract(system: System, forces: FloatArray) -> None:

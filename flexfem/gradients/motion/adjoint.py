@@ -19,7 +19,7 @@ from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.node_maps import RateMaps, transposed
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations, product
-from flexfem.gradients.motion.columns import NodeSeeds
+from flexfem.gradients.motion.columns import Seeds
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.renewals.grid import Lead
 from flexfem.gradients.renewals.renewal import Renewal
@@ -37,6 +37,7 @@ class Adjoint:
         carried: by the state before it, for each block.
         remembered: those of the memories' numbers before it, (n,).
         targets: (r,) those of the targets of held rows before it.
+        forces: (r,) those of the multipliers of the state, N or N m, which a step does not carry.
         time: this rank's part of that of its time, if this is the time of an event.
         by_size: this rank's part of the influence of the size of the step done last, if it changes.
     """
@@ -57,6 +58,7 @@ class Adjoint:
         self.carried = [Carried.nothing(shape) for shape in shapes]
         self.remembered = np.zeros(len(motion.memories.owned))
         self.targets = np.zeros(motion.system.constraints.size)
+        self.forces = np.zeros_like(self.targets)
         self.time = self.by_size = self._lead_by_size = 0.0
         self._last: FloatArray | None = None
         # influence of the multipliers of a step on its impulses, (r,)
@@ -65,9 +67,11 @@ class Adjoint:
         # of accelerations at earlier states, by their numbers
         self._early: dict[int, BlockVectors] = {}
 
-    def add(self, seeds: list[NodeSeeds]) -> None:
+    def add(self, seeds: Seeds) -> None:
         """Add the functional's own derivatives at the accepted state at which the system is."""
-        for part, own, given in zip(self._motion.system.parts, self.carried, seeds, strict=True):
+        self.forces = self.forces + seeds.forces
+        parts = self._motion.system.parts
+        for part, own, given in zip(parts, self.carried, seeds.blocks, strict=True):
             if not len(given.nodes):
                 continue
             maps, width = RateMaps.of(part.block), part.block.width
@@ -113,11 +117,12 @@ class Adjoint:
             if found is not None:
                 own.q += by.hold(found[0][k])
                 own.v += by.hold_rates(by.by_increment.transposed(found[1][k]))
-        self.z, self.mu = renewal.back(self.carried, self.targets)
+        self.z, self.mu = renewal.back(self.carried, self.targets, self.forces)
         if follows:
             still = [0.0 * own for own in self.z], 0.0 * self.mu
             self.remembered = memories.back(self.remembered, *still)
         if renewal.acts:
+            self.forces = np.zeros_like(self.forces)
             self.remembered = self.remembered + memories.back(nothing, self.z, self.mu)
 
     def subtract(self, other: Adjoint, factor: float) -> None:
@@ -150,7 +155,8 @@ class Adjoint:
         """
         if self._arrived != over.step:
             self.arrive(over)
-        rows, self.impulsive = self.impulsive, np.zeros_like(self.impulsive)
+        rows = self.impulsive + self.forces / self._motion.laws(over.step).shifts.scale
+        self.impulsive, self.forces = np.zeros((2, len(rows)))
         self.by_size, self._lead_by_size = self._lead_by_size, 0.0
         if size is not None:
             self.by_size += size.along(self.carried)
@@ -171,14 +177,17 @@ class Tangent:
         carried: changes of the state, for each block, as those of :class:`Adjoint`.
         remembered: (n,) changes of the memories' numbers.
         multipliers: (r,) changes of the rows' forces times ``beta h^2`` over the last step.
+        forces: (r,) those of the multipliers of the state, N or N m.
         targets: (r,) those of the targets of held rows.
         time: that of the time of the state, if this is the time of an event, s.
     """
 
-    def __init__(self, motion: Motion, start: list[Carried], remembered: FloatArray) -> None:
+    def __init__(
+        self, motion: Motion, start: list[Carried], remembered: FloatArray, forces: FloatArray
+    ) -> None:
         """Begin with changes of the start."""
         self._motion = motion
-        self.carried, self.remembered = start, remembered
+        self.carried, self.remembered, self.forces = start, remembered, forces
         self.multipliers = np.zeros(motion.system.constraints.size)
         self.targets, self.time = np.zeros_like(self.multipliers), 0.0
         self._size_change = 0.0
@@ -204,7 +213,7 @@ class Tangent:
         if own is not None:
             blocks = [a + b for a, b in zip(changes[0], own[0], strict=True)]
             changes = blocks, changes[1] + own[1]
-        renewal.ahead(self.carried, self.targets, changes)
+        renewal.ahead(self.carried, self.targets, self.forces, changes)
         if self._motion.follows(step):
             moves = [one.q for one in self.carried], renewal.local([one.v for one in self.carried])
             self.remembered = memories.ahead(self.remembered, moves)
@@ -213,7 +222,9 @@ class Tangent:
     def like(self) -> Tangent:
         """One without changes of this state, for those of what comes."""
         nothing = [Carried.nothing(own.q.shape) for own in self.carried]
-        found = Tangent(self._motion, nothing, np.zeros_like(self.remembered))
+        found = Tangent(
+            self._motion, nothing, np.zeros_like(self.remembered), np.zeros_like(self.forces)
+        )
         found._accelerations = {
             state: [np.zeros_like(w) for w in every] for state, every in self._accelerations.items()
         }
@@ -225,6 +236,7 @@ class Tangent:
             own.add(more, factor)
         self.targets += factor * other.targets
         self.remembered = self.remembered + factor * other.remembered
+        self.forces = self.forces + factor * other.forces
         self._size_change += factor * other._size_change
         for state, every in other._accelerations.items():
             self._accelerations[state] = [
@@ -254,5 +266,6 @@ class Tangent:
             rows = rows + size[1] * size[0].equations[1]
         found = over.ahead(self.carried, (forces, rows), size)
         self.carried, self.multipliers = found.carried, found.multipliers
+        self.forces = self.multipliers / self._motion.laws(over.step).shifts.scale
         self.remembered = self._motion.memories.ahead(self.remembered, found.moves)
         self.lead(over.step)

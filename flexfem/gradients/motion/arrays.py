@@ -25,7 +25,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.node_maps import RateMaps, transposed
 from flexfem.gradients.equations.step_tangent import BlockVectors
-from flexfem.gradients.motion.columns import NodeSeeds
+from flexfem.gradients.motion.columns import Seeds
 from flexfem.gradients.motion.direct import DirectEffect
 from flexfem.gradients.motion.element_arrays import (
     Builder,
@@ -141,9 +141,7 @@ class SeparateInfluence:
         """See :class:`Influence`."""
         return np.concatenate([one.event_changes(state) for one in self.every])
 
-    def direct_products(
-        self, step: int, weights: FloatArray, seeds: Sequence[Sequence[NodeSeeds]]
-    ) -> FloatArray:
+    def direct_products(self, step: int, weights: FloatArray, seeds: Sequence[Seeds]) -> FloatArray:
         """See :class:`Influence`."""
         return np.hstack([one.direct_products(step, weights, seeds) for one in self.every])
 
@@ -181,9 +179,7 @@ class TimedInfluence:
         """See :class:`Influence`; there are no events, see :func:`_times`."""
         return np.zeros(self.count)
 
-    def direct_products(
-        self, step: int, weights: FloatArray, seeds: Sequence[Sequence[NodeSeeds]]
-    ) -> FloatArray:
+    def direct_products(self, step: int, weights: FloatArray, seeds: Sequence[Seeds]) -> FloatArray:
         """See :class:`Influence`."""
         found = np.zeros((len(weights), self.count))
         for one, group in zip(self.every, self.times, strict=True):
@@ -197,16 +193,17 @@ class Entry:
     """What one entry of an array changes, where others share its models.
 
     Attributes:
-        start, numbers, equations, depends_directly, columns, followed: see
+        start, numbers, forces, equations, depends_directly, columns, followed: see
             :class:`NumberInfluence`.
     """
 
     start: list[Carried]
     numbers: FloatArray
+    forces: FloatArray
     equations: Callable[[int], Factors]
     depends_directly: bool
     columns: Callable[[int], FloatArray]
-    followed: Callable[[int, Sequence[NodeSeeds]], float]
+    followed: Callable[[int, Seeds], float]
 
     def event_changes(self, state: int) -> FloatArray:
         """None, see those of the arrays."""
@@ -236,6 +233,7 @@ def _timed_entries(motion: Motion, influence: TimedInfluence) -> list[NumberInfl
             starts = group.equations[0] == entry
             found[entry] = Entry(
                 one.start if starts else still, one.numbers if starts else nothing[2],
+                one.forces if starts else nothing[1],
                 partial(_if_owned, equations, group.equations == entry, nothing),
                 one.depends_directly,
                 partial(_if_owned, columns, group.columns == entry, no_columns),
@@ -251,9 +249,7 @@ def _if_owned[Found](
     return values(step) if owned[step] else nothing
 
 
-def _followed_if_owned(
-    one: NumberInfluence, owned: BoolArray, step: int, seeds: Sequence[NodeSeeds]
-) -> float:
+def _followed_if_owned(one: NumberInfluence, owned: BoolArray, step: int, seeds: Seeds) -> float:
     """What columns of a step change with nodes that follow their starts, if they are an entry's."""
     return one.followed(step, seeds) if owned[step] else 0.0
 
@@ -277,7 +273,7 @@ def _element_entries(motion: Motion, influence: ElementInfluence) -> list[Number
     no_columns = np.zeros(len(motion.columns))
     return [
         Entry(
-            _start_along(motion, of(entry, 0)[0]), numbers, partial(of, entry), False,
+            _start_along(motion, of(entry, 0)[0]), numbers, rows, partial(of, entry), False,
             lambda step: no_columns, lambda step, seeds: 0.0,
         )
         for entry in range(influence.count)
@@ -432,4 +428,4 @@ def _start(one: Simulation) -> FloatArray:
         for part in one.system.parts
         for name in ("frames", "velocity", "auxiliary", "acceleration")
     ]
-    return np.concatenate(states)
+    return np.concatenate([*states, one.system.constraints.owned * one.system.constraints.forces])

@@ -12,7 +12,6 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from copy import copy
 from dataclasses import dataclass, replace
-from math import inf
 from typing import Protocol
 
 from mpi4py import MPI
@@ -21,21 +20,25 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.differences import STENCIL
 from flexfem.core.marker import SlidingMarker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.gradients.equations.node_functions import ENOUGH, STEPS, SUITS, NodeFunctions
+from flexfem.gradients.equations.node_functions import ENOUGH, NodeFunctions, slopes
 from flexfem.gradients.equations.node_maps import rotations, transposed
+from flexfem.gradients.equations.step_tangent import BlockVectors, forces_on_blocks
+from flexfem.gradients.forces.accepted import ForceDerivatives
+from flexfem.gradients.forces.columns import ForceColumns
 from flexfem.gradients.motion.functionals import Functional
+from flexfem.integrators.accepted_forces import AcceptedForces
 from flexfem.layout.elements import one_width
 from flexfem.layout.family import NodalSensor, Sensor
 from flexfem.lie import se3, so3
 from flexfem.model.model import Model
 from flexfem.model.probes.base import AnyProbe, MarkerState, Probe
 from flexfem.system.measure.probes import ROW, MarkersInside, ProbeRecorder
+from flexfem.system.measure.sensors import RowSensor
 from flexfem.system.system import System
 
-__all__ = ["ColumnDerivatives", "NodeSeeds", "Recorded", "history_weights"]
+__all__ = ["ColumnDerivatives", "NodeSeeds", "Recorded", "Seeds", "history_weights"]
 
 #: Position, rotation, velocity, angular velocity and both accelerations of a marker.
 _COMPONENTS = 18
@@ -57,6 +60,19 @@ class NodeSeeds:
     accelerations: FloatArray
 
 
+@dataclass(frozen=True)
+class Seeds:
+    """Derivatives of a functional by an accepted state.
+
+    Attributes:
+        blocks: those by the motion of nodes of each block.
+        forces: (r,) by the multipliers of rows, N or N m, on all ranks that have a row.
+    """
+
+    blocks: list[NodeSeeds]
+    forces: FloatArray
+
+
 class Recorded(Protocol):
     """States with a history: a motion, or a path of equilibria.
 
@@ -75,6 +91,11 @@ class Recorded(Protocol):
     @property
     def model(self) -> Model:
         """The model with its probes."""
+        ...
+
+    @property
+    def accepted(self) -> AcceptedForces | None:
+        """Computation of reported forces of rows, None where these are the multipliers."""
         ...
 
 
@@ -112,6 +133,7 @@ class ColumnDerivatives:
         self._states, self._columns = states, list(columns)
         self._probes: list[tuple[Probe, int, list[tuple[int, int]]]] = []
         self._sensors: list[tuple[_Sensor, list[tuple[int, int]]]] = []
+        self._joints: list[tuple[ForceColumns, int, list[tuple[int, int]]]] = []
         at, recorder = 0, states.recorder
         for probe in states.model.probes:
             own = [(k, columns.index(c)) for k, c in enumerate(probe.columns) if c in columns]
@@ -119,9 +141,16 @@ class ColumnDerivatives:
                 _check_markers(probe)
                 self._probes.append((probe, at, own))
             elif own:
-                self._sensors.append((_Sensor(probe, recorder.sensors[probe.name]), own))
+                sensor = recorder.sensors[probe.name]
+                if isinstance(sensor, RowSensor):
+                    joint = ForceColumns(_owner(probe), states.system, sensor)
+                    self._joints.append((joint, sensor.width, own))
+                else:
+                    self._sensors.append((_Sensor(probe, sensor), own))
             at += len(probe.markers)
         self._count = at
+        if self._joints:
+            self._forces = ForceDerivatives(states.system, states.accepted)
         self._inside = [_Inside(part.block, recorder.inside) for part in states.system.parts]
 
     def every(self, weights: FloatArray) -> FloatArray:
@@ -131,8 +160,8 @@ class ColumnDerivatives:
             found[:, self._states.columns.index(name)] = weights[:, k]
         return found
 
-    def seeds(self, step: int, weights: FloatArray) -> list[NodeSeeds]:
-        """Derivatives of ``weights @ columns`` by nodes, at the accepted state (collective).
+    def seeds(self, step: int, weights: FloatArray) -> Seeds:
+        """Derivatives of ``weights @ columns`` by the accepted state (collective).
 
         Args:
             step: number of the step, at whose accepted state the system is.
@@ -142,8 +171,9 @@ class ColumnDerivatives:
             InputError: a column has no derivative there.
         """
         recorder, comm = self._states.recorder, self._states.system.comm
+        forces = np.zeros(self._states.system.constraints.size)
         if not weights.any():
-            return [_nothing() for _ in recorder.sources]
+            return Seeds([_nothing() for _ in recorder.sources], forces)
         states = recorder.states()
         found, refusal = np.zeros((self._count, _COMPONENTS)), ""
         if comm.rank == 0:
@@ -159,12 +189,32 @@ class ColumnDerivatives:
             one.add(found, every)
         for sensor, own in self._sensors:
             sensor.add(np.array([weights[c] for _, c in own]), [k for k, _ in own], every)
-        return [
+        if self._joints:
+            forces = self._add_forces(weights, every)
+        blocks = [
             every.seeds(_of_nodes(block, nodes, offsets, found[places]), block)
             for block, nodes, offsets, places in recorder.sources
         ]
+        return Seeds(blocks, forces)
 
-    def each(self, step: int) -> list[list[NodeSeeds]]:
+    def _add_forces(self, weights: FloatArray, sums: _Sums) -> FloatArray:
+        """Add derivatives of columns of joints; returns those by multipliers (r,) (collective)."""
+        system, factors = self._states.system, np.zeros(self._states.system.constraints.size)
+        forces = system.reported_forces()
+        for joint, width, own in self._joints:
+            every = np.zeros(width)
+            every[[k for k, _ in own]] = [weights[c] for _, c in own]
+            twists, by_forces = joint.back(every, forces)
+            factors += by_forces
+            sums.add_blocks(system, 0, forces_on_blocks(system, twists))
+        if not system.comm.allreduce(bool(factors.any()), op=MPI.LOR):
+            return factors
+        found = self._forces.back(factors)
+        for kind, blocks in enumerate(found.motion):
+            sums.add_blocks(system, kind, blocks)
+        return found.forces
+
+    def each(self, step: int) -> list[Seeds]:
         """Derivatives of each column, see :meth:`seeds` (collective)."""
         return [self.seeds(step, weights) for weights in np.eye(len(self._columns))]
 
@@ -213,6 +263,11 @@ class _Sums:
     def add(self, block: FrameBlock, kind: int, values: FloatArray) -> None:
         """Add derivatives (n_owned, 6) by local twists, velocities or accelerations (0, 1, 2)."""
         self._sums[block.name][kind] += values
+
+    def add_blocks(self, system: System, kind: int, values: BlockVectors) -> None:
+        """Add derivatives (n_owned, w) of all blocks, see :meth:`add`."""
+        for part, own in zip(system.parts, values, strict=True):
+            self._sums[part.block.name][kind][:, : own.shape[1]] += own
 
     def seeds(self, others: NodeSeeds, block: FrameBlock) -> NodeSeeds:
         """These and others."""
@@ -274,6 +329,11 @@ def _components(rows: FloatArray, rotation: FloatArray) -> FloatArray:
     return np.concatenate([rows[:, :3], turns, rows[:, 12:18], rows[:, 20:]], axis=1)
 
 
+def _owner(probe: AnyProbe) -> str:
+    """Name in messages."""
+    return f'{type(probe).__name__} "{probe.name}"'
+
+
 class _Sensor:
     """A measurement as a function of nodes."""
 
@@ -283,7 +343,7 @@ class _Sensor:
         Raises:
             InputError: it has no derivatives.
         """
-        owner = f'{type(probe).__name__} "{probe.name}"'
+        owner = _owner(probe)
         if not isinstance(sensor, NodalSensor):
             raise InputError(f"gradient: {owner} has no derivatives yet")
         self._sensor, self._columns = sensor, len(probe.columns)
@@ -309,32 +369,16 @@ def _differences(
         InputError: there are none.
     """
     found = np.zeros((len(states), _COMPONENTS))
-    still = float(factors @ probe.evaluate(t, states))
-    along = np.random.default_rng(3).standard_normal(_COMPONENTS)
     for m in range(len(states)):
 
-        def slope(direction: FloatArray, step: float, m: int = m) -> tuple[float, float]:
-            """Derivative along a direction (18,) of the motion of a marker, and largest change."""
-            total, largest = 0.0, 0.0
-            for part, weight in STENCIL:
-                moved = [*states]
-                moved[m] = _moved(states[m], part * step * direction)
-                change = float(factors @ probe.evaluate(t, moved)) - still
-                total += weight / step * change
-                largest = max(largest, abs(change) / step)
-            return total, largest
+        def value(way: FloatArray, m: int = m) -> float:
+            """The weighted columns where the motion of a marker changes by (18,)."""
+            moved = [*states]
+            moved[m] = _moved(states[m], way)
+            return float(factors @ probe.evaluate(t, moved))
 
-        least = inf
-        for step in STEPS:
-            own, changes = np.array([slope(one, step) for one in np.eye(_COMPONENTS)]).T
-            # the components together, with a tenth of the step
-            off = abs(slope(along, 0.1 * step)[0] - float(own @ along))
-            off /= float(changes @ np.abs(along)) or 1.0
-            if off < least:
-                found[m], least = own, off
-            if off <= SUITS:
-                break
-        if not least <= ENOUGH:
+        found[m], off = slopes(value, _COMPONENTS)
+        if not off <= ENOUGH:
             raise InputError(
                 f'gradient: a column of Probe "{probe.name}" has a kink or jumps at t = {t:.6g} s, '
                 "and has no derivative there"

@@ -10,7 +10,7 @@ larger than those of the motion.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -20,11 +20,13 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import fixed_apart, moved, start_moves
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.model.probes.base import Probe
+from flexfem.model.probes.cable import CableProbe
+from flexfem.model.probes.measured import ReactionProbe
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.measure.probes import ProbeRecorder
 from flexfem.system.system import System
 
-__all__ = ["DirectEffect", "copy_state", "disturb"]
+__all__ = ["DirectEffect", "copy_state", "disturb", "force_columns"]
 
 #: Difference of columns, relative to their size, from which on they depend on the parameter.
 _SEEN = 1e-13
@@ -34,22 +36,34 @@ class DirectEffect:
     """Columns of models that differ in a parameter, at the states of a motion.
 
     Attributes:
-        present: True if they differ from those of the motion at a fixed state.
+        present: True if they differ from those of the motion at a fixed state, or may do so:
+            forces of joints depend on masses and drives at any time.
     """
 
-    def __init__(self, motion: Motion, others: Sequence[Simulation]) -> None:
+    def __init__(
+        self, motion: Motion, others: Sequence[Simulation],
+        weights: Sequence[float] = (1.0, -1.0),
+    ) -> None:  # fmt: skip
         """Compare the columns at a state at random, at all times of steps (collective).
 
         The motion is at another state after it.
+
+        Args:
+            motion: the motion.
+            others: starts of the models.
+            weights: of their columns in :meth:`difference`.
         """
-        self._motion = motion
-        self._others = [_Columns(one) for one in others]
-        own = _Columns(motion.simulation)
+        self._motion, self._weights = motion, weights
+        self._others = [_Columns(one, motion.wanted) for one in others]
+        own = _Columns(motion.simulation, motion.wanted)
         parts = motion.system.parts
         self._moves = [
             [start_moves(a.block, b.block) for a, b in zip(parts, one.system.parts, strict=True)]
             for one in others
         ]
+        self.present = own.forces
+        if self.present:
+            return
         motion.go_to(0)
         disturb(motion)
         still, change = own.values(motion.times), 0.0
@@ -63,23 +77,29 @@ class DirectEffect:
 
     @cached_property
     def following(self) -> list[FloatArray]:
-        """Local twists (n_owned, 6) of nodes from starts in the second model to those in the first.
+        """Weighted sums of local twists (n_owned, 6) of nodes to their starts in the models.
 
         Those of fixed unknowns are zero.
         """
-        first, second = self._moves
-        parts = self._motion.system.parts
-        return [_free(p.block, a - b) for p, a, b in zip(parts, first, second, strict=True)]
+        found = []
+        for k, part in enumerate(self._motion.system.parts):
+            pairs = zip(self._weights, self._moves, strict=True)
+            found.append(_free(part.block, np.sum([w * own[k] for w, own in pairs], axis=0)))
+        return found
 
     def difference(self, step: int, *, following: bool = True) -> FloatArray:
-        """Columns of the first model less those of the second, on the first rank (collective).
+        """Weighted sums of the columns of the models, on the first rank (collective).
 
         Args:
             step: number of the step, at whose accepted state the system of the motion is.
             following: nodes follow their starts; False for a fixed state.
         """
-        first, second = self._values([self._motion.times[step]], following=following)
-        found: FloatArray = np.nan_to_num(first - second)[0]
+        for one in self._others:
+            if one.forces:
+                take_rows(self._motion, one.simulation.system, step)
+        values = self._values([self._motion.times[step]], following=following)
+        pairs = zip(self._weights, values, strict=True)
+        found: FloatArray = np.nan_to_num(np.sum([w * own[0] for w, own in pairs], axis=0))
         return found
 
     def _values(
@@ -93,6 +113,8 @@ class DirectEffect:
                 frames = part.block.frames
                 if following and by.any():
                     other.block.frames[:] = moved(frames, by, inertial=part.block.inertial)
+            system.interface.update()
+            system.constraints.reported = None
             yield one.values(times)
 
 
@@ -105,11 +127,21 @@ def _free(block: FrameBlock, by: FloatArray) -> FloatArray:
 
 
 class _Columns:
-    """Columns of a model that have derivatives, NaN for the others."""
+    """Columns of a model of which derivatives are wanted, NaN for the others.
 
-    def __init__(self, simulation: Simulation) -> None:
+    Attributes:
+        forces: True if there are forces of joints among them.
+    """
+
+    def __init__(self, simulation: Simulation, wanted: Collection[str]) -> None:
         self.simulation = simulation
         self._recorder = ProbeRecorder(simulation.system, simulation.serial, depth=1)
+        self._names = {
+            probe.name
+            for probe in simulation.serial.model.probes
+            if not {*probe.differentiable}.isdisjoint(wanted)
+        }
+        self.forces = force_columns(simulation, wanted)
 
     def values(self, times: Sequence[float] | FloatArray) -> FloatArray:
         """All columns (n, columns) at the present state and some times (collective).
@@ -120,7 +152,7 @@ class _Columns:
         comm, sensors = self.simulation.system.comm, self._recorder.sensors
         for probe in self.simulation.serial.model.probes:
             own = np.zeros((len(times), len(probe.columns)))
-            if not probe.differentiable:
+            if probe.name not in self._names:
                 own[:] = np.nan
             elif not isinstance(probe, Probe):
                 shares = comm.reduce(sensors[probe.name].update())
@@ -131,6 +163,26 @@ class _Columns:
             at += len(probe.markers)
             found.append(own)
         return np.hstack(found) if found else np.zeros((len(times), 0))
+
+
+def force_columns(simulation: Simulation, wanted: Collection[str]) -> bool:
+    """True if there are forces of joints among some columns of a model."""
+    return any(
+        isinstance(probe, (CableProbe, ReactionProbe)) and not {*probe.columns}.isdisjoint(wanted)
+        for probe in simulation.serial.model.probes
+    )
+
+
+def take_rows(motion: Motion, system: System, step: int) -> None:
+    """Bring rows and loads of another model to the accepted state after a step (collective)."""
+    state, rows, own = motion.state(step), system.constraints, motion.system.constraints
+    rows.angles[:] = own.angles
+    rows.lines.restore_places(state.rows["places"]["places"])
+    rows.lines.angles[:] = own.lines.angles
+    rows.active[:], rows.held[:], rows.forces[:] = own.active, own.held, own.forces
+    rows.targets[own.held] = own.targets[own.held]
+    rows.consistent, system.lead = own.consistent, motion.system.lead
+    system.set_time(float(motion.times[step]))
 
 
 def copy_state(source: System, target: System) -> None:

@@ -21,7 +21,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.gradients.equations.node_maps import RateMaps, applied
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations, equations_at
-from flexfem.gradients.motion.columns import NodeSeeds
+from flexfem.gradients.motion.columns import Seeds
 from flexfem.gradients.motion.direct import DirectEffect, copy_state, disturb
 from flexfem.gradients.motion.influence import (
     STEP,
@@ -100,7 +100,7 @@ class ElementInfluence:
         mass matrix.
         """
         motion, system, every = self._motion, self._motion.system, []
-        for own, _ in carried:
+        for own, _, _ in carried:
             motion.tangent.assemble(MASS)
             motion.tangent.factor()
             right = [
@@ -115,9 +115,7 @@ class ElementInfluence:
         """See :class:`Influence`: none, see :func:`element_owners`."""
         return np.zeros(self.count)
 
-    def direct_products(
-        self, step: int, weights: FloatArray, seeds: Sequence[Sequence[NodeSeeds]]
-    ) -> FloatArray:
+    def direct_products(self, step: int, weights: FloatArray, seeds: Sequence[Seeds]) -> FloatArray:
         """See :class:`Influence`: none, see :func:`_grouped`."""
         return np.zeros((len(weights), self.count))
 

@@ -33,7 +33,7 @@ from flexfem.gradients.equations.step_tangent import (
 )
 from flexfem.gradients.equations.values import Equations, equations_at
 from flexfem.gradients.motion.adjoint import Adjoint, Tangent
-from flexfem.gradients.motion.columns import ColumnDerivatives, NodeSeeds
+from flexfem.gradients.motion.columns import ColumnDerivatives, Seeds
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.schemes.base import Recursion, SizeChange
 from flexfem.integrators.generalized_alpha import step_laws
@@ -78,7 +78,12 @@ class _Functions:
         """A model whose probes are the functions."""
         return self._model
 
-    def seeds(self, state: int) -> list[NodeSeeds]:
+    @property
+    def accepted(self) -> None:
+        """None: functions of markers alone."""
+        return None
+
+    def seeds(self, state: int) -> Seeds:
         """Derivatives of the function of the event at a state by nodes (collective)."""
         number = self._motion.grid.events[state]
         if number not in self._derivatives:
@@ -287,11 +292,12 @@ class EventTimes:
         return float(parts[0] / parts[1])
 
 
-def along(motion: Motion, seeds: list[NodeSeeds], tangent: Tangent) -> float:
-    """This rank's part of the change of a column by that of the nodes, at an accepted state."""
+def along(motion: Motion, seeds: Seeds, tangent: Tangent) -> float:
+    """This rank's part of the change of a column by that of the state, at an accepted state."""
     one = Adjoint(motion)
     one.add(seeds)
-    return sum(a.product(b) for a, b in zip(one.carried, tangent.carried, strict=True))
+    forces = float(one.forces @ (motion.system.constraints.owned * tangent.forces))
+    return forces + sum(a.product(b) for a, b in zip(one.carried, tangent.carried, strict=True))
 
 
 def _sum(first: BlockVectors, second: BlockVectors) -> BlockVectors:

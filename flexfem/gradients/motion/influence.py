@@ -25,8 +25,8 @@ from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.node_maps import twists
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations, equations_at, jump, product
-from flexfem.gradients.motion.columns import NodeSeeds
-from flexfem.gradients.motion.direct import DirectEffect, copy_state
+from flexfem.gradients.motion.columns import Seeds
+from flexfem.gradients.motion.direct import DirectEffect, copy_state, force_columns
 from flexfem.gradients.motion.parameters import Build, Values, plain, refusing
 from flexfem.gradients.motion.trajectory import Motion, StoppedError, begin, scheme_of
 from flexfem.gradients.unilateral.forces import recall_sides
@@ -40,6 +40,9 @@ __all__ = [
 
 #: Difference of a parameter, relative to it, or itself for one that is zero.
 STEP = 1e-5
+#: The same of forces of drives, whose accelerations are differences over parts of a step: those
+#: divided by a smaller one are rounding.
+_FAR = 1e-3
 #: The same with contacts, whose forces change within a small part of the sizes of bodies.
 _CLOSE = 3e-7
 #: The same of the start of nodes that move: rounding of positions, divided by a short difference,
@@ -59,8 +62,8 @@ UNSCALED = Shifts(velocity=0.0, acceleration=0.0, scale=1.0)
 
 #: Factors of the equations of blocks, of rows (r,) and of the memories' numbers (n,).
 Factors = tuple[BlockVectors, FloatArray, FloatArray]
-#: Sums for each block, and of the memories' numbers (n,).
-Sums = tuple[Sequence[Carried], FloatArray]
+#: Sums for each block, of the memories' numbers (n,), and of forces of rows (r,).
+Sums = tuple[list[Carried], FloatArray, FloatArray]
 
 
 class Influence(Protocol):
@@ -96,9 +99,7 @@ class Influence(Protocol):
         """
         ...
 
-    def direct_products(
-        self, step: int, weights: FloatArray, seeds: Sequence[Sequence[NodeSeeds]]
-    ) -> FloatArray:
+    def direct_products(self, step: int, weights: FloatArray, seeds: Sequence[Seeds]) -> FloatArray:
         """This rank's part of weights times derivatives of all columns at a fixed state.
 
         The system of the motion is at the accepted state after a step (collective).
@@ -106,7 +107,7 @@ class Influence(Protocol):
         Args:
             step: its number.
             weights: (k, columns).
-            seeds: of the weighted columns, for each block.
+            seeds: of the weighted columns.
 
         Returns:
             (k, count).
@@ -119,7 +120,7 @@ class NumberInfluence:
 
     Attributes:
         start: derivatives of the start, for each block.
-        numbers: (n,) those of the memories' numbers there.
+        numbers: (n,) those of the memories' numbers there; forces: (r,) those of rows.
         scale: size of the parameter, 1 if it is zero.
     """
 
@@ -161,7 +162,7 @@ class NumberInfluence:
         self.start = self._start(build, values, name, at)
         first, second = (motion.memories.start(one) for one in self._pair)
         self.numbers = (first - second) / (2.0 * self._step)
-        self._direct = DirectEffect(motion, simulations)
+        self._direct = self._columns_of(build, values, name, at)
         # what sticks leaves more of rounding than equations change
         self._checked = any(contacts.rubs for contacts in motion.system.contacts)
 
@@ -194,6 +195,23 @@ class NumberInfluence:
             begins = ends
         return carried
 
+    def _columns_of(
+        self, build: Build, values: Values, name: str, at: int | IntArray | tuple[()]
+    ) -> DirectEffect:
+        """Columns at a fixed state; models farther away show forces of drives (collective)."""
+        motion, simulations, step = self._motion, self._pair, self._step
+        weights = [0.5 / step, -0.5 / step]
+        driven = motion.system.comm.allreduce(motion.system.constraints.driven, op=MPI.LOR)
+        if driven and force_columns(motion.simulation, motion.wanted):
+            simulations, weights, step = [], [], _FAR * self.scale
+            for place, weight in STENCIL:
+                moved = _moved(values, name, at, place * step)
+                simulations.append(beside(motion, build, moved, name))
+                weights.append(weight / step)
+        starts = [one.system.constraints.forces for one in simulations]
+        self.forces: FloatArray = np.array(weights) @ np.array(starts)
+        return DirectEffect(motion, simulations, weights)
+
     def _start_of(self, one: Simulation) -> FloatArray:
         """(4, n) moves from the motion's start, and rates, of the owned nodes of all blocks."""
         found = []
@@ -216,7 +234,7 @@ class NumberInfluence:
         """
         motion, own = self._motion, np.zeros(len(self._motion.measured))
         if motion.measured and self._direct.present and motion.follows(step):
-            own = self._direct.difference(step, following=False)
+            own = 2.0 * self._step * self._direct.difference(step, following=False)
             own = own[[motion.columns.index(c) for c in motion.measured]]
         found, numbers = [], []
         for one, sign in zip(self._pair, (1.0, -1.0), strict=True):
@@ -270,19 +288,20 @@ class NumberInfluence:
 
     def start_products(self, carried: Sequence[Sums]) -> FloatArray:
         """See :class:`Influence`."""
+        numbers = self._motion.memories.owned * self.numbers
+        forces = self._motion.system.constraints.owned * self.forces
         return np.array(
             [
                 [
                     sum(a.product(b) for a, b in zip(own, self.start, strict=True))
-                    + float(remembered @ (self._motion.memories.owned * self.numbers))
+                    + float(remembered @ numbers)
+                    + float(by_forces @ forces)
                 ]
-                for own, remembered in carried
+                for own, remembered, by_forces in carried
             ]
         )
 
-    def direct_products(
-        self, step: int, weights: FloatArray, seeds: Sequence[Sequence[NodeSeeds]]
-    ) -> FloatArray:
+    def direct_products(self, step: int, weights: FloatArray, seeds: Sequence[Seeds]) -> FloatArray:
         """See :class:`Influence`."""
         if not self._direct.present:
             return np.zeros((len(weights), 1))
@@ -290,21 +309,20 @@ class NumberInfluence:
         found[:, 0] -= [self.followed(step, own) for own in seeds]
         return found
 
-    def followed(self, step: int, seeds: Sequence[NodeSeeds]) -> float:
+    def followed(self, step: int, seeds: Seeds) -> float:
         """This rank's part of the change of a column by nodes that follow their starts.
 
         It is to be subtracted from those of :meth:`columns`.
 
         Args:
             step: number of the step, the same for all.
-            seeds: of the column, for each block.
+            seeds: of the column.
         """
         del step
-        total = sum(
+        return sum(
             float((own.twists * following[own.nodes]).sum())
-            for own, following in zip(seeds, self._direct.following, strict=True)
+            for own, following in zip(seeds.blocks, self._direct.following, strict=True)
         )
-        return total / (2.0 * self._step)
 
     @property
     def depends_directly(self) -> bool:
@@ -317,7 +335,7 @@ class NumberInfluence:
         The state is fixed but for nodes whose start moves with the parameter, which follow it, see
         :meth:`followed`. They are zero on the other ranks.
         """
-        return self._direct.difference(step) / (2.0 * self._step)
+        return self._direct.difference(step)
 
 
 def _moved(values: Values, name: str, at: int | IntArray | tuple[()], change: float) -> Values:

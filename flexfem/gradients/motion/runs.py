@@ -15,10 +15,10 @@ from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.motion.adjoint import Adjoint, Tangent
 from flexfem.gradients.motion.arrays import Entry
-from flexfem.gradients.motion.columns import ColumnDerivatives, NodeSeeds, history_weights
+from flexfem.gradients.motion.columns import ColumnDerivatives, Seeds, history_weights
 from flexfem.gradients.motion.event_times import EventTimes, along
 from flexfem.gradients.motion.functionals import Functional
-from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence
+from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence, Sums
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.schemes.base import Recursion
 from flexfem.gradients.unilateral.impulses import Impulses
@@ -118,7 +118,7 @@ def backward(
     motion.go_to(0)
     for adjoint in adjoints:
         adjoint.to_step(0)
-    carried = [(one.carried, one.remembered) for one in adjoints[:count]]
+    carried = [(one.carried, one.remembered, one.forces) for one in adjoints[:count]]
     sums += np.hstack([one.start_products(carried) for one in influences.values()])
     for values in (sums, sizes):
         motion.system.comm.Allreduce(MPI.IN_PLACE, values)
@@ -186,9 +186,7 @@ def forward(
     return found
 
 
-def _seeds(
-    motion: Motion, columns: ColumnDerivatives, step: int, weights: FloatArray
-) -> list[NodeSeeds]:
+def _seeds(motion: Motion, columns: ColumnDerivatives, step: int, weights: FloatArray) -> Seeds:
     """Derivatives of columns times weights at the accepted state after a step (collective).
 
     Raises:
@@ -196,7 +194,7 @@ def _seeds(
     """
     found = columns.seeds(step, weights)
     if motion.kicked(step):
-        measured = any(own.accelerations.any() for own in found)
+        measured = any(own.accelerations.any() for own in found.blocks)
         if motion.system.comm.allreduce(measured, op=MPI.LOR):
             raise InputError(
                 "gradient: there are no derivatives of accelerations in steps with impulses yet; "
@@ -266,15 +264,17 @@ def _at_event(state: int, direction: Direction) -> float:
     return sum(factor * float(one.event_changes(state)[0]) for one, factor in direction)
 
 
-def _start(motion: Motion, direction: Direction) -> tuple[list[Carried], FloatArray]:
-    """Changes of the start along a direction, and of the memories' numbers there."""
+def _start(motion: Motion, direction: Direction) -> Sums:
+    """Changes of the start along a direction, of the memories' numbers and of the forces there."""
     found = [Carried.nothing(part.block.owned_step.shape) for part in motion.system.parts]
     numbers = np.zeros(len(motion.memories.owned))
+    forces = np.zeros(motion.system.constraints.size)
     for influence, factor in direction:
         for total, own in zip(found, influence.start, strict=True):
             total.add(own, factor)
         numbers += factor * influence.numbers
-    return found, numbers
+        forces += factor * influence.forces
+    return found, numbers, forces
 
 
 def _combined(motion: Motion, direction: Direction, equations: Mapping[int, Factors]) -> Factors:

@@ -11,9 +11,16 @@ from flexfem.control.fmu import FmuLaw
 from flexfem.model.contact import Contact
 from flexfem.model.event import LockJoint, Rebound, ReleaseJoint
 from flexfem.model.model import Model
+from flexfem.model.probes.cable import CableProbe
+from flexfem.model.probes.measured import ReactionProbe
 from flexfem.options import meant
 
-__all__ = ["check_columns", "check_contacts", "check_supported"]
+__all__ = ["check_columns", "check_contacts", "check_supported", "differentiable"]
+
+
+def differentiable(model: Model) -> list[str]:
+    """Columns that have derivatives."""
+    return [name for probe in model.probes for name in probe.differentiable]
 
 
 def check_columns(model: Model, names: Iterable[str]) -> None:
@@ -47,8 +54,14 @@ def check_supported(model: Model, options: RunOptions) -> None:
                 f'gradient: FmuController "{controller.name}" has no derivatives, as its FMU keeps '
                 "its states to itself; leave it out"
             )
-        measured = [probe.columns[k] for probe, k in controller.measured(model)]
-        check_columns(model, measured)
+        measured = controller.measured(model)
+        check_columns(model, [probe.columns[k] for probe, k in measured])
+        for probe, k in measured:
+            if isinstance(probe, (ReactionProbe, CableProbe)):
+                raise InputError(
+                    f'gradient: Controller "{controller.name}" measures "{probe.columns[k]}", a '
+                    "force of a joint, which has no derivatives in controllers yet"
+                )
     for event in model.events:
         for action in event.actions:
             if not isinstance(action, (LockJoint, Rebound, ReleaseJoint)):

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -25,12 +25,13 @@ from flexfem.gradients.memory.controllers import ControllerMemory, recall
 from flexfem.gradients.memory.elements import ElementMemory
 from flexfem.gradients.memory.histories import HistoryMemory
 from flexfem.gradients.motion.records import Records, Storage
-from flexfem.gradients.motion.support import check_contacts, check_supported
+from flexfem.gradients.motion.support import check_contacts, check_supported, differentiable
 from flexfem.gradients.renewals.damping import DAMPING
 from flexfem.gradients.renewals.grid import Grid, Step
 from flexfem.gradients.renewals.renewal import AT_STATE, Accelerations, Projection, Renewal
 from flexfem.gradients.schemes.base import Recursion
 from flexfem.gradients.schemes.generalized_alpha import AlphaRecursion
+from flexfem.integrators.accepted_forces import AcceptedForces
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.layout.elements import HistoryElements
 from flexfem.model.event import Rebound
@@ -73,12 +74,16 @@ class Motion:
         memories: what is carried from step to step beside the nodes.
         measured: names of the columns that these follow.
         known: state of the controllers after each step.
+        wanted: names of the columns of which derivatives are wanted.
     """
 
     def __init__(
-        self, model: Model, options: RunOptions, comm: MPI.Intracomm | None, storage: Storage
-    ) -> None:
+        self, model: Model, options: RunOptions, comm: MPI.Intracomm | None, storage: Storage,
+        wanted: Iterable[str] | None = None,
+    ) -> None:  # fmt: skip
         """Compute the motion (collective), whose states go to a storage.
+
+        Derivatives of some columns are wanted, of all that have any by default.
 
         Raises:
             InputError: a mistake in the model, or something in it that has no derivatives.
@@ -93,6 +98,8 @@ class Motion:
         check_supported_system(self)
         self.recorder = ProbeRecorder(self.system, self.simulation.serial)
         self.columns = self.recorder.columns
+        # states whose multipliers belong to accelerations that satisfy the constraints
+        self._consistent: set[int] = set()
         main = GeneralizedAlpha(options.rho_inf)
         parts: list[type[Renewal]] = [Projection, Accelerations]
         parts += DAMPING if self.system.viscous() else ()
@@ -104,6 +111,8 @@ class Motion:
         self.known: list[dict[str, FloatArray]] = []
         self.memories = Memories(self._memories())
         self.measured = [name for one in self.memories.parts for name in one.measured]
+        every = differentiable(model) if wanted is None else wanted
+        self.wanted = {*every, *self.measured}
         self._run(TimeGrid.of(options.dt, options.t_end), storage)
 
     def _memories(self) -> list[Memory]:
@@ -121,6 +130,11 @@ class Motion:
     def model(self) -> Model:
         """The model with its probes."""
         return self.simulation.serial.model
+
+    @property
+    def accepted(self) -> AcceptedForces:
+        """Computation of reported forces of rows."""
+        return self.simulation.row_forces
 
     @property
     def remembering(self) -> bool:
@@ -218,6 +232,8 @@ class Motion:
             raise InputError(
                 "gradient: there are no derivatives of stops that stay closed yet; leave them out"
             )
+        if rows.consistent:
+            self._consistent.add(len(self.grid.moves))
         kept = bool(self.grid.moves) and not isinstance(self.grid.moves[-1], Step)
         self._records.add(self.system.state(), self.simulation.time, keep=kept)
         self.known.append(self._knowledge())
@@ -256,6 +272,7 @@ class Motion:
         self._set_lead(step, before=False)
         recall(self.simulation, self.known[step])
         self.system.restore(self._records.state(step))
+        self.system.constraints.consistent = step in self._consistent
 
     def go_to_end(self, step: int) -> None:
         """Return to the trial state at the end of a step (collective)."""

@@ -156,7 +156,9 @@ class _Damping(Renewal):
         slowed = [s - f for s, f in zip(changes, ended, strict=True)]
         return _sum(_times(system, MASS, slowed), _times(system, self._shifts, ended))
 
-    def _back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
+    def _back(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray
+    ) -> Equations:
         """See :class:`Renewal`."""
         right = self._from_rates([self.factor * (own.a + own.w) for own in carried])
         z, mu = self._solved(right, np.zeros(self._system.constraints.size))
@@ -175,7 +177,10 @@ class _Damping(Renewal):
             own.v += by.hold_rates(by.by_increment.transposed(by_v))
         return z, mu
 
-    def _ahead(self, carried: Sequence[Carried], targets: FloatArray, changes: Equations) -> None:
+    def _ahead(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray,
+        changes: Equations,
+    ) -> None:  # fmt: skip
         """See :class:`Renewal`."""
         q, v = [own.q for own in carried], self.local([own.v for own in carried])
         rows, nothing = self._system.constraints, np.zeros(self._system.constraints.size)

@@ -40,7 +40,9 @@ class Hold(Renewal):
         blocks = [np.zeros_like(part.block.owned_step) for part in system.parts]
         return blocks, (rows.sums() - rows.targets) * self._held
 
-    def _back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
+    def _back(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray
+    ) -> Equations:
         """See :class:`Renewal`."""
         factors, system = targets * self._held, self._system
         targets[self._held] = 0.0
@@ -51,7 +53,10 @@ class Hold(Renewal):
             own.q += by.hold(part.block.owned_residual.copy())
         return [np.zeros_like(own.q) for own in carried], -factors
 
-    def _ahead(self, carried: Sequence[Carried], targets: FloatArray, changes: Equations) -> None:
+    def _ahead(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray,
+        changes: Equations,
+    ) -> None:  # fmt: skip
         """See :class:`Renewal`."""
         put_steps(self._system, [own.q for own in carried])
         rows = self._system.constraints

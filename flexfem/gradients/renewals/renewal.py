@@ -93,26 +93,33 @@ class Renewal(ABC):
             restitution: (r,) its own, None for that of the motion.
         """
 
-    def back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
+    def back(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray
+    ) -> Equations:
         """Go back in place; returns factors of the equations (collective).
 
         Args:
             carried: sums for each block.
             targets: (r,) those of the targets of held rows.
+            forces: (r,) those of the forces of rows behind it.
         """
-        found = self._back(carried, targets)
+        found = self._back(carried, targets, forces)
         self._to_trial()
         return found
 
-    def ahead(self, carried: Sequence[Carried], targets: FloatArray, changes: Equations) -> None:
+    def ahead(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray,
+        changes: Equations,
+    ) -> None:  # fmt: skip
         """Go ahead in place, with changes of the equations at a fixed state (collective).
 
         Args:
             carried: changes of each block.
             targets: (r,) those of the targets of held rows.
+            forces: (r,) those of the forces of rows.
             changes: of the equations.
         """
-        self._ahead(carried, targets, changes)
+        self._ahead(carried, targets, forces, changes)
         self._to_trial()
 
     @abstractmethod
@@ -120,11 +127,16 @@ class Renewal(ABC):
         """Return to the trial state of :meth:`take`."""
 
     @abstractmethod
-    def _back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
+    def _back(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray
+    ) -> Equations:
         """See :meth:`back`; the system is left at any trial state."""
 
     @abstractmethod
-    def _ahead(self, carried: Sequence[Carried], targets: FloatArray, changes: Equations) -> None:
+    def _ahead(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray,
+        changes: Equations,
+    ) -> None:  # fmt: skip
         """See :meth:`ahead`; the system is left at any trial state."""
 
     def _factor(self) -> None:
@@ -256,7 +268,9 @@ class Projection(Renewal):
         system.add_constraint_forces(rows.multipliers * rows.rigid)
         return collected(system), (rates - rows.relaxation * rows.multipliers) * rows.rigid
 
-    def _back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
+    def _back(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray
+    ) -> Equations:
         """See :class:`Renewal`."""
         z, mu = self._solved(
             self._from_rates([own.v for own in carried]), np.zeros(self._system.constraints.size)
@@ -288,17 +302,20 @@ class Projection(Renewal):
         self._system.add_constraint_forces(-self._restitution * mu)
         return self._to_rates([part.block.owned_residual.copy() for part in self._system.parts])
 
-    def _ahead(self, carried: Sequence[Carried], targets: FloatArray, changes: Equations) -> None:
+    def _ahead(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray,
+        changes: Equations,
+    ) -> None:  # fmt: skip
         """See :class:`Renewal`."""
         q, v = [own.q for own in carried], self.local([own.v for own in carried])
-        nothing, (forces, rows) = np.zeros(self._system.constraints.size), changes
+        nothing, (pushes, rows) = np.zeros(self._system.constraints.size), changes
         turning = self._turning(q, v)
         with_changes, _ = self._moving.apply(q, nothing, POSITIONS)
         without, _ = self._still.apply(q, nothing, POSITIONS)
         momenta = _mass_times(self._system, v)
         total = [
             a - (b - c) / self._scale - d
-            for a, b, c, d in zip(momenta, with_changes, without, forces, strict=True)
+            for a, b, c, d in zip(momenta, with_changes, without, pushes, strict=True)
         ]
         found, _ = self._solved(total, -(rows + turning) * self._system.constraints.rigid)
         for own, by, x in zip(carried, self.maps, found, strict=True):
@@ -372,13 +389,16 @@ class Accelerations(Renewal):
         rates -= rows.relaxation * rows.multipliers
         return blocks, np.where(rows.rigid, rates, laws)
 
-    def _back(self, carried: Sequence[Carried], targets: FloatArray) -> Equations:
+    def _back(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray
+    ) -> Equations:
         """See :class:`Renewal`."""
         system, rows = self._system, self._system.constraints
         right = self._from_rates([own.a + own.w for own in carried])
         friction, normal = rows.coupled.T
 
         def solve(part: float, given: FloatArray) -> Equations:
+            given = given + part * forces
             z, mu = self._solved([part * own for own in right], given * rows.rigid)
             put_steps(system, z)
             moves = rows.changes(system.interface.steps) - given
@@ -402,7 +422,10 @@ class Accelerations(Renewal):
             own.a, own.w = np.zeros_like(own.a), np.zeros_like(own.w)
         return z, np.where(rows.rigid, mu, by_laws)
 
-    def _ahead(self, carried: Sequence[Carried], targets: FloatArray, changes: Equations) -> None:
+    def _ahead(
+        self, carried: Sequence[Carried], targets: FloatArray, forces: FloatArray,
+        changes: Equations,
+    ) -> None:  # fmt: skip
         """See :class:`Renewal`."""
         q, v = [own.q for own in carried], [own.v for own in carried]
         rows, nothing = self._system.constraints, np.zeros(self._system.constraints.size)
@@ -417,7 +440,7 @@ class Accelerations(Renewal):
         def solve(part: float, given: FloatArray) -> Equations:
             return self._solved([part * own for own in total], given - part * left)
 
-        found, _ = self._coupled(solve, (normal, friction))
+        found, forces[:] = self._coupled(solve, (normal, friction))
         for own, by, x in zip(carried, self.maps, found, strict=True):
             own.w = by.hold_rates(by.inverse(x))
             own.a = own.w.copy()

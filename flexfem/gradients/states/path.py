@@ -120,6 +120,11 @@ class Equilibria:
         return self.serial.model
 
     @property
+    def accepted(self) -> None:
+        """None: the forces of rows are the multipliers."""
+        return None
+
+    @property
     def rows(self) -> int:
         """Number of equilibria."""
         return len(self._records)

@@ -169,11 +169,11 @@ def _seed(
     path: Equilibria, columns: ColumnDerivatives, row: int, weights: FloatArray
 ) -> FloatArray:
     """This rank's part of the derivative of a functional by the state of a row (collective)."""
-    blocks = []
-    for part, seeds in zip(path.system.parts, columns.seeds(row, weights), strict=True):
+    blocks, found = [], columns.seeds(row, weights)
+    for part, seeds in zip(path.system.parts, found.blocks, strict=True):
         blocks.append(np.zeros_like(part.block.owned_step))
         np.add.at(blocks[-1], seeds.nodes, seeds.twists[:, : part.block.width])
-    return path.vector(blocks, np.zeros(path.system.constraints.size))
+    return path.vector(blocks, found.forces / path.shifts.scale)
 
 
 def _check_smooth(path: Equilibria, residuals: Sequence[FloatArray], name: str) -> None:

@@ -161,6 +161,7 @@ class ReactionProbe(AnyProbe):
         ValueError: An empty name or other axes.
     """
 
+    smooth: ClassVar[bool] = True
     name: str
     joint: str = text()
     axes: str = checked(_axes, default="inertial")

@@ -68,6 +68,7 @@ class Simulation:
         follow: called at accepted states within a step and before and after jumps of loads, to sum
             up work.
         journal: is told of every change of the accepted state.
+        row_forces: forces of joints at accepted states.
     """
 
     def __init__(
@@ -102,9 +103,9 @@ class Simulation:
         )
         self._tangent = TangentSolver(self.system)
         span = options.dt * (_SPAN_ADAPTIVE if options.adaptive else _SPAN)
-        self._row_forces = AcceptedForces(self.system, self._tangent, span, options.t_end)
+        self.row_forces = AcceptedForces(self.system, self._tangent, span, options.t_end)
         # weak references: in a cycle they would outlive the simulation, with their communicators
-        self.system.row_forces = weakref.proxy(self._row_forces)
+        self.system.row_forces = weakref.proxy(self.row_forces)
         self.slider_exit = SliderExit(self.system, self.serial)
         self.controls.attach(self.system, self.serial)
         self.status = self._start() if restart is None else Status.OK

@@ -5,6 +5,9 @@ Sensors of probes of single families are in these. A sensor returns the share of
 columns of its probe; the columns are the sums over all ranks.
 """
 
+from abc import ABC, abstractmethod
+from typing import ClassVar
+
 import numpy as np
 
 from flexfem._types import FloatArray
@@ -23,29 +26,60 @@ from flexfem.system.measure.energies import EnergyMeter, refresh_rows
 from flexfem.system.measure.momenta import MomentumMeter
 from flexfem.system.system import System
 
-__all__ = ["create_sensor"]
+__all__ = ["RowSensor", "create_sensor"]
 
 
-class _ReactionSensor:
-    """Force and moment of a joint on the body of its marker b, on the rank that owns the joint.
+class RowSensor(ABC):
+    """Measurement of the forces of a joint's rows, on the rank that owns the joint.
+
+    Attributes:
+        width: number of columns.
+        joints: numbers of the joints of this rank with a name: those of lines of shells have
+            parts, of which this rank has its own.
+    """
+
+    width: ClassVar[int]
+
+    def __init__(self, system: System, name: str) -> None:
+        """Find the joint."""
+        self._system, rows = system, system.constraints
+        self.joints = [
+            k
+            for k, placed in enumerate(rows.joints)
+            if placed.joint.name == name and (placed.owned or not placed.joint.joins_lines)
+        ]
+        self._owned = bool(self.joints) and rows.joints[self.joints[0]].owned
+
+    @abstractmethod
+    def values(self, forces: FloatArray) -> FloatArray:
+        """Columns of forces (r,) of all rows, which are evaluated; on each rank with the joint."""
+
+    def update(self) -> FloatArray:
+        """See :class:`flexfem.layout.family.Sensor` (collective)."""
+        forces = self._system.reported_forces()
+        if not self._owned:
+            return np.zeros(self.width)
+        refresh_rows(self._system)
+        return self.values(forces)
+
+
+class _ReactionSensor(RowSensor):
+    """Force and moment of a joint on the body of its marker b.
 
     For a joint of lines it is the resultant of its parts, about the first part's marker: a node of
     the line, or the marker of a body.
     """
 
+    width: ClassVar[int] = 6
+
     def __init__(self, system: System, probe: ReactionProbe) -> None:
-        self._system, self._axes = system, probe.axes
-        rows = system.constraints
-        mine = [k for k, j in enumerate(rows.joints) if j.joint.name == probe.joint and j.owned]
-        self._first = rows.marker_start[mine]
-        second = np.array([rows.joints[k].joint.second for k in mine], dtype=np.int64)
+        super().__init__(system, probe.joint)
+        self._axes, rows = probe.axes, system.constraints
+        self._first = rows.marker_start[self.joints]
+        second = np.array([rows.joints[k].joint.second for k in self.joints], dtype=np.int64)
         self._markers = self._first + second
 
-    def update(self) -> FloatArray:
-        forces = self._system.reported_forces()  # on all ranks
-        if not len(self._markers):
-            return np.zeros(6)
-        refresh_rows(self._system)
+    def values(self, forces: FloatArray) -> FloatArray:
         rows = self._system.constraints
         at, wrenches = rows.poses[self._markers, :3], rows.reactions(forces)[self._markers]
         arms = cross(at - at[0], wrenches[:, :3])
@@ -56,23 +90,21 @@ class _ReactionSensor:
         return np.concatenate([force @ R, moment @ R])
 
 
-class _CableSensor:
-    """Tensions and stretch of a part of a cable, on the rank that owns it."""
+class _CableSensor(RowSensor):
+    """Tensions and stretch of a part of a cable."""
+
+    width: ClassVar[int] = 3
 
     def __init__(self, system: System, probe: CableProbe, cable: Cable) -> None:
-        self._system = system
-        rows = system.constraints
-        mine = [k for k, j in enumerate(rows.joints) if j.joint.name == probe.cable and j.owned]
+        super().__init__(system, probe.cable)
+        rows, mine = system.constraints, self.joints
         numbers = cable.part_rows[probe.part :]
         self._rows = rows.start[mine] + numbers[0]
         last = rows.start[1:][mine] if len(numbers) == 1 else rows.start[mine] + numbers[1]
         self._guides = [np.arange(r + 1, end) for r, end in zip(self._rows, last, strict=True)]
 
-    def update(self) -> FloatArray:
-        forces, rows = self._system.reported_forces(), self._system.constraints
-        if not len(self._rows):
-            return np.zeros(3)
-        refresh_rows(self._system)
+    def values(self, forces: FloatArray) -> FloatArray:
+        rows = self._system.constraints
         end = forces[self._rows]
         first = end + forces[self._guides[0]].sum()
         stretch = rows.sums()[self._rows] - rows.targets[self._rows]
