@@ -150,7 +150,7 @@ class _Fit:
         begin = flat(self._start, self._start) / self._scale
         found = least_squares(
             lambda x: self._of(x)[0], begin, jac=lambda x: self._of(x)[1], max_nfev=most,
-            bounds=self._bounds(bounds), ftol=tolerance, xtol=tolerance, gtol=tolerance,
+            bounds=self._bounds(bounds), ftol=tolerance, xtol=tolerance, gtol=None,
         )  # fmt: skip
         differences, jacobian = self._of(found.x)
         used = int(np.isfinite(np.concatenate([*self._measured.values()])).sum())

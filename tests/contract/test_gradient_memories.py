@@ -251,12 +251,11 @@ def test_strains_that_change_with_time():
     compare(build, {"heat": 200.0, "rate": 80.0}, ["final:tip_x", "mean:tip_z"], STEPS, 1e-7)
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize(
     ("build", "numbers"),
     [
         (partial(rope, "iteration"), ROPE),
-        (arm, ARM),
+        pytest.param(arm, ARM, marks=pytest.mark.three_ranks),
         (partial(bar, "viscoelastic"), BAR),
         (partial(damped, "se3"), DAMPED),
     ],

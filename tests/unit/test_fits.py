@@ -31,6 +31,7 @@ def oscillator(damping, stiffness=400.0) -> ff.Model:
     return model
 
 
+@pytest.mark.serial
 def test_minimum_between_bounds():
     """The best damper is sqrt(k m) = 28.3 N s/m; with less allowed it is the most."""
     found = ff.minimize(oscillator, "integral:square", {"damping": 12.0}, OPTIONS)
@@ -44,6 +45,7 @@ def test_minimum_between_bounds():
     assert held.value > found.value
 
 
+@pytest.mark.serial
 def test_minimum_with_a_constraint_and_a_cost(shared_tmp_path):
     """The cheapest damper for which the mass does not overshoot by more than 20 mm."""
     found = ff.minimize(
@@ -76,6 +78,7 @@ def cheapest(*, build=braked, of=("ks:below", None, 0.02), start=30.0, **more):
     )  # fmt: skip
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("method", "package"), [("SLSQP", "scipy"), ("MMA", "nlopt"), ("IPOPT", "cyipopt")]
 )
@@ -91,6 +94,7 @@ def test_constraint_over_all_times(method, package):
     assert 0.021 < below.max() < 0.02 + np.log(26) / 2000.0
 
 
+@pytest.mark.serial
 def test_best_of_few_gradients_keeps_the_constraint():
     """Of points that keep it the best one, although others are better without it."""
     found = cheapest(start=45.0, most=4)
@@ -132,6 +136,7 @@ def test_interrupted_minimisation_goes_on(shared_tmp_path):
     MPI.COMM_WORLD.Barrier()
 
 
+@pytest.mark.serial
 def test_file_of_another_minimisation(shared_tmp_path):
     file = shared_tmp_path / "optimisation.jsonl"
     cheapest(most=1, output=shared_tmp_path)
@@ -161,6 +166,7 @@ def test_methods_whose_package_is_missing(method, package, monkeypatch):
     assert_on_page(str(raised.value))
 
 
+@pytest.mark.serial
 def test_most_gradients():
     found = ff.minimize(oscillator, "integral:square", {"damping": 12.0}, OPTIONS, most=2)
     assert not found.success
@@ -168,6 +174,7 @@ def test_most_gradients():
     assert found.gradients <= 3
 
 
+@pytest.mark.serial
 def test_what_measurements_do_not_tell():
     """Of two springs side by side they tell the sum: both have infinite errors, the damper has not.
 
@@ -177,9 +184,9 @@ def test_what_measurements_do_not_tell():
     def build(damping, first, second):
         return oscillator(damping, first + second[0])
 
-    exact = columns(ff.simulate(oscillator(15.0, 380.0), OPTIONS))["x"]
+    exact = columns(ff.simulate(oscillator(15.0, 380.0), COARSE))["x"]
     start = {"damping": 12.0, "first": 200.0, "second": [170.0, 1.0]}
-    found = ff.identify(build, {"x": exact}, start, OPTIONS, noise={"x": 1e-3})
+    found = ff.identify(build, {"x": exact}, start, COARSE, noise={"x": 1e-3}, most=6)
     assert found.values["damping"] == pytest.approx(15.0, rel=1e-6)
     assert found.values["first"] + found.values["second"][0] == pytest.approx(380.0, rel=1e-6)
     assert np.isinf(found.errors["first"])
@@ -190,6 +197,23 @@ def test_what_measurements_do_not_tell():
     assert "[0, 1]" in found.warnings[1]
     for text in found.warnings:
         assert_on_page(text)
+
+
+@pytest.mark.serial
+def test_the_end_of_a_fit_does_not_depend_on_units():
+    """Of a motion without noise, as if it were measured in km: values to ten digits all the same.
+
+    A bound on the gradient of the sum of squares, which has units, ends the search after a digit.
+    """
+    exact = 1e-3 * columns(ff.simulate(oscillator(15.0), COARSE))["x"]
+
+    def build(damping):
+        model, bob = oscillator(damping), ff.Marker("bob")
+        model.add(ff.Probe("far", bob, ("km",), lambda t, s: (1e-3 * (s.position[0] - 1.0),)))
+        return model
+
+    found = ff.identify(build, {"km": exact}, {"damping": 10.0}, COARSE)
+    assert found.values["damping"] == pytest.approx(15.0, rel=1e-7)
 
 
 def test_identified_parameters_lie_within_their_errors():

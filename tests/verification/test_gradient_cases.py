@@ -55,6 +55,7 @@ def test_strongest_column(shared_tmp_path: Path) -> None:
     assert loads == pytest.approx([1.0, load], rel=0.01)
 
 
+@pytest.mark.serial
 def test_blade_of_uniform_stress(shared_tmp_path: Path) -> None:
     """All elements reach the stress, and areas are those of the formula at their middles."""
     outcome = load_case("uniform_stress_blade").run(elements=4, output=shared_tmp_path)
@@ -71,6 +72,7 @@ def test_blade_of_uniform_stress(shared_tmp_path: Path) -> None:
     assert float(stresses[-1]) == pytest.approx(2e8, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_torques_that_keep_a_path(shared_tmp_path: Path) -> None:
     """Errors of the flexible manipulator off its path are less by a digit, with a coarse spline.
 

@@ -4,6 +4,7 @@
 from mpi4py import MPI
 
 import numpy as np
+import pytest
 from scipy.linalg import expm
 
 import flexfem as ff
@@ -34,6 +35,7 @@ def build(force):
     return model
 
 
+@pytest.mark.serial
 def test_least_effort():
     """The least integral of the force squared is ``d^T W^-1 d`` with the Gramian W."""
     options = ff.RunOptions(dt=END / STEPS, t_end=END, rho_inf=1.0, quiet=True)
