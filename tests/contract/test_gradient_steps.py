@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem.gradients.motion.records import Storage
 from flexfem.gradients.motion.trajectory import Motion
 from tests.contract.gradient_examples import NUMBERS, PARTS, body, mechanism
 from tests.contract.test_gradients import errors
@@ -77,7 +78,7 @@ def test_steps_that_are_cut():
         return model
 
     options = ff.RunOptions(dt=0.02, t_end=0.02, tolerance=1e-13, quiet=True)
-    motion = Motion(thrown(**NUMBERS), options, None, 2e9)
+    motion = Motion(thrown(**NUMBERS), options, None, Storage())
     assert motion.simulation.rejected > 0
     assert motion.steps > 1
     compare(thrown, NUMBERS, ["final:tip_z", "mean:speed"], options, 1e-8, step=1e-4)

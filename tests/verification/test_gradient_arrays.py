@@ -17,6 +17,7 @@ from flexfem.gradients.motion.arrays import (
 )
 from flexfem.gradients.motion.element_arrays import ElementInfluence
 from flexfem.gradients.motion.exactness import linearized
+from flexfem.gradients.motion.records import Storage
 from flexfem.gradients.motion.runs import forward
 from flexfem.gradients.motion.trajectory import Motion
 
@@ -146,7 +147,7 @@ def test_directions_of_an_array_share_its_models(
     Without the change of the accelerations of the start, or with that of another entry, they are
     off in the first digit.
     """
-    motion = Motion(build(values), OPTIONS, None, 1e9)
+    motion = Motion(build(values), OPTIONS, None, Storage())
     linear, given = linearized(motion, 1e-9), {"values": values}
 
     def of(**own: np.ndarray) -> ff.Model:
