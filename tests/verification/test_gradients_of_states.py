@@ -34,14 +34,16 @@ def beam(youngs=5e6, length=0.5, width=0.03, force=0.03, density=1100.0) -> ff.M
     return model
 
 
-def shell(youngs=2e9, length=1.0, thickness=0.02, force=30.0, density=1000.0) -> ff.Model:
+def shell(
+    youngs=2e9, length=1.0, thickness=0.02, force=30.0, density=1000.0, element="rotation_free"
+) -> ff.Model:
     """A strip whose clamped nodes move with nothing, the others with its length."""
     surface = ff.SurfaceMesh.grid("strip", np.linspace(0.0, length, 4), [0.0, 0.15, 0.3])
     section = ff.ShellSection.isotropic(thickness, ff.Material(youngs, 0.3, density))
     corner = ff.Marker("strip", "strip_top_right")
     model = ff.Model("shell", surface=surface)
     model.add(
-        ff.Shell("strip", section, element="rotation_free", edges={"strip_left": "clamped"}),
+        ff.Shell("strip", section, element=element, edges={"strip_left": "clamped"}),
         ff.PointForce("lift", corner, (0.0, 0.0, force)),
         ff.PositionProbe("tip", corner),
     )
@@ -104,6 +106,7 @@ def slider(youngs=2e9, stiffness=200.0, load=5.0) -> ff.Model:
 MODELS: dict[str, tuple[Callable[..., ff.Model], dict[str, float]]] = {
     "beam": (beam, {"youngs": 5e6, "length": 0.5, "force": 0.03}),
     "shell": (shell, {"thickness": 0.02, "length": 1.0, "force": 30.0}),
+    "director": (partial(shell, element="director"), {"thickness": 0.02, "force": 30.0}),
     "solid": (solid, {"poisson": 0.3, "length": 1.0}),
     "slider": (slider, {"youngs": 2e9, "stiffness": 200.0}),
     "rigid": (rigid, {"stiffness": 100.0, "damping": 0.3, "rest": 0.4, "arm": 0.5}),
@@ -143,6 +146,7 @@ ANALYSES = [(kind, "statics") for kind in MODELS]
 ANALYSES += [
     ("beam", "equilibrium"),
     ("shell", "equilibrium"),
+    ("director", "equilibrium"),
     ("solid", "rest"),
     ("rigid", "equilibrium"),
 ]

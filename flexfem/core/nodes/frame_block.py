@@ -43,6 +43,8 @@ class FrameBlock:
         name: stable name of the block ("beams", "rigid_bodies").
         width: unknowns of a node, 6 or 3.
         dirichlet: (n, width) fixed unknowns; None if there are none on any rank.
+        unturned: (n,) axis, 0 to 2, about which the increments of a node do not rotate, as those
+            of directors do not about themselves: the one rotation that is fixed, -1 without one.
         owned: number of nodes of this rank.
         frames, velocity, acceleration: trial state, (n, 12) and (n, 6), local axes.
         increment: (n, 6) increment over the step: on SE(3) a twist; with ``inertial`` the
@@ -82,6 +84,10 @@ class FrameBlock:
         self.name, self.comm, self.inertial, self.width = name, comm, inertial, width
         self.node_ids, self.index_map, self.dirichlet = node_ids, index_map, dirichlet
         self.elements = elements
+        self.unturned = np.full(len(frames), -1)
+        if dirichlet is not None and width == 6:
+            alone = dirichlet[:, 3:].sum(axis=1) == 1
+            self.unturned[alone] = dirichlet[alone, 3:].argmax(axis=1)
         self.owned = int(index_map.size_local)
         self.size_global = int(index_map.size_global)
         self.offset = int(index_map.local_range[0])
@@ -104,9 +110,9 @@ class FrameBlock:
         own = np.s_[: self.owned, :width]
         self._owned = self.residual[own], self.step[own]
         self.nodes = Nodes(
-            inertial=inertial, frames=self.frames, velocity=self.velocity,
-            acceleration=self.acceleration, increment=self.increment, step=self.step,
-            residual=self.residual, frames0=self.frames0, velocity0=self._velocity0,
+            inertial=inertial, unturned=self.unturned, frames=self.frames,
+            velocity=self.velocity, acceleration=self.acceleration, increment=self.increment,
+            step=self.step, residual=self.residual, frames0=self.frames0, velocity0=self._velocity0,
             auxiliary0=self._auxiliary0, acceleration0=self._acceleration0,
             velocity_base=self._velocity_base, acceleration_base=self._acceleration_base,
             rates=self._rates, offset=np.zeros((0, 6)), turn=np.zeros((count, 6)),

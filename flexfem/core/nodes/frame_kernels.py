@@ -6,7 +6,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.nodes.prediction import Misses
 from flexfem.kernels.compiled import inlined, kernel, subroutine
-from flexfem.kernels.records import Float1D, Float2D, Memory, Record, unpack
+from flexfem.kernels.records import Float1D, Float2D, Int1D, Memory, Record, unpack
 from flexfem.lie import so3
 from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into, retract_into
 
@@ -31,6 +31,7 @@ class Nodes(Record):
 
     Attributes:
         inertial: translations are integrated in inertial axes.
+        unturned: (n,) axis, see ``FrameBlock``.
         frames, velocity, acceleration: (n, 12) and (n, 6) trial state, local axes.
         increment: (n, 6) increment over the step.
         step, residual: (n, 6) Newton step and right-hand side.
@@ -44,6 +45,7 @@ class Nodes(Record):
     """
 
     inertial: bool
+    unturned: Int1D
     frames: Float2D
     velocity: Float2D
     acceleration: Float2D
@@ -207,21 +209,31 @@ def predict(memory: Memory, law: FloatArray) -> None:
 
 
 @inlined
-def _change_into(
-    inertial: bool, H: FloatArray, n: FloatArray, step: FloatArray, change: FloatArray,
-    T: FloatArray,
-) -> None:  # fmt: skip
-    """Change of a node's increment along its local twist ``step``; ``T`` (9,) is work space."""
-    if not inertial:
+def _change_into(nodes: Nodes, i: int, step: FloatArray, change: FloatArray, T: FloatArray) -> None:
+    """Change of the increment of node ``i`` along its local twist ``step``.
+
+    ``T`` (9,) is work space. Increments about an axis that is not to turn stay as they are, by a
+    rotation about this axis besides the twist, which does not move directors along it.
+    """
+    H, n, axis, turn = nodes.frames[i], nodes.increment[i], nodes.unturned[i], 0.0
+    if not nodes.inertial:
         inverse_tangent_apply(n, step, change)
         return
     so3.inverse_tangent_into(n[3:], T)
+    if axis >= 0:
+        for m in range(3):
+            turn -= T[3 * axis + m] * step[3 + m]
+        turn /= T[4 * axis]
     for k in range(3):
         j = 3 + 3 * k
         change[k], change[3 + k] = 0.0, 0.0
         for m in range(3):
             change[k] += H[j + m] * step[m]
             change[3 + k] += T[3 * k + m] * step[3 + m]
+        if axis >= 0:
+            change[3 + k] += T[3 * k + axis] * turn
+    if axis >= 0:
+        change[3 + axis] = 0.0
 
 
 @inlined
@@ -244,7 +256,7 @@ def correct(memory: Memory, sign: float) -> float:
     nodes, largest, change, T = unpack(Nodes, memory), 0.0, np.empty(6), np.empty(9)
     n, step = nodes.increment, nodes.step
     for i in range(n.shape[0]):
-        _change_into(nodes.inertial, nodes.frames[i], n[i], step[i], change, T)
+        _change_into(nodes, i, step[i], change, T)
         for k in range(6):
             n[i, k] += sign * change[k]
         largest = _larger(largest, step[i])
@@ -262,7 +274,7 @@ def shift(memory: Memory, sign: float) -> float:
     nodes, largest, change, T = unpack(Nodes, memory), 0.0, np.empty(6), np.empty(9)
     n, step, rates = nodes.increment, nodes.step, nodes.rates
     for i in range(n.shape[0]):
-        _change_into(nodes.inertial, nodes.frames[i], n[i], step[i], change, T)
+        _change_into(nodes, i, step[i], change, T)
         for k in range(6):
             n[i, k] += sign * change[k]
             nodes.offset[i, k] += sign * change[k]

@@ -113,11 +113,15 @@ class LinearizedStep:
             accuracy: relative one of the solution, None for that of all others.
 
         Returns:
-            The solution as a vector, see :meth:`parts`, and the residuals of the blocks.
+            The solution as a vector, see :meth:`parts`, and the residuals of the blocks; of the
+            transposed equations also those along fixed unknowns.
 
         Raises:
             UnsolvedError: the iteration does not converge, with new factors neither.
         """
+        tangent, given = self.tangent, blocks
+        if transposed:
+            blocks = tangent.turned_transposed([own.copy() for own in given])
         right = blocks, rows, accuracy or self._accuracy
         found = self._iterate(right, guess, transposed=transposed)
         if found is None:
@@ -128,7 +132,13 @@ class LinearizedStep:
             found = self._iterate(right, None, transposed=transposed)
         if found is None:
             raise UnsolvedError("gradient: the linearised equations of a step could not be solved")
-        return found
+        solution, missed = found
+        if not transposed:
+            return joined(tangent.turned(self.parts(solution)[0]), self.parts(solution)[1]), missed
+        if tangent.turning:
+            forces, _ = tangent.apply_transposed(*self.parts(solution))
+            missed = [a - b for a, b in zip(given, forces, strict=True)]
+        return solution, missed
 
     def _iterate(
         self, right: tuple[BlockVectors, FloatArray, float], guess: FloatArray | None, *,
@@ -175,11 +185,16 @@ class LinearizedStep:
 
     def _action(self, *, transposed: bool) -> Callable[[FloatArray], FloatArray]:
         """The operator on vectors, counted."""
-        act = self.tangent.apply_transposed if transposed else self.tangent.apply
+        tangent = self.tangent
 
         def counted(vector: FloatArray) -> FloatArray:
             self.applications += 1
-            return joined(*act(*self.parts(vector)))
+            blocks, rows = self.parts(vector)
+            if transposed:
+                forces, values = tangent.apply_transposed(blocks, rows)
+                return joined(tangent.turned_transposed(forces), values)
+            moved = tangent.turned([own.copy() for own in blocks])
+            return joined(*tangent.apply(moved, rows))
 
         return counted
 

@@ -13,15 +13,15 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.frame_kernels import step_rates
 from flexfem.gradients.equations.kernels import apply_maps, apply_transposed_maps, step_maps
 from flexfem.lie import se3, so3
 
 __all__ = [
-    "RateMaps", "StepMaps", "TwistMap", "applied", "fixed_apart", "increments_between", "moved",
-    "rotations", "start_moves", "transposed", "twists",
+    "DirectorTurns", "RateMaps", "StepMaps", "TwistMap", "applied", "fixed_apart",
+    "increments_between", "moved", "rotations", "start_moves", "transposed", "twists",
 ]  # fmt: skip
 
 #: Distance of nodes at the starts of two models, m or 1, up to which it is rounding.
@@ -123,6 +123,49 @@ class TwistMap:
 
 
 @dataclass(frozen=True)
+class DirectorTurns:
+    """Rotations of nodes about an axis about which their increments do not rotate.
+
+    They follow from those about the other axes, which do not commute: a local twist x at the end of
+    a step is that of an increment ``F^-1 x``, whose component along the axis is zero.
+
+    Attributes:
+        nodes: (m,) owned nodes; column: (m,) of that axis in the twists.
+        factors: (m, 3) of the rotations about the three axes, zero for that one.
+    """
+
+    nodes: IntArray
+    column: IntArray
+    factors: FloatArray
+
+    @classmethod
+    def of(cls, block: FrameBlock) -> "DirectorTurns":
+        """Those of the owned nodes of a block at its trial state."""
+        axis = block.unturned[: block.owned]
+        nodes = np.flatnonzero(axis >= 0)
+        axis, rows = axis[nodes], np.arange(len(nodes))
+        inverse = so3.inverse_tangent(block.increment[nodes, 3:])[rows, axis]
+        factors = -inverse / inverse[rows, axis][:, np.newaxis]
+        factors[rows, axis] = 0.0
+        return cls(nodes, 3 + axis, factors)
+
+    def add(self, twists: FloatArray) -> None:
+        """Add the rotations of twists (n, w) that have none along the axes, in place."""
+        if not len(self.nodes):  # of points, too
+            return
+        turns = (self.factors * twists[self.nodes, 3:]).sum(axis=1)
+        twists[self.nodes, self.column] += turns
+
+    def add_transposed(self, sums: FloatArray) -> None:
+        """The transposed of :meth:`add`, which leaves zeros along the axes."""
+        if not len(self.nodes):
+            return
+        along = sums[self.nodes, self.column]
+        sums[self.nodes, 3:] += self.factors * along[:, np.newaxis]
+        sums[self.nodes, self.column] = 0.0
+
+
+@dataclass(frozen=True)
 class StepMaps:
     """Maps of the owned nodes of a block over a step.
 
@@ -131,7 +174,9 @@ class StepMaps:
         by_increment: F, from increments to twists at the end; inverse: its inverse.
         axes: from twists at the end to those in the axes of the accepted state, which some
             families rotate with their elements.
-        held: (n, w) unknowns that are fixed, None if there are none.
+        held: (n, w) fixed unknowns along which twists have no variations, None if there are none;
+            about the axes of :class:`DirectorTurns` they have.
+        unturned: (n,) these axes, about which rates of increments have none, -1 without one.
     """
 
     before: TwistMap
@@ -139,6 +184,7 @@ class StepMaps:
     inverse: TwistMap
     axes: TwistMap
     held: BoolArray | None
+    unturned: IntArray
 
     @classmethod
     def of(cls, block: FrameBlock, accepted: FloatArray) -> "StepMaps":
@@ -150,12 +196,15 @@ class StepMaps:
         """
         out = np.empty((4, block.owned, 27))
         step_maps(block.nodes.memory, accepted, out)
-        held = None if block.dirichlet is None else block.dirichlet[: block.owned]
+        held = None if block.dirichlet is None else block.dirichlet[: block.owned].copy()
+        unturned = block.unturned[: block.owned]
+        if held is not None and block.width == 6:
+            held[unturned >= 0, 3:] = False
         before, by_increment, inverse, axes = (TwistMap(own) for own in out)
-        return cls(before, by_increment, inverse, axes, held)
+        return cls(before, by_increment, inverse, axes, held, unturned)
 
     def hold(self, twists: FloatArray) -> FloatArray:
-        """Local twists without fixed unknowns, in place."""
+        """Local twists without those along unknowns that have no variations, in place."""
         if self.held is not None:
             twists[self.held] = 0.0
         return twists
@@ -164,7 +213,10 @@ class StepMaps:
         """Rates of increments, or what multiplies them, without those along fixed unknowns."""
         if self.held is None:
             return rates
-        return self.inverse(self.hold(self.by_increment(rates)))
+        found = self.inverse(self.hold(self.by_increment(rates)))
+        at = np.flatnonzero(self.unturned >= 0)
+        found[at, 3 + self.unturned[at]] = 0.0
+        return found
 
 
 @dataclass(frozen=True)

@@ -11,12 +11,15 @@ Element matrices are not assembled.
 from collections.abc import Iterator, Sequence
 from dataclasses import replace
 
+from mpi4py import MPI
+
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.nodes.action_kernels import subtract_forces
 from flexfem.gradients.equations.damped_modes import DampedModes
 from flexfem.gradients.equations.kernels import add_products, add_transposed_products
+from flexfem.gradients.equations.node_maps import DirectorTurns
 from flexfem.gradients.equations.unilateral import StateChange, Unilateral
 from flexfem.layout.elements import StepMatrices
 from flexfem.system.mechanics import END_POINT, EndPoint
@@ -123,7 +126,12 @@ def _separate(values: FloatArray) -> None:
 
 
 class StepTangent:
-    """Derivatives at a trial state, see the module."""
+    """Derivatives at a trial state, see the module.
+
+    Attributes:
+        turning: True if there are directors on any rank, which turn about themselves without being
+            free to, see :class:`DirectorTurns`.
+    """
 
     def __init__(
         self, system: System, mechanics: EndPoint = END_POINT, forces: Sequence[Unilateral] = ()
@@ -140,6 +148,9 @@ class StepTangent:
         self._modes = DampedModes(system)
         self._rows = np.zeros((4, len(system.constraints.row_of_term), 2, 6))
         self._hessians = np.zeros((0, 12, 12))
+        self._turns: list[DirectorTurns] = []  # none without directors
+        turning = any((part.block.unturned >= 0).any() for part in system.parts)
+        self.turning = bool(system.comm.allreduce(turning, op=MPI.LOR))
 
     def take(self, shifts: Shifts) -> None:
         """Compute the derivatives at the trial state, whose multipliers are set (collective).
@@ -166,6 +177,20 @@ class StepTangent:
         self._mechanics.evaluate_rows(system, shifts)
         # those that act over the step are among the forces
         self._hessians = rows.hessians(np.where(rows.apart, 0.0, rows.multipliers))
+        if self.turning:
+            self._turns = [DirectorTurns.of(part.block) for part in system.parts]
+
+    def turned(self, blocks: BlockVectors) -> BlockVectors:
+        """Local twists with the turns of directors, of those without, in place."""
+        for own, turns in zip(blocks, self._turns, strict=False):
+            turns.add(own)
+        return blocks
+
+    def turned_transposed(self, blocks: BlockVectors) -> BlockVectors:
+        """The transposed of :meth:`turned`, in place."""
+        for own, turns in zip(blocks, self._turns, strict=False):
+            turns.add_transposed(own)
+        return blocks
 
     def apply(
         self, blocks: BlockVectors, multipliers: FloatArray, matrix: int = STEP
@@ -173,7 +198,7 @@ class StepTangent:
         """Change of the equations of blocks and of rows (r,) (collective).
 
         Args:
-            blocks: local twists.
+            blocks: local twists; those along fixed unknowns count as well.
             multipliers: (r,) changes of L, the same on all ranks that have a row.
             matrix: one of those of the step, or their sum.
         """
@@ -195,7 +220,7 @@ class StepTangent:
         """The transposed of :meth:`apply` (collective).
 
         Args:
-            blocks: factors of the equations of the blocks.
+            blocks: factors of the equations of the blocks, zero for fixed unknowns.
             multipliers: (r,) of those of the rows, the same on all ranks that have a row.
             matrix: one of those of the step, or their sum.
         """
@@ -207,7 +232,7 @@ class StepTangent:
             for one in self.forces:
                 one.add_transposed()
         add_row_forces(system, self._rows[matrix], multipliers)
-        found = collected(system)
+        found = [part.block.owned_residual.copy() for part in system.parts]
         self._modes.add_transposed(blocks, found, _KINDS[matrix])
         if matrix not in _WITH_POSITIONS:
             return found, np.zeros(rows.size)
@@ -243,7 +268,6 @@ def put_steps(system: System, blocks: BlockVectors) -> None:
     """Write vectors to the steps of blocks and interface, and clear the residuals (collective)."""
     for part, values in zip(system.parts, blocks, strict=True):
         part.block.owned_step[:] = values
-        part.block.hold(part.block.owned_step)
         part.block.spread_step()
         part.block.residual[:] = 0.0
     system.interface.update_steps()

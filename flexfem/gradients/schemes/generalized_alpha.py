@@ -120,7 +120,7 @@ class AlphaRecursion:
         for own, by, e, dv, dw in zip(
             carried, self.maps, missed, by_velocity, by_acceleration, strict=True
         ):
-            self._back(own, by, e, (dv, dw))
+            self._back(own, by, by.hold(e), (dv, dw))
         for forces in linear.tangent.forces:
             start = forces.start_transposed(z, mu)
             for own, twists, rates in zip(carried, start.twists, start.rates, strict=True):
