@@ -31,6 +31,7 @@ __all__ = [
     "StrainedElements",
     "StresslessElements",
     "TimedElements",
+    "TurningElements",
     "one_width",
 ]
 
@@ -309,6 +310,18 @@ class StepMatrices(Protocol):
             scale: factor of all.
             out: (3, k), at present stresses. With velocities change accelerations along the axes of
                 nodes as well, where translations are integrated in inertial axes.
+        """
+        ...
+
+
+@runtime_checkable
+class TurningElements(ElementFamily, Protocol):
+    """Elements whose matrix leaves out how strain rates change with rotations."""
+
+    def rate_changes(self, block: FrameBlock, shifts: FloatArray, scale: float) -> FloatArray:
+        """What entries of ``ElementFamily.values`` leave out, (2, k), see there for arguments.
+
+        These are derivatives by positions at fixed rates of increments, and by these rates.
         """
         ...
 

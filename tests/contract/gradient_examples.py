@@ -161,6 +161,37 @@ def rubbing(*, coefficient, mass, gravity, spin) -> ff.Model:
     return model
 
 
+def _plane(strain, p):
+    """Energy of a plate that stretches and bends."""
+    parts = ((p.A, *(strain[i] for i in range(3))), (p.D, *(strain[i] for i in range(3, 6))))
+    return sum(
+        0.5 * size * (a**2 + b**2 + 0.6 * a * b + 0.35 * c**2) for size, a, b, c in parts
+    )  # fmt: skip
+
+
+def damped_shell(element: str, *, law: bool, gravity, damping) -> ff.Model:
+    """A clamped strip that swings far sideways as well, damped by itself or by its law."""
+    section = ff.ShellSection.isotropic(0.01, ff.Material(5e6, 0.3, 1100.0))
+    if law:
+        numbers = {"A": 5e4, "D": 5e4 * 0.01**2 / 12.0, "tau": damping}
+        section = section.with_law(
+            ff.ShellLaw(
+                _plane, dissipation=lambda e, rate, p: p.tau * _plane(rate, p), parameters=numbers
+            )
+        )
+    tip = ff.Marker("rod", "rod_bottom_right")
+    model = ff.Model("damped", surface=ff.SurfaceMesh.rectangle("rod", (LENGTH, 0.1), (4, 2)))
+    model.add(
+        ff.Gravity((0.0, 3.0, -gravity)),
+        ff.Shell(
+            "rod", section, element=element, damping=0.0 if law else damping,
+            edges={"rod_left": "clamped"},
+        ),
+        ff.PositionProbe("tip", tip),
+    )  # fmt: skip
+    return model
+
+
 #: Sizes of a strip, and its fixed edge that grows with its width.
 STRIP = {"length": 0.5, "width": 0.1}
 

@@ -91,8 +91,8 @@ BUILDS = {
 COLUMNS = {
     "se3": (("s_kappa2", "s_m2", "most", "smooth", "longer"), 1e-6),
     "nurbs": (("s_kappa2", "s_n3", "most", "smooth", "here", "speed", "spin", "push"), 2e-7),
-    "director": (("s_m11", "s_eps11", "energy_bending", "smooth"), 2e-5),
-    "rotation_free": (("s_m11", "s_eps11", "energy_bending", "smooth"), 2e-5),
+    "director": (("s_m11", "s_eps11", "energy_bending", "smooth"), 1e-6),
+    "rotation_free": (("s_m11", "s_eps11", "energy_bending", "smooth"), 1e-6),
     "solid": (("s_von_mises", "all_volume", "all_von_mises", "end_uz", "smooth"),
               2e-5),
 }  # fmt: skip

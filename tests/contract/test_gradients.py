@@ -17,6 +17,7 @@ from tests.contract.gradient_examples import (
     RUBBING,
     STRIP,
     body,
+    damped_shell,
     jointed,
     mechanism,
     rubbing,
@@ -97,12 +98,27 @@ def test_directors_that_turn_far():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("element", ["solid", "director", "rotation_free"])
-def test_shapes_that_move_fixed_nodes(element):
+@pytest.mark.parametrize("law", [False, True])
+@pytest.mark.parametrize("element", ["director", "rotation_free"])
+def test_damped_shells(element, law):
+    """Rates of strain that change with rotations alone: 1e-4 and more without that.
+
+    Increments over steps whose length counts in rates of directors are 0.03 rad.
+    """
+    options = ff.RunOptions(dt=5e-3, t_end=0.05, tolerance=1e-13)
+    build = partial(damped_shell, element, law=law)
+    compare(build, {"gravity": 9.81, "damping": 5e-3}, ["final:tip_y", "mean:tip_z"], options, 1e-8)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("element", "accuracy"), [("solid", 2e-6), ("director", 5e-8), ("rotation_free", 2e-6)]
+)
+def test_shapes_that_move_fixed_nodes(element, accuracy):
     """A clamped edge that stayed where it was would stretch: wrong by the whole derivative."""
     options = ff.RunOptions(dt=1e-3, t_end=8e-3, tolerance=1e-13)
     of = ["final:tip_x", "final:tip_y", "final:tip_z", "mean:root_y"]
-    compare(partial(strip, element), STRIP, of, options, 2e-6)
+    compare(partial(strip, element), STRIP, of, options, accuracy)
 
 
 @pytest.mark.serial
@@ -178,7 +194,11 @@ def test_other_joints(name):
 
 
 @pytest.mark.parametrize(
-    "kind", ["se3", *(pytest.param(k, marks=pytest.mark.three_ranks) for k in ("solid", "rubbing"))]
+    "kind",
+    [
+        "se3",
+        *(pytest.param(k, marks=pytest.mark.three_ranks) for k in ("solid", "rubbing", "director")),
+    ],
 )
 def test_ranks_agree(kind):
     """All ranks together find what each finds by itself; there may be ranks without bodies."""
@@ -186,6 +206,9 @@ def test_ranks_agree(kind):
     build, numbers = partial(body, kind), NUMBERS
     if kind == "rubbing":
         build, numbers = rubbing, RUBBING
+    if kind == "director":
+        build = partial(damped_shell, kind, law=False)
+        numbers = {"gravity": 9.81, "damping": 5e-3}
     alone, together = (
         ff.gradient(build, "final:tip_z", numbers, options, accuracy=1e-13, comm=comm)
         for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)

@@ -28,7 +28,9 @@ from flexfem.families.shell_director.inertia import (
     add_turns,
 )
 from flexfem.families.shell_director.law import Response
-from flexfem.families.shell_director.triangles import DirectorTriangles
+from flexfem.families.shell_director.rates import rate_changes
+from flexfem.families.shell_director.triangles import UNKNOWNS, DirectorTriangles
+from flexfem.families.shell_rotation_free.rate_changes import add_pairs
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 __all__ = ["DirectorCells", "DirectorShells"]
@@ -63,7 +65,8 @@ class DirectorShells:
         strained, timed: see :class:`flexfem.layout.elements.StrainedElements`.
 
     The methods of :class:`flexfem.layout.elements.ElementFamily` are described there. With damping,
-    the tangent neglects the change of strain rates by the rotation of the triangles.
+    the tangent neglects the change of strain rates by the rotation of the triangles, see
+    :meth:`rate_changes`.
     """
 
     law_owner: str | None = None
@@ -183,6 +186,14 @@ class DirectorShells:
             np.array([shifts[2], scale]), blocks,
         )  # fmt: skip
         return blocks.ravel()
+
+    def rate_changes(self, block: FrameBlock, shifts: FloatArray, scale: float) -> FloatArray:
+        """See :class:`flexfem.layout.elements.TurningElements`."""
+        found = np.zeros((2, len(self._pairs.rows), 6, 6))
+        changes = rate_changes(self.triangles, block, self._starts(block, None))
+        for blocks, own, factor in zip(found, changes, (shifts[2], shifts[0]), strict=True):
+            add_pairs(scale * float(factor) * own, self._index, UNKNOWNS.tolist(), blocks)
+        return found.reshape(2, -1)
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,

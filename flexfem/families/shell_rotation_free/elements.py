@@ -27,6 +27,8 @@ from flexfem.families.common.corotating_loops import (
 )
 from flexfem.families.common.node_pairs import NodePairs
 from flexfem.families.common.shell_rest import RestStrains
+from flexfem.families.shell_rotation_free.rate_changes import add_pairs
+from flexfem.families.shell_rotation_free.rates import rate_changes
 from flexfem.families.shell_rotation_free.triangles import RotationFreeTriangles
 from flexfem.layout.elements import one_width
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
@@ -67,7 +69,8 @@ class RotationFreeShells:
         strained, timed: see :class:`flexfem.layout.elements.StrainedElements`.
 
     The methods of :class:`flexfem.layout.elements.ElementFamily` are described there. With damping,
-    the tangent neglects the change of strain rates by the rotation of the triangles.
+    the tangent neglects the change of strain rates by the rotation of the triangles, see
+    :meth:`rate_changes`.
     """
 
     law_owner: str | None = None
@@ -194,6 +197,21 @@ class RotationFreeShells:
                 drop_compression=request.drop_compression,
             )  # fmt: skip
             group.triangles.add_tangents(self._points, index, blocks, factors, response)
+
+    def rate_changes(self, block: FrameBlock, shifts: FloatArray, scale: float) -> FloatArray:
+        """See :class:`flexfem.layout.elements.TurningElements`."""
+        pairs, found = self._pairs, np.zeros((2, len(self._pairs.rows), 3, 3))
+        positions_into(block.frames, self._points)
+        velocities = self._velocities(block)
+        if velocities is None:
+            return found.reshape(2, -1)
+        for group, index in zip(self.groups, pairs.index, strict=True):
+            if group.triangles.viscous:
+                own = rate_changes(group.triangles, self._points, velocities)
+                places = [(node, 0) for node in range(index.shape[1])]
+                add_pairs(scale * float(shifts[2]) * own, index, places, found[0])
+        turn_blocks(pairs.rows, pairs.columns, block.frames, found[0])
+        return found.reshape(2, -1)
 
     def add_action(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,

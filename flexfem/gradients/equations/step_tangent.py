@@ -21,7 +21,7 @@ from flexfem.gradients.equations.damped_modes import DampedModes
 from flexfem.gradients.equations.kernels import add_products, add_transposed_products
 from flexfem.gradients.equations.node_maps import DirectorTurns
 from flexfem.gradients.equations.unilateral import StateChange, Unilateral
-from flexfem.layout.elements import StepMatrices
+from flexfem.layout.elements import StepMatrices, TurningElements
 from flexfem.system.mechanics import END_POINT, EndPoint
 from flexfem.system.system import BlockPart, Shifts, System
 
@@ -88,6 +88,10 @@ class _PartMatrices:
             for values, own in zip(self._cells, every, strict=False):
                 values[:] = END_POINT.element_values(system, part, own, own.request())
             _separate(self._cells)
+        if isinstance(part.elements, TurningElements) and part.elements.viscous:
+            changes = part.elements.rate_changes(part.block, shifts.array, shifts.scale)
+            self._cells[:ACCELERATIONS] += changes
+            self._cells[STEP] += changes.sum(axis=0)
 
     def add_stresses(self, values: FloatArray) -> None:
         """Add entries of the cells to the matrix by positions."""
