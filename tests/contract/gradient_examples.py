@@ -169,10 +169,10 @@ def _plane(strain, p):
     )  # fmt: skip
 
 
-def damped_shell(element: str, *, law: bool, gravity, damping) -> ff.Model:
-    """A clamped strip that swings far sideways as well, damped by itself or by its law."""
+def damped_shell(element: str, how: str = "shell", *, gravity, damping) -> ff.Model:
+    """A clamped strip that swings far sideways as well, damped by itself, its law or its modes."""
     section = ff.ShellSection.isotropic(0.01, ff.Material(5e6, 0.3, 1100.0))
-    if law:
+    if how == "law":
         numbers = {"A": 5e4, "D": 5e4 * 0.01**2 / 12.0, "tau": damping}
         section = section.with_law(
             ff.ShellLaw(
@@ -184,11 +184,13 @@ def damped_shell(element: str, *, law: bool, gravity, damping) -> ff.Model:
     model.add(
         ff.Gravity((0.0, 3.0, -gravity)),
         ff.Shell(
-            "rod", section, element=element, damping=0.0 if law else damping,
+            "rod", section, element=element, damping=damping if how == "shell" else 0.0,
             edges={"rod_left": "clamped"},
         ),
         ff.PositionProbe("tip", tip),
     )  # fmt: skip
+    if how == "modes":
+        model.add(ff.ModalDamping("damping", [40.0 * damping] * 4))
     return model
 
 

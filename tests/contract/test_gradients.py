@@ -98,16 +98,21 @@ def test_directors_that_turn_far():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("law", [False, True])
+@pytest.mark.parametrize("how", ["shell", "law"])
 @pytest.mark.parametrize("element", ["director", "rotation_free"])
-def test_damped_shells(element, law):
-    """Rates of strain that change with rotations alone: 1e-4 and more without that.
-
-    Increments over steps whose length counts in rates of directors are 0.03 rad.
-    """
+def test_damped_shells(element, how):
+    """Rates of strain that change with rotations alone: 1e-4 and more without that."""
     options = ff.RunOptions(dt=5e-3, t_end=0.05, tolerance=1e-13)
-    build = partial(damped_shell, element, law=law)
+    build = partial(damped_shell, element, how)
     compare(build, {"gravity": 9.81, "damping": 5e-3}, ["final:tip_y", "mean:tip_z"], options, 1e-8)
+
+
+@pytest.mark.serial
+def test_damped_modes_of_directors():
+    """Their forces turn with directors about themselves as well: 1e-7 and more without that."""
+    options = ff.RunOptions(dt=5e-3, t_end=0.1, tolerance=1e-13)
+    build = partial(damped_shell, "director", "modes", damping=5e-3)
+    compare(build, {"gravity": 9.81}, ["final:tip_y", "final:tip_z"], options, 1e-8)
 
 
 @pytest.mark.serial
@@ -207,7 +212,7 @@ def test_ranks_agree(kind):
     if kind == "rubbing":
         build, numbers = rubbing, RUBBING
     if kind == "director":
-        build = partial(damped_shell, kind, law=False)
+        build = partial(damped_shell, kind)
         numbers = {"gravity": 9.81, "damping": 5e-3}
     alone, together = (
         ff.gradient(build, "final:tip_z", numbers, options, accuracy=1e-13, comm=comm)

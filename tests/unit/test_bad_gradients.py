@@ -135,14 +135,14 @@ def test_approximate_tangents(monkeypatch):
     _without_turning_rates(monkeypatch)
     _refused(
         'the linearised equations of Shell "rod", or of a body of its kind, are not exact',
-        model=damped_shell("director", law=False, gravity=9.81, damping=5e-3),
+        model=damped_shell("director", gravity=9.81, damping=5e-3),
         wrt=["gravity[2]"], of="final:tip_z", options=replace(OPTIONS, dt=5e-3, t_end=0.05),
     )  # fmt: skip
 
 
 def test_fits_with_approximate_tangents(monkeypatch):
     _without_turning_rates(monkeypatch)
-    build = partial(damped_shell, "director", law=False, gravity=9.81)
+    build = partial(damped_shell, "director", gravity=9.81)
     with pytest.raises(ValueError, match="are not exact"):
         ff.identify(
             build, {"tip_z": np.zeros(11)}, {"damping": 5e-3},

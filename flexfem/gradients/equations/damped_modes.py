@@ -89,10 +89,8 @@ class DampedModes:
                 turning.append(matrices[number].transposed_product(entries))
                 forces.append(own.forces(k))
             held, moved = (_by_steps(own, velocity) for velocity in (0.0, shifts.velocity))
-            by_positions = [
-                block.hold(a + transposed(held, b)) for a, b in zip(turning, forces, strict=True)
-            ]
-            by_velocities = [block.hold(transposed(moved - held, b)) for b in forces]
+            by_positions = [a + transposed(held, b) for a, b in zip(turning, forces, strict=True)]
+            by_velocities = [transposed(moved - held, b) for b in forces]
             shape = len(forces), *block.owned_step.shape
             self._vectors[number] = _Vectors(
                 np.array(forces).reshape(shape),

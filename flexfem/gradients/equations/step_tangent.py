@@ -105,7 +105,7 @@ class _PartMatrices:
         for (i, j), first in zip(self.places[: self._inside], self._first, strict=False):
             add_transposed_products(i, j, values[first:], block.width, block.step, block.residual)
         block.add_ghosts()
-        return block.hold(block.owned_residual.copy())
+        return block.owned_residual.copy()
 
     def values(self, matrix: int) -> Iterator[FloatArray]:
         """Entries of a matrix at all places, row by row; more may follow those of a place."""
