@@ -92,7 +92,7 @@ def test_forces_behind_events(kind):
     compare(build, VALUES, ["final:of_root_fz", "mean:of_root_fx"], options, 2e-7)
 
 
-def propped(*, youngs, push, stiffness):
+def propped(*, youngs, push, stiffness, more=()):
     """A rod on a hinge with a spring, and on a strut."""
     model = ff.Model("propped", mesh=ff.LineMesh.straight({"rod": [(0, 0, 0), (0.5, 0, 0)]}, 4))
     root, end = ff.Marker("rod", "start"), ff.Marker("rod", "end")
@@ -107,6 +107,7 @@ def propped(*, youngs, push, stiffness):
         ff.ReactionProbe("bearing", "hinge"),
         ff.ReactionProbe("twisting", "twist"),
         ff.ReactionProbe("propping", "strut", axes="b"),
+        *more,
     )
     return model
 

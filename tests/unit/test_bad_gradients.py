@@ -11,6 +11,7 @@ import flexfem as ff
 from flexfem.cli.command import command
 from flexfem.families.shell_director.elements import DirectorShells
 from tests.contract.gradient_examples import NUMBERS, body, damped_shell
+from tests.contract.test_gradient_forces import propped
 from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
@@ -181,13 +182,35 @@ def test_meshes_that_jump():
 
 def test_columns_that_are_measured():
     _refused(
-        'column "all_kinetic" of EnergyProbe "all" has no derivatives yet',
-        model=_model(ff.EnergyProbe("all")), of="final:all_kinetic",
+        'column "all_work" of EnergyProbe "all" has no derivatives yet',
+        model=_model(ff.EnergyProbe("all")), of="final:all_work",
     )  # fmt: skip
     stairs = ff.AggregateProbe("stairs", "rod", lambda e, n, x: np.floor(1e3 * e[:, 4]))
     _refused(
         'AggregateProbe "stairs" has a kink or jumps at a state', model=_model(stairs),
         of="final:stairs",
+    )  # fmt: skip
+
+
+def test_energies():
+    whole = ff.SurfaceMesh.rectangle("strip", (0.4, 0.1), (4, 2))
+    left, right = np.array_split(whole.bodies["strip"], 2)
+    mesh = ff.SurfaceMesh(whole.points, whole.triangles, {"left": left, "right": right})
+    section = ff.ShellSection.isotropic(0.01, ff.Material(5e6, 0.3, 1100.0))
+    model = ff.Model("two", surface=mesh)
+    model.add(
+        ff.Gravity((0.0, 0.0, -0.1)), ff.Shell("left", section), ff.Shell("right", section),
+        ff.EnergyProbe("one", ["left"]), ff.EnergyProbe("all"),
+    )  # fmt: skip
+    _refused(
+        'EnergyProbe "one" of these bodies has no derivatives yet', model=model,
+        of="final:one_kinetic", wrt=["gravity[2]"],
+    )  # fmt: skip
+    _refused(
+        'column "all_gravity" of EnergyProbe "all" has no derivatives in equilibria yet',
+        model=propped(youngs=5e6, push=2.0, stiffness=0.5, more=[ff.EnergyProbe("all")]),
+        of="final:all_gravity", wrt=["rod.section.stiffness[4][4]"],
+        options=ff.StaticOptions(load_steps=1),
     )  # fmt: skip
 
 

@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Derivatives of the forces of joints at accepted states."""
+"""Derivatives of forces of joints, energies and momenta at accepted states."""

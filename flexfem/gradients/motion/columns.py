@@ -27,6 +27,7 @@ from flexfem.gradients.equations.node_maps import rotations, transposed
 from flexfem.gradients.equations.step_tangent import BlockVectors, forces_on_blocks
 from flexfem.gradients.forces.accepted import ForceDerivatives
 from flexfem.gradients.forces.columns import ForceColumns
+from flexfem.gradients.forces.energies import BodyDerivatives
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.integrators.accepted_forces import AcceptedForces
 from flexfem.layout.elements import one_width
@@ -34,6 +35,9 @@ from flexfem.layout.family import NodalSensor, Sensor
 from flexfem.lie import se3, so3
 from flexfem.model.model import Model
 from flexfem.model.probes.base import AnyProbe, MarkerState, Probe
+from flexfem.model.probes.measured import EnergyProbe, MomentumProbe
+from flexfem.system.measure.energies import EnergyMeter
+from flexfem.system.measure.momenta import MomentumMeter
 from flexfem.system.measure.probes import ROW, MarkersInside, ProbeRecorder
 from flexfem.system.measure.sensors import RowSensor
 from flexfem.system.system import System
@@ -133,6 +137,7 @@ class ColumnDerivatives:
         self._states, self._columns = states, list(columns)
         self._probes: list[tuple[Probe, int, list[tuple[int, int]]]] = []
         self._sensors: list[tuple[_Sensor, list[tuple[int, int]]]] = []
+        self._bodies: list[tuple[BodyDerivatives, int, list[tuple[int, int]]]] = []
         self._joints: list[tuple[ForceColumns, int, list[tuple[int, int]]]] = []
         at, recorder = 0, states.recorder
         for probe in states.model.probes:
@@ -142,7 +147,13 @@ class ColumnDerivatives:
                 self._probes.append((probe, at, own))
             elif own:
                 sensor = recorder.sensors[probe.name]
-                if isinstance(sensor, RowSensor):
+                if isinstance(sensor, (EnergyMeter, MomentumMeter)):
+                    assert isinstance(probe, (EnergyProbe, MomentumProbe))
+                    if isinstance(probe, EnergyProbe) and states.accepted is None:
+                        _check_at_rest(probe, columns)
+                    bodies = BodyDerivatives(_owner(probe), states.system, sensor, probe.bodies)
+                    self._bodies.append((bodies, len(probe.columns), own))
+                elif isinstance(sensor, RowSensor):
                     joint = ForceColumns(_owner(probe), states.system, sensor)
                     self._joints.append((joint, sensor.width, own))
                 else:
@@ -189,6 +200,9 @@ class ColumnDerivatives:
             one.add(found, every)
         for sensor, own in self._sensors:
             sensor.add(np.array([weights[c] for _, c in own]), [k for k, _ in own], every)
+        for bodies, width, own in self._bodies:
+            for kind, changes in enumerate(bodies.back(_spread(weights, width, own))):
+                every.add_blocks(self._states.system, kind, changes)
         if self._joints:
             forces = self._add_forces(weights, every)
         blocks = [
@@ -202,9 +216,7 @@ class ColumnDerivatives:
         system, factors = self._states.system, np.zeros(self._states.system.constraints.size)
         forces = system.reported_forces()
         for joint, width, own in self._joints:
-            every = np.zeros(width)
-            every[[k for k, _ in own]] = [weights[c] for _, c in own]
-            twists, by_forces = joint.back(every, forces)
+            twists, by_forces = joint.back(_spread(weights, width, own), forces)
             factors += by_forces
             sums.add_blocks(system, 0, forces_on_blocks(system, twists))
         if not system.comm.allreduce(bool(factors.any()), op=MPI.LOR):
@@ -229,6 +241,19 @@ class ColumnDerivatives:
             if factors.any():
                 places = slice(at, at + len(probe.markers))
                 found[places] = _differences(probe, t, states[places], factors)
+
+
+def _check_at_rest(probe: EnergyProbe, columns: Sequence[str]) -> None:
+    """Refuse the potential of a weight that may grow along a path of equilibria.
+
+    Raises:
+        InputError: it is one of the columns.
+    """
+    if probe.columns[2] in columns:
+        raise InputError(
+            f'gradient: column "{probe.columns[2]}" of {_owner(probe)} has no derivatives in '
+            "equilibria yet"
+        )
 
 
 def _check_markers(probe: Probe) -> None:
@@ -327,6 +352,13 @@ def _components(rows: FloatArray, rotation: FloatArray) -> FloatArray:
     R = se3.rotation(rows[:, :12])
     turns = so3.log(R @ rotation.transpose(0, 2, 1))
     return np.concatenate([rows[:, :3], turns, rows[:, 12:18], rows[:, 20:]], axis=1)
+
+
+def _spread(weights: FloatArray, width: int, own: Sequence[tuple[int, int]]) -> FloatArray:
+    """Weights (width,) of all columns of a probe, of which some are chosen ones."""
+    found = np.zeros(width)
+    found[[k for k, _ in own]] = [weights[c] for _, c in own]
+    return found
 
 
 def _owner(probe: AnyProbe) -> str:

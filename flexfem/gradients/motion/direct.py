@@ -21,7 +21,7 @@ from flexfem.gradients.equations.node_maps import fixed_apart, moved, start_move
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.model.probes.base import Probe
 from flexfem.model.probes.cable import CableProbe
-from flexfem.model.probes.measured import ReactionProbe
+from flexfem.model.probes.measured import EnergyProbe, ReactionProbe
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.measure.probes import ProbeRecorder
 from flexfem.system.system import System
@@ -168,7 +168,8 @@ class _Columns:
 def force_columns(simulation: Simulation, wanted: Collection[str]) -> bool:
     """True if there are forces of joints among some columns of a model."""
     return any(
-        isinstance(probe, (CableProbe, ReactionProbe)) and not {*probe.columns}.isdisjoint(wanted)
+        isinstance(probe, (CableProbe, EnergyProbe, ReactionProbe))
+        and not {*probe.columns}.isdisjoint(wanted)
         for probe in simulation.serial.model.probes
     )
 

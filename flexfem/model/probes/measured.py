@@ -122,6 +122,11 @@ class EnergyProbe(_BodiesProbe):
         """Name the columns."""
         name_columns(self, ("kinetic", "strain", "gravity", "work", "dissipation", "balance"))
 
+    @property
+    def differentiable(self) -> tuple[str, ...]:
+        """See :class:`AnyProbe`: those that are functions of the state."""
+        return self.columns[:3]
+
 
 @declared
 class MomentumProbe(_BodiesProbe):
@@ -130,6 +135,8 @@ class MomentumProbe(_BodiesProbe):
     Columns: linear momentum name_px, _py, _pz (kg m/s), angular momentum about the inertial origin
     name_lx, _ly, _lz (kg m^2/s), centre of mass name_cx, _cy, _cz (m).
     """
+
+    smooth: ClassVar[bool] = True
 
     def __post_init__(self) -> None:
         """Name the columns."""

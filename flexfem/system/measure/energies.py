@@ -104,6 +104,7 @@ class EnergyMeter:
     Attributes:
         SHARES: length of :meth:`state`.
         whole: True for all bodies.
+        inside: (r,) rows that act on the bodies alone, whose energy is theirs.
         latest: (6,) last result of :meth:`update`; zero before.
     """
 
@@ -137,7 +138,8 @@ class EnergyMeter:
         driven = rows.working & ~self._moved
         # a drive works on all its sides, any row works on a chosen body against another one
         self._working = sides & (owned & (driven | crossing))[rows.row_of_term][:, np.newaxis]
-        self._springs = owned & ~crossing
+        self.inside = ~crossing
+        self._springs = owned & self.inside
         # rows whose forces may be the change of what they store over that of their value
         stores = np.isin(rows.elastic[:, 0], (LawKind.LIMIT, *STORING_FUNCTIONS))
         self._quotients = self._springs & ~self._moved

@@ -72,15 +72,19 @@ class ChosenBodies:
 
 
 class MomentumMeter:
-    """Momenta and centre of mass of some bodies."""
+    """Momenta and centre of mass of some bodies.
+
+    Attributes:
+        mass: of the bodies, kg.
+    """
 
     def __init__(self, system: System, model: Model, bodies: Sequence[str] | None = None) -> None:
         """Choose the bodies by name, None for all (collective: sums their mass)."""
         self._chosen = ChosenBodies(system, model, bodies)
-        self._mass = system.comm.allreduce(float(self._chosen.motion()[motion.MASS]))
+        self.mass: float = system.comm.allreduce(float(self._chosen.motion()[motion.MASS]))
 
     def update(self) -> FloatArray:
         """(9,) share of this rank in momentum, angular momentum and centre of mass."""
         state = self._chosen.motion()
-        centre = state[motion.FIRST : motion.LINEAR] / self._mass
+        centre = state[motion.FIRST : motion.LINEAR] / self.mass
         return np.concatenate([state[motion.LINEAR :], centre])
