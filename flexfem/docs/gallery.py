@@ -44,6 +44,7 @@ DRAWINGS = {
     "campbell": Drawing(script="plot_campbell"),
     "optimal_column": Drawing(folder="modes"),
     "uniform_stress_blade": Drawing("--view z --colour N"),
+    "identification_twin": Drawing("--colour N"),
     "optimal_manipulator": Drawing("--columns error_x,error_y", script="plot_history"),
     "spin_up": Drawing("--columns u2,theta1", script="plot_history"),
     "tuned_damper": Drawing("--columns deflection", script="plot_history"),
