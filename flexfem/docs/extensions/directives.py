@@ -34,6 +34,7 @@ from flexfem.model.bodies.base import Body
 from flexfem.model.bodies.basic import Beam, PointMass, RigidBody
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.bodies.shell import Shell
+from flexfem.model.probes.base import AnyProbe
 from flexfem.model.structure.structure import Structure
 from flexfem.options import Option
 
@@ -145,6 +146,30 @@ class ParameterPaths(FromPackage):
         ]
         head = ".. list-table::\n   :header-rows: 1\n\n   * - class\n     - numbers"
         return "\n".join([head, *rows, ""])
+
+
+class ProbeColumns(FromPackage):
+    """A table of the probes whose columns have derivatives, all or some of them."""
+
+    def text(self, arguments: Sequence[str]) -> str:
+        """See :meth:`FromPackage.text`."""
+        rows = []
+        for name in sorted(flexfem.__all__):
+            probe = getattr(flexfem, name)
+            if inspect.isclass(probe) and issubclass(probe, AnyProbe):
+                rows.append(f"   * - :class:`~flexfem.{name}`\n     - {_columns(probe)}")
+        head = ".. list-table::\n   :header-rows: 1\n\n   * - probe\n     - derivatives"
+        return "\n".join([head, *rows, ""])
+
+
+def _columns(probe: type[AnyProbe]) -> str:
+    """Which columns of a probe have derivatives."""
+    if probe.differentiable is AnyProbe.differentiable:
+        return "of all columns" if probe.smooth else "none"
+    # only classes all of whose fields have defaults tell columns apart
+    one = probe()
+    chosen = [column.removeprefix(f"{one.name}_") for column in one.differentiable]
+    return f"of {', '.join(chosen)}"
 
 
 def _path(one: Field[Any]) -> str:
@@ -283,4 +308,5 @@ def setup(app: Sphinx) -> dict[str, Any]:
     app.add_directive("analysis-options", AnalysisOptions)
     app.add_directive("command-help", CommandHelp)
     app.add_directive("parameter-paths", ParameterPaths)
+    app.add_directive("probe-columns", ProbeColumns)
     return {"parallel_read_safe": True, "parallel_write_safe": True}
