@@ -235,6 +235,12 @@ def test_forces_of_joints(what, more):
     ff.gradient(model, "final:tip_z", ["bob.mass"], OPTIONS)
 
 
+def test_sliding_markers():
+    model, section = body("slider", **NUMBERS), ff.SlidingMarker("slide")
+    model.add(ff.Event("passed", section, lambda t, s: s.arc - 0.1203, ff.ReleaseJoint("hinge")))
+    _refused('Event "passed" has a SlidingMarker', model=model, wrt=["bead.mass"])
+
+
 def test_controllers_of_forces():
     control = ff.Controller(
         "grip", ["force_fz"], ["load"], lambda t, y: 0.1 * y[0], sample_time=1e-3

@@ -20,7 +20,6 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.marker import SlidingMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_functions import ENOUGH, NodeFunctions, slopes
 from flexfem.gradients.equations.node_maps import rotations, transposed
@@ -28,6 +27,7 @@ from flexfem.gradients.equations.step_tangent import BlockVectors, forces_on_blo
 from flexfem.gradients.forces.accepted import ForceDerivatives
 from flexfem.gradients.forces.columns import ForceColumns
 from flexfem.gradients.forces.energies import BodyDerivatives
+from flexfem.gradients.forces.sliders import SlidingMarkers
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.integrators.accepted_forces import AcceptedForces
 from flexfem.layout.elements import one_width
@@ -44,8 +44,9 @@ from flexfem.system.system import System
 
 __all__ = ["ColumnDerivatives", "NodeSeeds", "Recorded", "Seeds", "history_weights"]
 
-#: Position, rotation, velocity, angular velocity and both accelerations of a marker.
-_COMPONENTS = 18
+#: Position, rotation, velocity, angular velocity and both accelerations of a marker, arc length of
+#: a slider and its rate; those of markers at nodes.
+_COMPONENTS, _AT_NODES = 20, 18
 
 
 @dataclass(frozen=True)
@@ -132,7 +133,7 @@ class ColumnDerivatives:
         """Find the probes of the columns.
 
         Raises:
-            InputError: one is a function of a marker that slides.
+            InputError: one has no derivatives.
         """
         self._states, self._columns = states, list(columns)
         self._probes: list[tuple[Probe, int, list[tuple[int, int]]]] = []
@@ -143,7 +144,6 @@ class ColumnDerivatives:
         for probe in states.model.probes:
             own = [(k, columns.index(c)) for k, c in enumerate(probe.columns) if c in columns]
             if own and isinstance(probe, Probe):
-                _check_markers(probe)
                 self._probes.append((probe, at, own))
             elif own:
                 sensor = recorder.sensors[probe.name]
@@ -160,6 +160,8 @@ class ColumnDerivatives:
                     self._sensors.append((_Sensor(probe, sensor), own))
             at += len(probe.markers)
         self._count = at
+        markers = [marker for probe in states.model.probes for marker in probe.markers]
+        self._sliding = SlidingMarkers(states.system, markers)
         if self._joints:
             self._forces = ForceDerivatives(states.system, states.accepted)
         self._inside = [_Inside(part.block, recorder.inside) for part in states.system.parts]
@@ -185,6 +187,7 @@ class ColumnDerivatives:
         forces = np.zeros(self._states.system.constraints.size)
         if not weights.any():
             return Seeds([_nothing() for _ in recorder.sources], forces)
+        self._sliding.place()
         states = recorder.states()
         found, refusal = np.zeros((self._count, _COMPONENTS)), ""
         if comm.rank == 0:
@@ -198,6 +201,8 @@ class ColumnDerivatives:
         every = _Sums.of(self._states.system)
         for one in self._inside:
             one.add(found, every)
+        for kind, face in enumerate(self._sliding.back(found)):
+            every.add_blocks(self._states.system, kind, forces_on_blocks(self._states.system, face))
         for sensor, own in self._sensors:
             sensor.add(np.array([weights[c] for _, c in own]), [k for k, _ in own], every)
         for bodies, width, own in self._bodies:
@@ -233,7 +238,7 @@ class ColumnDerivatives:
     def _by_markers(
         self, t: float, states: Sequence[MarkerState], weights: FloatArray, found: FloatArray
     ) -> None:
-        """Write derivatives of ``weights @ columns`` by all markers (markers, 18)."""
+        """Write derivatives of ``weights @ columns`` by all markers (markers, 20)."""
         for probe, at, own in self._probes:
             factors = np.zeros(len(probe.columns))
             for k, column in own:
@@ -254,19 +259,6 @@ def _check_at_rest(probe: EnergyProbe, columns: Sequence[str]) -> None:
             f'gradient: column "{probe.columns[2]}" of {_owner(probe)} has no derivatives in '
             "equilibria yet"
         )
-
-
-def _check_markers(probe: Probe) -> None:
-    """Refuse markers that slide.
-
-    Raises:
-        InputError: one does.
-    """
-    for marker in probe.markers:
-        if isinstance(marker, SlidingMarker):
-            raise InputError(
-                f'gradient: Probe "{probe.name}" has a SlidingMarker, which has no derivatives yet'
-            )
 
 
 def _nothing() -> NodeSeeds:
@@ -324,7 +316,7 @@ class _Inside:
         self._functions = [copy(functions) for _ in self._BY]  # with steps of their own
 
     def add(self, found: FloatArray, sums: _Sums) -> None:
-        """Add derivatives of all markers (markers, 18) by their nodes (collective)."""
+        """Add derivatives of all markers (markers, 20) by their nodes (collective)."""
         own = found[self._places]
         used = np.array([own.any(), own[:, 6:].any(), own[:, 12:].any()])
         self._block.comm.Allreduce(MPI.IN_PLACE, used, op=MPI.LOR)
@@ -332,7 +324,7 @@ class _Inside:
             return
         rotation = se3.rotation(self._rows()[:, :12])
         # accelerations of the markers are differences themselves
-        last = _COMPONENTS if used[2] else 12
+        last = _AT_NODES if used[2] else 12
         for kind, (name, first) in enumerate(self._BY):
 
             def values(first: int = first) -> FloatArray:
@@ -395,7 +387,7 @@ class _Sensor:
 def _differences(
     probe: Probe, t: float, states: Sequence[MarkerState], factors: FloatArray
 ) -> FloatArray:
-    """Derivatives (markers, 18) of ``factors @ columns``.
+    """Derivatives (markers, 20) of ``factors @ columns``.
 
     Raises:
         InputError: there are none.
@@ -404,7 +396,7 @@ def _differences(
     for m in range(len(states)):
 
         def value(way: FloatArray, m: int = m) -> float:
-            """The weighted columns where the motion of a marker changes by (18,)."""
+            """The weighted columns where the motion of a marker changes by (20,)."""
             moved = [*states]
             moved[m] = _moved(states[m], way)
             return float(factors @ probe.evaluate(t, moved))
@@ -419,20 +411,21 @@ def _differences(
 
 
 def _moved(state: MarkerState, by: FloatArray) -> MarkerState:
-    """A marker whose motion (18,) is changed."""
-    place, turn, velocity, spin, acceleration, twirl = by.reshape(6, 3)
+    """A marker whose motion (20,) is changed."""
+    place, turn, velocity, spin, acceleration, twirl = by[:_AT_NODES].reshape(6, 3)
     return replace(
         state, position=state.position + place, rotation=so3.exp(turn) @ state.rotation,
         velocity=state.velocity + velocity, angular_velocity=state.angular_velocity + spin,
         acceleration=state.acceleration + acceleration,
         angular_acceleration=state.angular_acceleration + twirl,
+        arc=state.arc + by[18], arc_rate=state.arc_rate + by[19],
     )  # fmt: skip
 
 
 def _of_nodes(
     block: FrameBlock, nodes: IntArray, offsets: FloatArray, found: FloatArray
 ) -> NodeSeeds:
-    """From derivatives by markers (k, 18), inertial axes, to those by their nodes, local axes."""
+    """From derivatives by markers (k, 20), inertial axes, to those by their nodes, local axes."""
     R, o = rotations(block.frames[nodes]), offsets[:, :3]
     v, w = block.velocity[nodes], block.acceleration[nodes]
     # inertial derivatives in the node's axes

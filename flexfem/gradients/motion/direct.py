@@ -16,13 +16,15 @@ from functools import cached_property
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.marker import SlidingMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import fixed_apart, moved, start_moves
 from flexfem.gradients.motion.trajectory import Motion
-from flexfem.model.probes.base import Probe
+from flexfem.model.probes.base import AnyProbe, Probe
 from flexfem.model.probes.cable import CableProbe
 from flexfem.model.probes.measured import EnergyProbe, ReactionProbe
 from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.measure.probes import ProbeRecorder
 from flexfem.system.system import System
 
@@ -115,6 +117,8 @@ class DirectEffect:
                     other.block.frames[:] = moved(frames, by, inertial=part.block.inertial)
             system.interface.update()
             system.constraints.reported = None
+            if one.forces:
+                refresh_rows(system)
             yield one.values(times)
 
 
@@ -166,12 +170,17 @@ class _Columns:
 
 
 def force_columns(simulation: Simulation, wanted: Collection[str]) -> bool:
-    """True if there are forces of joints among some columns of a model."""
+    """True if some columns of a model depend on the rows of joints."""
     return any(
-        isinstance(probe, (CableProbe, EnergyProbe, ReactionProbe))
-        and not {*probe.columns}.isdisjoint(wanted)
+        _by_rows(probe) and not {*probe.columns}.isdisjoint(wanted)
         for probe in simulation.serial.model.probes
     )
+
+
+def _by_rows(probe: AnyProbe) -> bool:
+    """True if columns depend on the rows of joints, their times, or places on lines."""
+    sliding = any(isinstance(marker, SlidingMarker) for marker in probe.markers)
+    return sliding or isinstance(probe, (CableProbe, EnergyProbe, ReactionProbe))
 
 
 def take_rows(motion: Motion, system: System, step: int) -> None:

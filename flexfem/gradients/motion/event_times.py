@@ -34,6 +34,7 @@ from flexfem.gradients.equations.step_tangent import (
 from flexfem.gradients.equations.values import Equations, equations_at
 from flexfem.gradients.motion.adjoint import Adjoint, Tangent
 from flexfem.gradients.motion.columns import ColumnDerivatives, Seeds
+from flexfem.gradients.motion.support import check_sliding
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.schemes.base import Recursion, SizeChange
 from flexfem.integrators.generalized_alpha import step_laws
@@ -62,6 +63,8 @@ class _Functions:
         """Find their markers."""
         self._motion = motion
         self.system, self.times = motion.system, motion.times
+        for event in motion.model.events:
+            check_sliding(f'Event "{event.name}"', event.markers)
         self._model = copy(motion.model)
         self._model.probes = [
             Probe(event.name, event.markers, (f"event {k}",), _row_of(event.function))

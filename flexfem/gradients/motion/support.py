@@ -8,6 +8,7 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.contact.contacts import Contacts
 from flexfem.control.fmu import FmuLaw
+from flexfem.core.marker import Observed, SlidingMarker
 from flexfem.model.contact import Contact
 from flexfem.model.event import LockJoint, Rebound, ReleaseJoint
 from flexfem.model.model import Model
@@ -15,7 +16,7 @@ from flexfem.model.probes.cable import CableProbe
 from flexfem.model.probes.measured import ReactionProbe
 from flexfem.options import meant
 
-__all__ = ["check_columns", "check_contacts", "check_supported", "differentiable"]
+__all__ = ["check_columns", "check_contacts", "check_sliding", "check_supported", "differentiable"]
 
 
 def differentiable(model: Model) -> list[str]:
@@ -57,6 +58,7 @@ def check_supported(model: Model, options: RunOptions) -> None:
         measured = controller.measured(model)
         check_columns(model, [probe.columns[k] for probe, k in measured])
         for probe, k in measured:
+            check_sliding(f'Controller "{controller.name}"', probe.markers)
             if isinstance(probe, (ReactionProbe, CableProbe)):
                 raise InputError(
                     f'gradient: Controller "{controller.name}" measures "{probe.columns[k]}", a '
@@ -79,6 +81,16 @@ def check_supported(model: Model, options: RunOptions) -> None:
             raise InputError(f"gradient: {name} must be {value!r}, got {given!r}")
     if options.restart is not None:
         raise InputError("gradient: a motion is differentiated from its start, without restart")
+
+
+def check_sliding(owner: str, markers: Iterable[Observed]) -> None:
+    """Refuse markers that slide, for other things than columns.
+
+    Raises:
+        InputError: one does.
+    """
+    if any(isinstance(marker, SlidingMarker) for marker in markers):
+        raise InputError(f"gradient: {owner} has a SlidingMarker, which has no derivatives yet")
 
 
 def check_contacts(every: Iterable[Contacts | BarrierContacts]) -> None:
