@@ -85,8 +85,15 @@ class _Taken:
 class ForceDerivatives:
     """Derivatives of the reported forces of all rows of a system."""
 
-    def __init__(self, system: System, accepted: AcceptedForces | None) -> None:
-        """Store the computation of the forces, None where multipliers are reported (collective).
+    def __init__(
+        self, system: System, accepted: AcceptedForces | None, *, controlled: bool
+    ) -> None:
+        """Store the computation of the forces (collective).
+
+        Args:
+            system: the system.
+            accepted: the computation, None where multipliers are reported.
+            controlled: True if there are controllers, whose outputs laws may follow.
 
         Raises:
             InputError: forces have no derivatives.
@@ -99,6 +106,7 @@ class ForceDerivatives:
                 "impulses of contacts, stops or slack springs": rows.split,
                 "friction": bool(len(rows.coupled) or rows.frictional.any()),
                 "force elements": rows.has_elements,
+                "controllers": controlled,
                 "redundant constraints": rows.relaxation != 0.0,
             }
         for name, present in found.items():

@@ -151,7 +151,10 @@ class ColumnDerivatives:
                     assert isinstance(probe, (EnergyProbe, MomentumProbe))
                     if isinstance(probe, EnergyProbe) and states.accepted is None:
                         _check_at_rest(probe, columns)
-                    bodies = BodyDerivatives(_owner(probe), states.system, sensor, probe.bodies)
+                    bodies = BodyDerivatives(
+                        _owner(probe), states.system, sensor, probe.bodies,
+                        controlled=bool(states.model.controllers),
+                    )  # fmt: skip
                     self._bodies.append((bodies, len(probe.columns), own))
                 elif isinstance(sensor, RowSensor):
                     joint = ForceColumns(_owner(probe), states.system, sensor)
@@ -163,7 +166,9 @@ class ColumnDerivatives:
         markers = [marker for probe in states.model.probes for marker in probe.markers]
         self._sliding = SlidingMarkers(states.system, markers)
         if self._joints:
-            self._forces = ForceDerivatives(states.system, states.accepted)
+            self._forces = ForceDerivatives(
+                states.system, states.accepted, controlled=bool(states.model.controllers)
+            )
         self._inside = [_Inside(part.block, recorder.inside) for part in states.system.parts]
 
     def every(self, weights: FloatArray) -> FloatArray:

@@ -190,9 +190,16 @@ def _seeds(motion: Motion, columns: ColumnDerivatives, step: int, weights: Float
     """Derivatives of columns times weights at the accepted state after a step (collective).
 
     Raises:
-        InputError: impulses have a part in accelerations.
+        InputError: impulses have a part in accelerations, or drives at an event in forces.
     """
     found = columns.seeds(step, weights)
+    if motion.grid.free(step):  # rates of drives depend on its time
+        driven = bool(found.forces.any()) and motion.system.constraints.driven
+        if motion.system.comm.allreduce(driven, op=MPI.LOR):
+            raise InputError(
+                "gradient: there are no derivatives of forces of joints with drives in rows at "
+                "times of events yet; take equal steps, or another number"
+            )
     if motion.kicked(step):
         measured = any(own.accelerations.any() for own in found.blocks)
         if motion.system.comm.allreduce(measured, op=MPI.LOR):
