@@ -1,8 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Consistent start: positions are checked, velocities and accelerations are solved for."""
 
-from collections.abc import Iterator
-from contextlib import contextmanager
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -29,7 +27,6 @@ __all__ = [
     "project_velocities",
     "second_rates",
     "start_consistently",
-    "zero_velocities",
 ]
 
 #: Factors with which rates of elastic rows are not scaled.
@@ -141,8 +138,7 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
     if not system.viscous():
         return True
     given, found = _steps(system), [np.zeros_like(step) for step in _steps(system)]
-    with zero_velocities(system):
-        tangent.assemble(replace(MASS, velocity=dt), mechanics=VISCOUS)
+    tangent.assemble(replace(MASS, velocity=dt), mechanics=VISCOUS)
     system.counters.mass_factorizations += 1
     if not tangent.factor():
         return False
@@ -160,18 +156,6 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
     for part, last in zip(system.parts, found, strict=True):
         part.block.owned_step[:] = last
     return True
-
-
-@contextmanager
-def zero_velocities(system: System) -> Iterator[None]:
-    """Let the derivatives by velocities be those at rest, without gyroscopic terms of elements."""
-    blocks = [part.block for part in system.parts]
-    velocities = [block.velocity.copy() for block in blocks]
-    for block in blocks:
-        block.velocity[:] = 0.0
-    yield
-    for block, own in zip(blocks, velocities, strict=True):
-        block.velocity[:] = own
 
 
 def _steps(system: System) -> list[FloatArray]:

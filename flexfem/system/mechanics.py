@@ -6,7 +6,8 @@ equations derives a class from :class:`Mechanics`, which is an argument of solve
 """
 
 from abc import ABC, abstractmethod
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from contextlib import contextmanager
 from dataclasses import dataclass, replace
 from math import isnan, nan
 
@@ -250,11 +251,35 @@ class EndPoint(Mechanics):
 
 
 class _Viscous(EndPoint):
-    """Equations of masses and of the damping of elements, without gyroscopic terms of masses."""
+    """Equations of masses and of the linear damping of elements, without gyroscopic terms."""
 
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`Mechanics`."""
         return super().masses(system, part, replace(shifts, velocity=0.0))
+
+    def element_values(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest
+    ) -> FloatArray:
+        """See :class:`EndPoint`."""
+        with _at_rest(part):
+            return super().element_values(system, part, shifts, request)
+
+    def add_cells(
+        self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest,
+        factor: float,
+    ) -> None:  # fmt: skip
+        """See :class:`Mechanics`."""
+        with _at_rest(part):
+            super().add_cells(system, part, shifts, request, factor)
+
+
+@contextmanager
+def _at_rest(part: BlockPart) -> Iterator[None]:
+    """Let derivatives be those at zero velocities."""
+    velocity = part.block.velocity.copy()
+    part.block.velocity[:] = 0.0
+    yield
+    part.block.velocity[:] = velocity
 
 
 #: Equilibrium at the end of a step: the equations of all analyses save other schemes.

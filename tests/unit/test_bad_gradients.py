@@ -323,6 +323,12 @@ def test_jumps_while_bodies_touch():
     _refused("which has no derivatives with contacts or stops that are closed yet", model=model)
 
 
+def test_impacts_behind_an_event():
+    stop = ff.LimitStop("end", ff.Ground(), BOB, axis=(0, 0, 1), upper=4e-6, stiffness=1e3)
+    model = _model(stop, *_falling(ff.ReleaseJoint("spring")))
+    _refused("behind an event, which has no derivatives yet", model=model)
+
+
 def test_events_with_states_of_laws():
     """States depend on the sizes of steps, which an event changes."""
 

@@ -19,6 +19,7 @@ from flexfem.constraints.elements.states import StateStep
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations
 from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.mechanics import END_POINT, EndPoint
 from flexfem.system.system import Shifts
 
 __all__ = ["Memories", "Memory", "StepEnd"]
@@ -34,11 +35,13 @@ class StepEnd:
         number: of the step.
         shifts: factors of the scheme.
         states: step of the states of force elements.
+        mechanics: its equations.
     """
 
     number: int
     shifts: Shifts
     states: StateStep
+    mechanics: EndPoint = END_POINT
 
 
 class Memory:

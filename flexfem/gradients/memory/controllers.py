@@ -137,12 +137,12 @@ class ControllerMemory(Memory):
                     moved[j] += sign * by
                     one.impose(acts, moved)
                     system.set_time(t)
-                    found.append(equations_at(system, end.shifts))
+                    found.append(equations_at(system, end.shifts, end.mechanics))
                 blocks = [(a - b) / (2.0 * by) for a, b in zip(*(x[0] for x in found), strict=True)]
                 self._effects.append((blocks, (found[0][1] - found[1][1]) / (2.0 * by)))
             one.impose(acts, given)
         system.set_time(t)
-        equations_at(system, end.shifts)
+        equations_at(system, end.shifts, end.mechanics)
 
     def equations(self, change: FloatArray) -> Equations:
         """See :class:`Memory`."""

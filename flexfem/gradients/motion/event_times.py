@@ -140,7 +140,10 @@ def size_change(motion: Motion, over: Recursion) -> SizeChange:
     tangent = over.linear.tangent
     by_v = tangent.apply(velocities, nothing, VELOCITIES)
     by_w = tangent.apply(accelerations, nothing, ACCELERATIONS)
-    return SizeChange(found, (_sum(by_v[0], by_w[0]), by_v[1] + by_w[1]))
+    # redundant constraints yield to forces, which are those of the step over its scale
+    rows = motion.system.constraints
+    yielding = 2.0 / taken.h * rows.relaxation * rows.multipliers * rows.rigid
+    return SizeChange(found, (_sum(by_v[0], by_w[0]), by_v[1] + by_w[1] - yielding))
 
 
 def by_time(motion: Motion, state: int) -> Equations:

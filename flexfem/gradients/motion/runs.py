@@ -21,7 +21,7 @@ from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence, Sums
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.schemes.base import Recursion
-from flexfem.gradients.unilateral.impulses import Impulses
+from flexfem.gradients.unilateral.impulses import Impulses, LeftDamping
 
 __all__ = ["backward", "forward"]
 
@@ -81,7 +81,7 @@ def backward(
             motion.go_to(step)
             for adjoint in adjoints:
                 own = motion.memories.weights(step, adjoint.remembered)
-                adjoint.add(measured.seeds(step, own))
+                adjoint.add(_seeds(motion, measured, step, own))
 
     events, impulses = EventTimes(motion), Impulses(motion.system, linear.tangent.forces)
     seed(motion.steps)
@@ -89,6 +89,7 @@ def backward(
         if step in motion.grid.events:
             events.reach(step)
             changes = np.concatenate([one.event_changes(step) for one in influences.values()])
+        left = _left(motion, step)
         motion.go_to_end(step)
         if motion.renewal is not None:
             motion.take_memories(step)
@@ -96,16 +97,24 @@ def backward(
                 adjoint.renew(step, motion.renewal)
             events.renew(step, adjoints)
         else:
-            over = motion.over(step, linear)
+            over, kicks = motion.over(step, linear), list[Factors]()
             if motion.kicked(step):
-                kicks = _kick(motion, over, impulses, adjoints)[:count]
-                sums -= np.hstack([one.products(step, kicks) for one in influences.values()])
+                motion.take_memories(step)
+                kicks = _kick(motion, over, impulses, adjoints)
+                sums -= np.hstack(
+                    [one.products(step, kicks[:count]) for one in influences.values()]
+                )
                 motion.go_to_end(step)
             linear.take(motion.laws(step).shifts)
             motion.take_memories(step)
             size = events.size(over)
             for adjoint in adjoints:
                 adjoint.step(over, size)
+                if left is not None:
+                    left.back(adjoint.carried, adjoint.z)
+            for adjoint, (z, mu, nothing) in zip(adjoints, kicks, strict=False):
+                more = motion.memories.back(nothing, z, 0.0 * mu)
+                adjoint.remembered = adjoint.remembered + more
             factors = events.back(over, adjoints)
             if step in motion.grid.events:
                 sums -= np.outer(factors[:count], changes) * (motion.system.comm.rank == 0)
@@ -147,6 +156,7 @@ def forward(
             if step in motion.grid.events:
                 events.reach(step)
                 moved = [_at_event(step, own) for own in directions]
+            left = _left(motion, step)
             motion.go_to_end(step)
             if motion.renewal is None:
                 linear.take(motion.laws(step).shifts)
@@ -158,7 +168,11 @@ def forward(
             else:
                 over = motion.over(step, linear)
                 size = events.size(over)
-                for tangent, change in zip(tangents, changes, strict=True):
+                for tangent, (blocks, rows) in zip(tangents, changes, strict=True):
+                    change = blocks, rows
+                    if left is not None:
+                        more = left.changes(tangent.carried)
+                        change = [a + b for a, b in zip(blocks, more, strict=True)], rows
                     own_size = None if size is None else (size, -tangent.time)
                     tangent.step(over, change, own_size)
                 if step in motion.grid.events:
@@ -200,14 +214,29 @@ def _seeds(motion: Motion, columns: ColumnDerivatives, step: int, weights: Float
                 "gradient: there are no derivatives of forces of joints with drives in rows at "
                 "times of events yet; take equal steps, or another number"
             )
+    _check_accelerations(motion, step, [found])
+    return found
+
+
+def _check_accelerations(motion: Motion, step: int, seeds: Sequence[Seeds]) -> None:
+    """Refuse derivatives by accelerations in a step with impulses (collective)."""
     if motion.kicked(step):
-        measured = any(own.accelerations.any() for own in found.blocks)
+        measured = any(own.accelerations.any() for one in seeds for own in one.blocks)
         if motion.system.comm.allreduce(measured, op=MPI.LOR):
             raise InputError(
                 "gradient: there are no derivatives of accelerations in steps with impulses yet; "
                 "leave them out"
             )
-    return found
+
+
+def _left(motion: Motion, step: int) -> LeftDamping | None:
+    """What accelerations before a step lack of damping; None if nothing (collective)."""
+    if motion.grid.renewal(step) is not None or not (h := motion.lacking(step)):
+        return None
+    taken = motion.grid.step(step)
+    motion.go_to(step - 1)
+    share = taken.scheme.weight - 1.0 + taken.scheme.unseen
+    return LeftDamping(motion.system, share * motion.laws(step).shifts.scale * h)
 
 
 def _take(motion: Motion, step: int, impulses: Impulses) -> None:
@@ -240,7 +269,10 @@ def _kick_ahead(
     _take(motion, over.step, impulses)
     changes = _changes(motion, over.step, directions)
     for tangent, (blocks, rows, _) in zip(tangents, changes, strict=True):
-        impulses.ahead(tangent.carried, over.maps, (blocks, rows), tangent.multipliers)
+        # laws of force elements have their forces from the step
+        more = motion.memories.equations(tangent.remembered)
+        total = blocks if more is None else [a + b for a, b in zip(blocks, more[0], strict=True)]
+        impulses.ahead(tangent.carried, over.maps, (total, rows), tangent.multipliers)
         tangent.lead(over.step)
 
 
@@ -259,6 +291,7 @@ def _arrive(
     if motion.measured:
         motion.go_to(step)
         seeds = measured.each(step)
+        _check_accelerations(motion, step, seeds)
     for tangent, (*_, numbers) in zip(*changed, strict=True):
         changes = np.array([along(motion, own, tangent) for own in seeds])
         motion.system.comm.Allreduce(MPI.IN_PLACE, changes)

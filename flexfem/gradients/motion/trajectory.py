@@ -19,6 +19,7 @@ from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.equations.node_maps import StepMaps, increments_between
+from flexfem.gradients.equations.odd_forces import AT_STATE
 from flexfem.gradients.equations.values import Equations, SystemEquations
 from flexfem.gradients.memory.base import Memories, Memory, StepEnd
 from flexfem.gradients.memory.controllers import ControllerMemory, recall
@@ -28,7 +29,7 @@ from flexfem.gradients.motion.records import Records, Storage
 from flexfem.gradients.motion.support import check_contacts, check_supported, differentiable
 from flexfem.gradients.renewals.damping import DAMPING
 from flexfem.gradients.renewals.grid import Grid, Step
-from flexfem.gradients.renewals.renewal import AT_STATE, Accelerations, Projection, Renewal
+from flexfem.gradients.renewals.renewal import Accelerations, Projection, Renewal
 from flexfem.gradients.schemes.base import Recursion
 from flexfem.gradients.schemes.generalized_alpha import AlphaRecursion
 from flexfem.integrators.accepted_forces import AcceptedForces
@@ -161,8 +162,17 @@ class Motion:
             StoppedError: masses are singular.
         """
         taken = self.grid.step(step)
+        if scheme.split is not None:
+            size = self.lacking(step)
+            scheme.split.recall_damping(size, lacking=size > 0.0)
         begin(scheme, taken.scheme, taken.h)
         return scheme.split or END_POINT
+
+    def lacking(self, step: int) -> float:
+        """Size of the step before a step, s, if it has left a part of damping to that; else 0."""
+        before = self.grid.moves[step - 2] if step > 1 else None
+        taken = isinstance(before, Step) and before.acting and self.system.viscous()
+        return before.h if isinstance(before, Step) and taken else 0.0
 
     def mechanics(self, step: int) -> EndPoint:
         """Equations of a step."""
@@ -198,6 +208,11 @@ class Motion:
         record()
         scheme = scheme_of(simulation)
         begin(scheme, scheme, options.dt)
+        if scheme.split is not None and scheme.split.lacking:
+            raise InputError(
+                "gradient: bodies touch at the start, which has no derivatives with damping of "
+                "elements yet; move them apart"
+            )
         self._add()
         for step in range(1, count + 1):
             self._advance(grid.rest(simulation.time, step), grid.time(step))
@@ -234,7 +249,13 @@ class Motion:
             )
         if rows.consistent:
             self._consistent.add(len(self.grid.moves))
-        kept = bool(self.grid.moves) and not isinstance(self.grid.moves[-1], Step)
+        last = self.grid.moves[-1] if self.grid.moves else None
+        if isinstance(last, Step) and last.kicked and self.grid.free(len(self.grid.moves) - 1):
+            raise InputError(
+                f"gradient: contacts or stops act in the step to t = {self.system.time:.6g} s "
+                "behind an event, which has no derivatives yet"
+            )
+        kept = last is not None and not isinstance(last, Step)
         self._records.add(self.system.state(), self.simulation.time, keep=kept)
         self.known.append(self._knowledge())
 
@@ -247,6 +268,9 @@ class Motion:
         """Take a step again from the state before it."""
         taken, end = self.grid.step(step), float(self.times[step])
         recall(self.simulation, self.known[step - 1])
+        if taken.scheme.split is not None:
+            size = self.lacking(step)
+            taken.scheme.split.recall_damping(size, lacking=size > 0.0)
         status = self.simulation.repeat(taken.scheme, taken.h, end)
         if status is not Status.OK:
             raise StoppedError(
@@ -373,7 +397,7 @@ class Motion:
         if self.grid.renewal(step) is not None:
             return StepEnd(step, AT_STATE, AT_REST)
         laws = self.laws(step)
-        return StepEnd(step, laws.shifts, laws.states)
+        return StepEnd(step, laws.shifts, laws.states, self.mechanics(step))
 
     def follows(self, state: int) -> bool:
         """True if numbers of memories follow from a state, which is no intermediate one."""
@@ -470,15 +494,13 @@ def check_supported_system(motion: Motion) -> None:
     }
     if rows.split:
         found |= {
-            "impulses of bodies with damping": system.viscous(),
             "impulses with damping of modes": system.modal_dampers is not None,
             "impulses with friction in joints": bool(len(rows.coupled)),
-            "impulses with force elements": rows.has_elements,
+            "impulses with states of Force": any(
+                group.law.states or group.law.explicit for group in rows.elements.groups
+            ),
             "impulses with sliders on lines": bool(rows.lines.joints),
             "impulses with internal variables": system.remembering,
-            "impulses with controllers": len(motion.simulation.controls) > 0,
-            "impulses with events": bool(motion.model.events),
-            "impulses with redundant constraints": rows.relaxation != 0.0,
         }
     for name, present in found.items():
         if comm.allreduce(present, op=MPI.LOR):

@@ -4,9 +4,7 @@
 With the masses M and the linear damping C, ``F = (M + dt C)^-1 M`` on the constraints,
 accelerations become ``(2 F - F^2) a`` (``integrators.start``), which are ``F b`` with
 ``b = 2 a - F a``: two parts of a renewal, each with the equations
-``M s + dt C (x + s) + G^T m = 0`` and ``G s = 0`` for the change ``s = F x - x``. Forces of M and C
-are odd in rates, those of stiffness and gyroscopic ones even: derivatives by positions are half the
-difference between those at opposite rates.
+``M s + dt C (x + s) + G^T m = 0`` and ``G s = 0`` for the change ``s = F x - x``.
 """
 
 from __future__ import annotations
@@ -20,27 +18,22 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import UnsolvedError
+from flexfem.gradients.equations.odd_forces import AT_STATE, LocalRates, OddForces
 from flexfem.gradients.equations.row_jumps import RowJumps
 from flexfem.gradients.equations.step_tangent import (
-    POSITIONS,
     BlockVectors,
-    StepTangent,
     collected,
     put_steps,
 )
 from flexfem.gradients.equations.values import Equations
-from flexfem.gradients.renewals.renewal import AT_STATE, SINGULAR, Renewal
-from flexfem.integrators.start import zero_velocities
+from flexfem.gradients.renewals.renewal import SINGULAR, Renewal
 from flexfem.system.mechanics import VISCOUS
 from flexfem.system.system import MASS, Shifts, System
 
 __all__ = ["DAMPING"]
 
-#: Largest rates, m/s and so on, with which forces are differentiated: they are linear in them.
-_LARGE = 1e3
 #: Relative difference of forces that are odd in rates from those of masses and linear damping.
 _LINEAR = 1e-7
 
@@ -65,19 +58,10 @@ class _Damping(Renewal):
         self._changes, self._impulses = self._change(self._accelerations)
         self._ended = [a + s for a, s in zip(self._accelerations, self._changes, strict=True)]
         self._jumps = RowJumps(self._system, self._changes)
-        sizes = [
-            float(np.abs(x).max(initial=0.0))
-            for x in (*(self._dt * own for own in self._ended), *self._changes, self._impulses)
-        ]
-        size = self._system.comm.allreduce(max(sizes), op=MPI.MAX)
-        self._scale = _LARGE / size if size > 0.0 else 1.0
-        self._sides = StepTangent(self._system), StepTangent(self._system)
-        found = []
-        for tangent, sign in zip(self._sides, (1.0, -1.0), strict=True):
-            self._set(sign * self._scale)
-            tangent.take(AT_STATE)
-            found.append(collected(self._system))
-        self._check([(a - b) / (2.0 * self._scale) for a, b in zip(*found, strict=True)])
+        rates = *(self._dt * own for own in self._ended), *self._changes, self._impulses
+        self._nodes = [LocalRates(part.block) for part in self._system.parts]
+        self._odd = OddForces(self._system, rates, self._set)
+        self._check()
         self._to_trial()
         self._factor_damped()
 
@@ -87,8 +71,7 @@ class _Damping(Renewal):
 
     def _factor_damped(self) -> None:
         """Factorise masses and damping (collective)."""
-        with zero_velocities(self._system):
-            self._solver.assemble(self._shifts, mechanics=VISCOUS)
+        self._solver.assemble(self._shifts, mechanics=VISCOUS)
         self._system.counters.mass_factorizations += 1
         if not self._solver.factor():
             raise UnsolvedError(SINGULAR)
@@ -115,7 +98,7 @@ class _Damping(Renewal):
         self._system.constraints.multipliers[:] = factor * self._impulses
         self._system.interface.update()
 
-    def _check(self, found: BlockVectors) -> None:
+    def _check(self) -> None:
         """Refuse damping that is not the linear one of the elements (collective).
 
         Raises:
@@ -123,7 +106,7 @@ class _Damping(Renewal):
         """
         system, forces = self._system, self._damping(self._ended)
         expected, _ = self.equations(system)
-        missed = [a - b for a, b in zip(found, expected, strict=True)]
+        missed = [a - b for a, b in zip(self._odd.values, expected, strict=True)]
         sizes = np.array([max(np.abs(x).max(initial=0.0) for x in one) for one in (missed, forces)])
         system.comm.Allreduce(MPI.IN_PLACE, sizes, op=MPI.MAX)
         if sizes[0] > _LINEAR * sizes[1]:
@@ -164,17 +147,14 @@ class _Damping(Renewal):
         z, mu = self._solved(right, np.zeros(self._system.constraints.size))
         self._to_state()
         turned, _ = self._jumps.transposed(mu)
-        first, second = (side.apply_transposed(z, 0.0 * mu, POSITIONS)[0] for side in self._sides)
-        slowed = self._damping(z)
-        for part, own, by, *moves, x in zip(
-            self._system.parts, carried, self.maps, first, second, turned, slowed, strict=True
+        moves, slowed = self._odd.transposed(z), self._damping(z)
+        for own, by, nodes, *q, x in zip(
+            carried, self.maps, self._nodes, moves, turned, slowed, strict=True
         ):
-            own.q -= by.hold((moves[0] - moves[1]) / (2.0 * self._scale) + moves[2])
-            own.w = own.w + own.a - by.by_increment.transposed(by.hold(x))
-            own.a = np.zeros_like(own.a)
-            by_q, by_v = _spun_transposed(part.block, -x)
-            own.q += by.hold(by_q)
-            own.v += by.hold_rates(by.by_increment.transposed(by_v))
+            spun, v, w = nodes.transposed(-x)
+            own.q += by.hold(spun - q[0] - q[1])
+            own.v += by.hold_rates(v)
+            own.w, own.a = own.w + own.a + by.hold_rates(w), np.zeros_like(own.a)
         return z, mu
 
     def _ahead(
@@ -182,19 +162,15 @@ class _Damping(Renewal):
         changes: Equations,
     ) -> None:  # fmt: skip
         """See :class:`Renewal`."""
-        q, v = [own.q for own in carried], self.local([own.v for own in carried])
-        rows, nothing = self._system.constraints, np.zeros(self._system.constraints.size)
+        q, rows = [own.q for own in carried], self._system.constraints
         self._to_state()
         begun = [
-            own + _spun(part.block, move, rate)
-            for part, own, move, rate in zip(
-                self._system.parts, self.local([own.w for own in carried]), q, v, strict=True
-            )
+            nodes.changes(own.q, own.v, own.w)
+            for nodes, own in zip(self._nodes, carried, strict=True)
         ]
-        first, second = (side.apply(q, nothing, POSITIONS)[0] for side in self._sides)
         total = [
-            -(a - b) / (2.0 * self._scale) - c - d
-            for a, b, c, d in zip(first, second, self._damping(begun), changes[0], strict=True)
+            -(a + b + c)
+            for a, b, c in zip(self._odd.changes(q), self._damping(begun), changes[0], strict=True)
         ]
         left = self._jumps.changes(q) + changes[1]
         found, _ = self._solved(total, -left * rows.rigid)
@@ -225,35 +201,9 @@ DAMPING: Sequence[type[Renewal]] = (Doubled, Damped)
 def _times(system: System, shifts: Shifts, rates: BlockVectors) -> BlockVectors:
     """Masses, with damping as ``shifts`` say, times local vectors (collective)."""
     put_steps(system, rates)
-    with zero_velocities(system):
-        VISCOUS.multiply_mass(system, 1.0, shifts)
+    VISCOUS.multiply_mass(system, 1.0, shifts)
     return collected(system)
 
 
 def _sum(first: BlockVectors, second: BlockVectors) -> BlockVectors:
     return [a + b for a, b in zip(first, second, strict=True)]
-
-
-def _spun(block: FrameBlock, twists: FloatArray, rates: FloatArray) -> FloatArray:
-    """Changes (n, w) of local accelerations ``R^T w - omega x v`` by twists and local velocities.
-
-    Without what turns with the nodes.
-    """
-    found = np.zeros_like(twists)
-    if block.inertial and block.width == 6:
-        v, omega = np.split(block.velocity[: block.owned], 2, axis=1)
-        found[:, :3] = np.cross(np.cross(omega, twists[:, 3:]), v)
-        found[:, :3] -= np.cross(rates[:, 3:], v) + np.cross(omega, rates[:, :3])
-    return found
-
-
-def _spun_transposed(block: FrameBlock, factors: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Factors of twists and of local velocities in factors times :func:`_spun`."""
-    by_twists, by_rates = np.zeros_like(factors), np.zeros_like(factors)
-    if block.inertial and block.width == 6:
-        v, omega = np.split(block.velocity[: block.owned], 2, axis=1)
-        turned = np.cross(v, factors[:, :3])
-        by_twists[:, 3:] = np.cross(turned, omega)
-        by_rates[:, 3:] = -turned
-        by_rates[:, :3] = -np.cross(factors[:, :3], omega)
-    return by_twists, by_rates

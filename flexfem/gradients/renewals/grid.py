@@ -31,11 +31,13 @@ class Step:
         scheme: its coefficients.
         h: its size, s.
         kicked: True if velocities have changed by impulses in it.
+        acting: True if there were forces of contacts or stops in it.
     """
 
     scheme: GeneralizedAlpha
     h: float
     kicked: bool
+    acting: bool
 
 
 #: What leads to a state: a step, or one of the parts of a renewal at the same time.
@@ -116,8 +118,9 @@ class Grid(Journal):
     def stepped(self, scheme: Integrator, h: float) -> None:
         """See :class:`Journal`."""
         assert isinstance(scheme, GeneralizedAlpha)
-        kicked = scheme.split is not None and scheme.split.kicking
-        self.moves.append(Step(scheme, h, kicked))
+        split = scheme.split
+        kicked, acting = (False, False) if split is None else (split.kicking, split.acting)
+        self.moves.append(Step(scheme, h, kicked, acting))
         self.add()
 
     def happened(self, events: Sequence[int]) -> None:

@@ -26,6 +26,7 @@ from flexfem.core.status import Status
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import UnsolvedError
 from flexfem.gradients.equations.node_maps import StepMaps
+from flexfem.gradients.equations.odd_forces import AT_STATE
 from flexfem.gradients.equations.step_tangent import (
     POSITIONS,
     VELOCITIES,
@@ -40,9 +41,9 @@ from flexfem.integrators.start import accelerate, drives, project_velocities, se
 from flexfem.solvers.linear.gmres import minimal_residual
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.mechanics import END_POINT
-from flexfem.system.system import MASS, Shifts, System
+from flexfem.system.system import MASS, System
 
-__all__ = ["AT_STATE", "SINGULAR", "Accelerations", "Projection", "Renewal"]
+__all__ = ["SINGULAR", "Accelerations", "Projection", "Renewal"]
 
 SINGULAR = "gradient: masses and constraints are singular where a load jumps"
 #: Changes of velocities, m/s and so on, with which their effect on the equations is as large as
@@ -50,8 +51,6 @@ SINGULAR = "gradient: masses and constraints are singular where a load jumps"
 _LARGE = 1e6
 #: Relative accuracy of friction that follows from the forces in joints, and most iterations.
 _SETTLED, _MOST = 1e-13, 60
-#: Equations at a state, not scaled.
-AT_STATE = Shifts(velocity=1.0, acceleration=1.0, scale=1.0)
 
 
 class Renewal(ABC):

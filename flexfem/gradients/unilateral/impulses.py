@@ -17,8 +17,15 @@ So an adjoint goes back over (*) before it does so over the equations of the ste
 1. ``M s z + G^T m = y``, ``G z = 0``, and ``mu = -m``;
 2. ``wb = (k h/b) vb - ab/e - G^T mu``, ``vb`` loses ``s z^T r_v``;
 3. ``qb`` loses ``z^T d(s r + G^T L1)/dq`` and ``mu^T d(G u)/dq``;
-4. multipliers of force laws, which are those of the step, get ``-G z`` on the right-hand side;
+4. multipliers of force laws, which are those of the step, get ``-G z`` on the right-hand side,
+   and those of redundant constraints with the compliance c, where ``G u = c (L - L1)/s`` with those
+   L of the step, ``c mu/s``;
 5. a gradient by parameters p loses ``z^T dr/dp + mu^T d(G u)/dp``.
+
+With damping C of elements (``integrators.split.stiff_damping``) the first of (*) has
+``s h C(q1) p`` more, with the local accelerations ``p = R^T (w1 + (k/b) u) - omega x v(n)``, so
+that M becomes ``M + (1 - k/b) h C``; and the next step has the forces ``-c s h C(q1) w1``, which
+depend on its start alone (:class:`LeftDamping`).
 """
 
 from __future__ import annotations
@@ -32,7 +39,8 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.state import State
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import UnsolvedError
-from flexfem.gradients.equations.node_maps import StepMaps, applied, rotations, transposed
+from flexfem.gradients.equations.node_maps import StepMaps
+from flexfem.gradients.equations.odd_forces import LinearDamping, LocalRates, damping_forces
 from flexfem.gradients.equations.row_jumps import RowJumps
 from flexfem.gradients.equations.step_tangent import (
     POSITIONS,
@@ -49,7 +57,7 @@ from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.integrators.split.impulse import Impulse
 from flexfem.system.system import Shifts, System
 
-__all__ = ["Impulses"]
+__all__ = ["Impulses", "LeftDamping"]
 
 
 class Impulses:
@@ -60,7 +68,8 @@ class Impulses:
         self._system = system
         penalties = [one for one in forces if isinstance(one, Penalties)]
         self._tangent = StepTangent(system, forces=penalties)
-        self._impulse = Impulse(system)
+        self._impulse = Impulse(system, damped=True)
+        self._damping: LinearDamping | None = None
         self._jumps: BlockVectors = []
 
     def take(self, scheme: GeneralizedAlpha, h: float, shifts: Shifts, accepted: State) -> None:
@@ -74,17 +83,27 @@ class Impulses:
         """
         system = self._system
         self._shifts, self._kick = shifts, scheme.unseen * h / scheme.weight
+        self._h, self._unseen = h, scheme.unseen / scheme.weight
         self._share = 2.0 * scheme.beta * scheme.weight
-        self._jumps = []
-        for part in system.parts:
+        self._jumps, self._nodes = [], [LocalRates(part.block) for part in system.parts]
+        for part, nodes in zip(system.parts, self._nodes, strict=True):
             block = part.block
             jump = _slow(block, accepted.rows[block.name]["acceleration"])
-            self._jumps.append(_local(block, jump[: block.owned, : block.width]))
-        system.constraints.multipliers[:] = shifts.scale * accepted.rows["rows"]["forces"]
+            self._jumps.append(nodes.local(jump[: block.owned, : block.width]))
+        remaining = shifts.scale * accepted.rows["rows"]["forces"]
+        self._passed = (system.constraints.multipliers - remaining) / shifts.scale
+        system.constraints.multipliers[:] = remaining
         leave_out_barriers(system)
         system.interface.update()
         self._tangent.take(shifts)
         self._rows = RowJumps(system, self._jumps)
+        if self._impulse.damped:
+            self._rates = [
+                part.block.acceleration[: part.block.owned, : part.block.width]
+                + self._unseen * jump
+                for part, jump in zip(system.parts, self._jumps, strict=True)
+            ]
+            self._damping = LinearDamping(system, self._rates)
 
     # -- Adjoint --------------------------------------------------------------------------------
 
@@ -104,21 +123,28 @@ class Impulses:
             UnsolvedError: masses are singular.
         """
         right, seeds, scale = [], [], self._shifts.scale
-        for part, own, by in zip(self._system.parts, carried, maps, strict=True):
+        for nodes, own, by in zip(self._nodes, carried, maps, strict=True):
             seeds.append(self._kick * own.v - own.a / self._share)
-            right.append(by.hold(_local(part.block, own.w - seeds[-1])))
+            right.append(by.hold(nodes.local(own.w - seeds[-1])))
         z, m = self._solved(right, np.zeros(self._system.constraints.size))
         z, mu = [own / scale for own in z], -m
         turned, forces = self._rows.transposed(mu)
         by_place, changes = self._tangent.apply_transposed(z, 0.0 * mu, POSITIONS)
         by_velocity, _ = self._tangent.apply_transposed(z, 0.0 * mu, VELOCITIES)
-        for k, (part, own, by) in enumerate(zip(self._system.parts, carried, maps, strict=True)):
+        for k, (nodes, own, by) in enumerate(zip(self._nodes, carried, maps, strict=True)):
             own.q -= by_place[k] + turned[k]
-            by.hold(own.q)
-            v = own.v - by.by_increment.transposed(by_velocity[k]) / self._shifts.velocity
-            w = seeds[k] - _rates(part.block, forces[k])
-            own.v, own.w = by.hold_rates(v), by.hold_rates(w)
-        return z, mu, -changes * self._of_laws
+            own.v = own.v - by.by_increment.transposed(by_velocity[k]) / self._shifts.velocity
+            own.w = seeds[k] - nodes.rates(forces[k])
+        if self._damping is not None:
+            factor = scale * self._h
+            for own, (q, v, x) in zip(carried, self._damping.transposed(z), strict=True):
+                own.q -= factor * q
+                own.v = own.v - factor * v
+                own.w = own.w - factor * self._unseen * x
+        for own, by in zip(carried, maps, strict=True):
+            own.q, own.v, own.w = by.hold(own.q), by.hold_rates(own.v), by.hold_rates(own.w)
+        rows = self._system.constraints
+        return z, mu, rows.relaxation / scale * mu * rows.rigid - changes * self._of_laws
 
     @property
     def _of_laws(self) -> FloatArray:
@@ -134,7 +160,7 @@ class Impulses:
             part.block.owned_residual[:] = own
         rows = self._system.constraints
         present = rows.multipliers.copy()
-        multipliers = self._impulse.solve(0.0, values)
+        multipliers = self._impulse.solve((1.0 - self._unseen) * self._h, values)
         rows.multipliers[:] = present
         if multipliers is None:
             raise UnsolvedError("gradient: the masses are singular where an impulse acts")
@@ -158,7 +184,7 @@ class Impulses:
         Raises:
             UnsolvedError: masses are singular.
         """
-        parts, rows = self._system.parts, self._system.constraints
+        rows = self._system.constraints
         nothing = np.zeros(rows.size)
         # these axes are orthonormal ones
         moves = [by.axes.transposed(own.q) for own, by in zip(carried, maps, strict=True)]
@@ -167,15 +193,20 @@ class Impulses:
             [by.by_increment(own.v) / self._shifts.velocity
              for own, by in zip(carried, maps, strict=True)], nothing, VELOCITIES,
         )  # fmt: skip
-        jumps = [_local(part.block, own.w) for part, own in zip(parts, carried, strict=True)]
+        jumps = [nodes.local(own.w) for nodes, own in zip(self._nodes, carried, strict=True)]
         values = self._rows.changes(moves, jumps) + change[1]
+        values = values - rows.relaxation / self._shifts.scale * multipliers
         right = [
             -(a + b + c) / self._shifts.scale
             for a, b, c in zip(by_place, by_velocity, change[0], strict=True)
         ]
+        if self._damping is not None:
+            by_w = [self._unseen * own.w for own in carried]
+            damped = self._damping.changes(moves, [own.v for own in carried], by_w)
+            right = [a - self._h * b for a, b in zip(right, damped, strict=True)]
         found, _ = self._solved(right, values * rows.rigid)
-        for part, own, by, x in zip(parts, carried, maps, found, strict=True):
-            w = _rates(part.block, x)
+        for nodes, own, by, x in zip(self._nodes, carried, maps, found, strict=True):
+            w = nodes.rates(x)
             jump = own.w - w
             v, a = own.v + self._kick * jump, own.a - jump / self._share
             own.v, own.a, own.w = (by.hold_rates(y) for y in (v, a, w))
@@ -186,9 +217,13 @@ class Impulses:
         """Equations (*) of a model at its trial state (collective); there is no restitution."""
         leave_out_barriers(system)
         blocks, _ = equations_at(system, self._shifts)
+        if self._damping is not None:
+            factor, damped = self._shifts.scale * self._h, damping_forces(system, self._rates)
+            blocks = [a + factor * b for a, b in zip(blocks, damped, strict=True)]
         put_steps(system, self._jumps)
         rows = system.constraints
-        return blocks, rows.changes(system.interface.steps) * rows.rigid
+        changes = rows.changes(system.interface.steps) - rows.relaxation * self._passed
+        return blocks, changes * rows.rigid
 
 
 def _slow(block: FrameBlock, accepted: FloatArray) -> FloatArray:
@@ -201,17 +236,29 @@ def _slow(block: FrameBlock, accepted: FloatArray) -> FloatArray:
     return jump
 
 
-def _local(block: FrameBlock, rates: FloatArray) -> FloatArray:
-    """Rates of increments (n, w) in local axes."""
-    found = rates.copy()
-    if block.inertial:
-        found[:, :3] = transposed(rotations(block.frames[: block.owned]), rates[:, :3])
-    return found
+class LeftDamping:
+    """Forces ``-c s h C(q0) w0`` in a step, which accepted accelerations w0 before it lack."""
 
+    def __init__(self, system: System, factor: float) -> None:
+        """Linearise at the accepted state before the step (collective).
 
-def _rates(block: FrameBlock, local: FloatArray) -> FloatArray:
-    """Inverse of :func:`_local`, and its transposed one."""
-    found = local.copy()
-    if block.inertial:
-        found[:, :3] = applied(rotations(block.frames[: block.owned]), local[:, :3])
-    return found
+        Args:
+            system: the system.
+            factor: c s h, with the size h of the step before.
+        """
+        rates = [
+            part.block.acceleration[: part.block.owned, : part.block.width].copy()
+            for part in system.parts
+        ]
+        self._factor, self._forces = factor, LinearDamping(system, rates)
+
+    def changes(self, carried: Sequence[Carried]) -> BlockVectors:
+        """Changes of the equations of blocks by those of the state before (collective)."""
+        by = [own.q for own in carried], [own.v for own in carried], [own.w for own in carried]
+        return [-self._factor * own for own in self._forces.changes(*by)]
+
+    def back(self, carried: Sequence[Carried], z: BlockVectors) -> None:
+        """Add influences of the state before by factors of the equations, in place (collective)."""
+        for own, (q, v, w) in zip(carried, self._forces.transposed(z), strict=True):
+            own.q, own.v = own.q + self._factor * q, own.v + self._factor * v
+            own.w = own.w + self._factor * w

@@ -101,10 +101,11 @@ class Split(EndPoint):
         the share ``unseen`` of impulses less: b and k of ``stiff_damping``.
         """
         self._h, self._weight, self._start = h, weight, self._system.time
+        self.acting = self.kicking = False
         self._spread = h * (1.0 - unseen / weight)
         if self._damping is not None:
             self._damping.begin(weight - 1.0 + unseen)
-        self._plain = self._system.constraints.slack and not (self._touching or self._lacking)
+        self._plain = self._system.constraints.slack and not (self._touching or self.lacking)
         return self._plain or self._begin()
 
     def _begin(self) -> bool:
@@ -244,7 +245,17 @@ class Split(EndPoint):
             self._damping.give_back(shifts.scale)
 
     @property
-    def _lacking(self) -> bool:
+    def spread(self) -> float:
+        """Part of the present step, s, in which damping spreads its impulses."""
+        return self._spread
+
+    def recall_damping(self, h: float, *, lacking: bool) -> None:
+        """Find what damping lacks at an accepted state, see ``StiffDamping.recall``."""
+        if self._damping is not None:
+            self._damping.recall(h, lacking=lacking)
+
+    @property
+    def lacking(self) -> bool:
         """True if accepted accelerations lack a part of damping."""
         return self._damping is not None and self._damping.lacking
 
@@ -306,7 +317,7 @@ class Split(EndPoint):
         """Find the impulses of a step that has been solved (collective)."""
         system, rows = self._system, self._system.constraints
         self._means[:] = self._pulls[:] = 0.0
-        self.kicking = self.acting or self._lacking
+        self.kicking = self.acting or self.lacking
         if not self.kicking:
             return Status.OK
         multipliers = rows.multipliers.copy()
@@ -354,6 +365,7 @@ class Split(EndPoint):
         np.copyto(rows.forces, 0.0, where=self._apart)
         rows.span += self._h
         if self._plain:
+            rows.impulses[:] = 0.0
             return
         rows.impulses[:] = self._means + self._pulls
         rows.passed += self._h * rows.impulses

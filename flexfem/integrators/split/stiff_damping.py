@@ -95,6 +95,18 @@ class StiffDamping:
         self._keep()
         self.lacking, self._withheld = acting, not acting
 
+    def recall(self, h: float, *, lacking: bool) -> None:
+        """Find the forces at an accepted state again, after a step of size h, s (collective).
+
+        Args:
+            h: size of the step, s.
+            lacking: True if there are some.
+        """
+        self.lacking, self._withheld = lacking, False
+        if lacking:
+            self._damp([part.block.acceleration for part in self._system.parts], -h)
+            self._keep()
+
     def state(self) -> State:
         """The forces, by which the next step goes on."""
         blocks = [part.block.name for part in self._system.parts]
