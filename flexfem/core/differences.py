@@ -9,10 +9,17 @@ import numpy as np
 from flexfem._faults import FAILURES
 from flexfem._types import FloatArray
 
-__all__ = ["STENCIL", "central", "suited_step"]
+__all__ = ["ENOUGH", "STENCIL", "STEPS", "SUITS", "central", "slopes_of_rows", "suited_step"]
 
 #: Places in steps, with weights over the step.
 STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
+#: Differences relative to the size of what changes, the longest first.
+STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
+#: Difference from a shorter step, relative to the largest changes, up to which a step suits, and up
+#: to which the best one does.
+SUITS, ENOUGH = 1e-7, 1e-5
+#: Such a difference with the shortest step that is no rounding.
+_BENT = 1e-2
 #: Steps, the longest first, and the relative change of the derivatives with a tenth of a step up to
 #: which it suits.
 _FINE, _SUITS = (1e-3, 1e-4, 1e-5, 1e-6), 1e-9
@@ -53,3 +60,44 @@ def suited_step(found: Callable[[float], FloatArray]) -> tuple[float, float]:
                 break
         longer = values
     return chosen, least
+
+
+def slopes_of_rows(
+    function: Callable[[FloatArray], FloatArray], x: FloatArray, sizes: FloatArray
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Derivatives of a function of rows of numbers, with the longest of STEPS that suits each row.
+
+    Args:
+        function: of (m, n) numbers, returns (m,) values, each of the numbers of its row.
+        x: (m, n) where.
+        sizes: (n,) of the numbers.
+
+    Returns:
+        Derivatives (m, n); by how much they miss that along a direction at random of the size of
+        the numbers, with a shorter step (m,); and the largest changes along it (m,).
+    """
+    still = function(x)
+    along: FloatArray = np.random.default_rng(3).standard_normal((x.shape[1],))
+
+    def slope(direction: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
+        total, largest = np.zeros((2, len(x)))
+        for part, weight in STENCIL:
+            change = function(x + part * step * sizes * direction) - still
+            total += weight / step * change
+            np.maximum(largest, np.abs(change) / step, out=largest)
+        return total, largest
+
+    best, missed, changes = np.zeros_like(x), np.full(len(x), inf), np.zeros(len(x))
+    for step in STEPS:
+        by_number = np.array([slope(unit, step) for unit in np.eye(x.shape[1])])
+        own, largest = by_number[:, 0].T, np.abs(along) @ by_number[:, 1]
+        off = np.abs(slope(along, 0.1 * step)[0] - own @ along)
+        # rows that are precise stay as they are, whatever others need
+        better = (off < missed) & (missed > SUITS * changes)
+        best[better], missed[better], changes[better] = own[better], off[better], largest[better]
+        if (missed <= SUITS * changes).all():
+            break
+    # where long steps go over a kink on both sides alike, the shortest one does not
+    bent = (missed > SUITS * changes) & (off > _BENT * largest)
+    missed[bent] = changes[bent]
+    return best / sizes, missed, changes

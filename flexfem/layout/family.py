@@ -10,7 +10,7 @@ kinds of bodies.
 from __future__ import annotations
 
 import warnings
-from collections.abc import Mapping, Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 from importlib import import_module
 from typing import TYPE_CHECKING, Any, ClassVar, Protocol, runtime_checkable
@@ -76,9 +76,6 @@ class NodalValues(Protocol):
     block: FrameBlock
     support: IntArray
 
-    def values(self) -> FloatArray:
-        """Values (m, c) of this rank at the trial state."""
-
 
 @runtime_checkable
 class NodalSensor(Sensor, Protocol):
@@ -93,8 +90,15 @@ class NodalSensor(Sensor, Protocol):
         """See the class."""
         ...
 
-    def by_values(self, weights: FloatArray) -> Sequence[FloatArray]:
-        """Derivatives (m, c) of ``weights @ columns`` by the numbers (collective)."""
+    def linearised(
+        self, weights: FloatArray
+    ) -> Sequence[tuple[Callable[[], FloatArray], FloatArray]]:
+        """Functions whose weighted sums change as ``weights @ columns`` do (collective).
+
+        For each of the numbers it is a function that computes (m, c) values of this rank at the
+        trial state, and weights (m, c): those numbers, or what they do to the columns to the first
+        order about the present state.
+        """
 
 
 class SumOfValues:
@@ -104,7 +108,7 @@ class SumOfValues:
     support: IntArray
 
     def values(self) -> FloatArray:
-        """See :class:`NodalValues`."""
+        """Values (m, c) of this rank at the trial state."""
         raise NotImplementedError
 
     def update(self) -> FloatArray:
@@ -117,9 +121,11 @@ class SumOfValues:
         """See :class:`NodalSensor`."""
         return [self]
 
-    def by_values(self, weights: FloatArray) -> Sequence[FloatArray]:
+    def linearised(
+        self, weights: FloatArray
+    ) -> Sequence[tuple[Callable[[], FloatArray], FloatArray]]:
         """See :class:`NodalSensor`."""
-        return [np.broadcast_to(weights, self.values().shape)]
+        return [(self.values, np.broadcast_to(weights, self.values().shape))]
 
 
 @dataclass(frozen=True)

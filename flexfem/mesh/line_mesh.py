@@ -17,6 +17,7 @@ from flexfem._memory import LINE_NODE, check_run
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.geometry.frames import CORNER_ANGLE, node_tangents, section_frames
 from flexfem.mesh.geometry.topology import edge_keys, group_order, orient
+from flexfem.mesh.nurbs.curve import NurbsCurve
 
 __all__ = [
     "CORNER_ANGLE",
@@ -50,6 +51,7 @@ class LineMesh:
     line_groups: Mapping[str, IntArray]
     point_groups: Mapping[str, int]
     _orders: dict[str, IntArray | None] = field(repr=False)
+    _curves: dict[tuple[str, int], NurbsCurve] = field(repr=False)
 
     def __init__(
         self,
@@ -88,6 +90,7 @@ class LineMesh:
             line_groups=MappingProxyType(groups),
             point_groups=MappingProxyType(nodes),
             _orders={},
+            _curves={},
         )
 
     @classmethod
@@ -179,6 +182,24 @@ class LineMesh:
         if name not in self._orders:
             self._orders[name] = group_order(self.group_cells(name))
         return self._orders[name]
+
+    def curve(self, name: str, degree: int) -> NurbsCurve:
+        """Return the curve through the nodes of a line group, with one element per cell.
+
+        Models of one mesh, as those of which derivatives are taken, share it.
+
+        Raises:
+            ValueError: There is no such group of lines, it branches or falls apart, or has no such
+                curve.
+        """
+        if (name, degree) not in self._curves:
+            nodes = self.order(name)
+            if nodes is None:
+                raise ValueError(
+                    f'group "{name}" branches or falls apart, formulation "nurbs" needs one line'
+                )
+            self._curves[name, degree] = NurbsCurve.through(self.points[nodes], degree=degree)
+        return self._curves[name, degree]
 
     def __str__(self) -> str:
         """Return the numbers of nodes, cells and groups."""

@@ -19,17 +19,12 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.differences import STENCIL
+from flexfem.core.differences import ENOUGH, STENCIL, STEPS, SUITS
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import moved
 
-__all__ = ["ENOUGH", "NodeFunctions", "slopes"]
+__all__ = ["NodeFunctions", "slopes"]
 
-#: Differences relative to the size of what moves, the longest first.
-STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
-#: Difference from a shorter step, relative to the largest changes, up to which a step suits, and up
-#: to which the best one does.
-SUITS, ENOUGH = 1e-7, 1e-5
 #: Difference from a shorter step with which no better one is sought: where nodes move together,
 #: as in rotations, their derivatives cancel.
 _PRECISE = 1e-11

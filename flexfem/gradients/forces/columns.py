@@ -9,7 +9,8 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.node_functions import ENOUGH, slopes
+from flexfem.core.differences import ENOUGH
+from flexfem.gradients.equations.node_functions import slopes
 from flexfem.lie import se3
 from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.measure.sensors import RowSensor

@@ -11,8 +11,9 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.differences import ENOUGH
 from flexfem.core.marker import Observed, SlidingMarker
-from flexfem.gradients.equations.node_functions import ENOUGH, slopes
+from flexfem.gradients.equations.node_functions import slopes
 from flexfem.lie import se3, so3
 from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.system import System

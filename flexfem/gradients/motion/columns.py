@@ -20,8 +20,9 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
+from flexfem.core.differences import ENOUGH
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.gradients.equations.node_functions import ENOUGH, NodeFunctions, slopes
+from flexfem.gradients.equations.node_functions import NodeFunctions, slopes
 from flexfem.gradients.equations.node_maps import rotations, transposed
 from flexfem.gradients.equations.step_tangent import BlockVectors, forces_on_blocks
 from flexfem.gradients.forces.accepted import ForceDerivatives
@@ -376,7 +377,9 @@ class _Sensor:
         if not isinstance(sensor, NodalSensor):
             raise InputError(f"gradient: {owner} has no derivatives yet")
         self._sensor, self._columns = sensor, len(probe.columns)
-        self._parts = [(one, NodeFunctions(owner, one.block, one.support)) for one in sensor.nodal]
+        self._parts = [
+            (one.block, NodeFunctions(owner, one.block, one.support)) for one in sensor.nodal
+        ]
 
     def add(self, weights: FloatArray, columns: Sequence[int], sums: _Sums) -> None:
         """Add derivatives of weighted columns by their nodes (collective)."""
@@ -384,9 +387,9 @@ class _Sensor:
             return
         every = np.zeros(self._columns)
         every[list(columns)] = weights
-        factors = self._sensor.by_values(every)
-        for (one, functions), own in zip(self._parts, factors, strict=True):
-            sums.add(one.block, 0, functions.derivatives(one.values, own, "frames"))
+        linear = self._sensor.linearised(every)
+        for (block, functions), (values, own) in zip(self._parts, linear, strict=True):
+            sums.add(block, 0, functions.derivatives(values, own, "frames"))
 
 
 def _differences(

@@ -24,6 +24,7 @@ from flexfem.model.probes.base import AnyProbe, Probe
 from flexfem.model.probes.cable import CableProbe
 from flexfem.model.probes.measured import EnergyProbe, ReactionProbe
 from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.measure.aggregate import Aggregate
 from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.measure.probes import ProbeRecorder
 from flexfem.system.system import System
@@ -68,13 +69,11 @@ class DirectEffect:
             return
         motion.go_to(0)
         disturb(motion)
-        still, change = own.values(motion.times), 0.0
-        for near in self._values(motion.times):
-            size = np.maximum(np.abs(still), np.abs(near))
-            both = np.isfinite(still) & np.isfinite(near) & (size > 0.0)
-            apart = np.abs(still - near)[both] / size[both]
-            change = max(change, float(apart.max(initial=0.0)))
-        self.present = motion.on_all_ranks(change) > _SEEN
+        still, inside = own.values(motion.times), own.inside()
+        changes = [np.zeros(1)]
+        for one, near in zip(self._others, self._values(motion.times), strict=True):
+            changes += [_relative(still, near), _relative(inside, one.inside())]
+        self.present = motion.largest(np.concatenate(changes))[0] > _SEEN
         motion.go_to(0)
 
     @cached_property
@@ -122,6 +121,14 @@ class DirectEffect:
             yield one.values(times)
 
 
+def _relative(first: FloatArray, second: FloatArray) -> FloatArray:
+    """Differences (n,) of finite values over their sizes."""
+    size = np.maximum(np.abs(first), np.abs(second))
+    both = np.isfinite(first) & np.isfinite(second) & (size > 0.0)
+    found: FloatArray = np.abs(first - second)[both] / size[both]
+    return found
+
+
 def _free(block: FrameBlock, by: FloatArray) -> FloatArray:
     """Twists (n_owned, 6) without fixed unknowns."""
     found = by[: block.owned].copy()
@@ -167,6 +174,17 @@ class _Columns:
             at += len(probe.markers)
             found.append(own)
         return np.hstack(found) if found else np.zeros((len(times), 0))
+
+    def inside(self) -> FloatArray:
+        """Values (n,) of which columns are the largest, in the elements of this rank.
+
+        At another state the largest one may be that of another element, and depend on others.
+        """
+        found = [np.empty(0)]
+        for sensor in self._recorder.sensors.values():
+            if isinstance(sensor, Aggregate):
+                found += [part.values() for part in sensor.nodal]
+        return np.concatenate(found)
 
 
 def force_columns(simulation: Simulation, wanted: Collection[str]) -> bool:

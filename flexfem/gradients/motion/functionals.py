@@ -151,6 +151,8 @@ def _min(t: FloatArray, x: FloatArray, rho: float) -> tuple[float, FloatArray]:
 def _ks(t: FloatArray, x: FloatArray, rho: float) -> tuple[float, FloatArray]:
     top = x.max()
     parts = np.exp(rho * (x - top))
+    # rows that are lost in the sum have no part in it, and may be where columns have kinks
+    parts[parts < np.finfo(np.float64).eps / len(x)] = 0.0
     return float(top + np.log(parts.mean()) / rho), parts / parts.sum()
 
 

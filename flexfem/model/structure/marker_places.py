@@ -123,12 +123,7 @@ def group_curve(mesh: LineMesh, beam: Beam) -> NurbsCurve:
     assert beam.group is not None
     assert beam.degree is not None
     try:
-        nodes = mesh.order(beam.group)
-        if nodes is None:
-            raise ValueError(
-                f'group "{beam.group}" branches or falls apart, formulation "nurbs" needs one line'
-            )
-        return NurbsCurve.through(mesh.points[nodes], degree=beam.degree)
+        return mesh.curve(beam.group, beam.degree)
     except ValueError as error:
         raise ValueError(f"{owner}: {error}") from None
 

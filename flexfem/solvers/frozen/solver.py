@@ -359,6 +359,7 @@ class FrozenSolver:
 
         False if it is singular. The residuals are evaluated; :meth:`again` solves after it.
         """
+        self._multipliers.follow_sliders()
         regular = True
         for rigid in self.rigid:
             regular = rigid.invert(shifts) and regular
