@@ -436,7 +436,7 @@ class Constraints(NumberedRows):
         self.hold_gradients()
         if elements and self.elements.groups:
             self.elements.evaluate(self, dynamics)
-            self._hold(self.step_jacobian)
+            self.hold_gradient(self.step_jacobian)
 
     def node_velocities(self) -> FloatArray:
         """(n + 1, 6) local twists of the interface nodes, and of the ground, whose number is -1."""
@@ -463,7 +463,7 @@ class Constraints(NumberedRows):
                 np.zeros((len(face.keys), 6, 6)) if held else velocity_changes(memory, velocity)
             )
             self.lines.add_dampers(slopes[:, 1], face.velocities, by_step, self.force_jacobian, out)
-        self._hold(out)
+        self.hold_gradient(out)
         return out
 
     def static_forces(self) -> FloatArray:
@@ -493,10 +493,10 @@ class Constraints(NumberedRows):
 
     def hold_gradients(self) -> None:
         """Set all gradients to zero along fixed unknowns."""
-        self._hold(self.force_jacobian)
-        self._hold(self.step_jacobian)
+        self.hold_gradient(self.force_jacobian)
+        self.hold_gradient(self.step_jacobian)
 
-    def _hold(self, gradient: FloatArray) -> None:
+    def hold_gradient(self, gradient: FloatArray) -> None:
         """Set gradients (t, 2, 6) to zero along fixed unknowns."""
         if self._holds:
             held = np.concatenate([self.interface.held, np.zeros((1, 6), dtype=np.bool_)])
@@ -540,7 +540,7 @@ class Constraints(NumberedRows):
             self.step_jacobian,
         )
         self._add_line_dampers(slopes[:, 1], velocity)
-        self._hold(self.step_jacobian)
+        self.hold_gradient(self.step_jacobian)
         return values
 
     def changes(self, twists: FloatArray, sides: BoolArray | None = None) -> FloatArray:
@@ -581,7 +581,7 @@ class Constraints(NumberedRows):
         if len(self.wrapped_rows):
             update_wraps(self.own.memory)
         self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
-        self._hold(self.force_jacobian)
+        self.hold_gradient(self.force_jacobian)
         self.lines.accept()
         if self.elements.groups:
             evaluate_rows(self.own.memory, self.interface.interface_nodes.memory, _UNSCALED)
@@ -598,7 +598,7 @@ class Constraints(NumberedRows):
         frames = self.interface.frames
         marker_poses(self.own.memory, frames, self.poses)
         self.lines.evaluate(frames, self.poses, self.force_jacobian)
-        self._hold(self.force_jacobian)
+        self.hold_gradient(self.force_jacobian)
 
     def _add_line_dampers(self, slopes: FloatArray, velocity: float) -> None:
         """The part of ``constraints.rows.hessians.add_dampers`` of joints on lines."""
@@ -643,7 +643,7 @@ class Constraints(NumberedRows):
             self.lines.add_dampers(
                 self.slopes[:, 1], face.velocities, held, self.force_jacobian, jacobian
             )
-            self._hold(jacobian)
+            self.hold_gradient(jacobian)
         return jacobian
 
     def sums(self) -> FloatArray:

@@ -227,6 +227,32 @@ class StepForces(Protocol):
         """
         ...
 
+    def exchange(self, state: StepNodes) -> None:
+        """Take the step from its end to its start, until :meth:`begin` is called.
+
+        Args:
+            state: the nodes on this way; changes over the last step become opposite.
+        """
+        ...
+
+    def by_last(
+        self, state: StepNodes, before: FloatArray, share: float, scale: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """Entries of ``scale`` times the derivatives of mean forces by strains of the last step.
+
+        These are the ones at its end, in the numerical dissipation alone, and those at its start.
+
+        Args:
+            state: the nodes.
+            before: (n, 12) frames at the start of the last step.
+            share: see :meth:`begin`.
+            scale: see above.
+
+        Returns:
+            Entries of matrices by twists at the start of this step, and at that of the last one.
+        """
+        ...
+
     def add_force(self, state: StepNodes, scale: float) -> None:
         """Add ``scale`` times mean forces, inertia and weight to the nodes' residual."""
         ...

@@ -49,8 +49,8 @@ WRONG = [
     ('"bob.position[x]" must have whole numbers in brackets', {"wrt": ["bob.position[x]"]}),
     ('"bob.position" is no real number, got array', {"wrt": ["bob.position"]}),
     ('"bob.name" is no real number', {"wrt": ["bob.name"]}),
-    ("integrator must be 'generalized_alpha', got 'energy_momentum'", {
-        "options": ff.RunOptions(dt=1e-3, t_end=3e-3, integrator="energy_momentum")}),
+    ("integrator must be 'generalized_alpha' or 'energy_momentum', got 'stabilized_index2'", {
+        "options": ff.RunOptions(dt=1e-3, t_end=3e-3, integrator="stabilized_index2")}),
     ("the states of 3 steps need", {"memory": 10.0}),
 ]  # fmt: skip
 
@@ -122,6 +122,33 @@ def test_internal_variables_in_plane_stress():
 def test_unsupported_parts(number):
     text, things = list(_unsupported())[number]
     _refused(text, model=_model(*things))
+
+
+def _of_other_steps():
+    push = ff.PointForce("push", BOB, (0.0, 1.0, 0.0))
+    servo = ff.Controller("servo", ["tip_z"], ["push"], lambda t, y: y[0], sample_time=OPTIONS.dt)
+    yield "controllers with the integrator energy_momentum", [push, servo], {}
+    stop = ff.Event("stop", BOB, lambda t, bob: bob.position[2] + 9.0, ff.ReleaseJoint("hinge"))
+    yield "events with the integrator energy_momentum", [stop], {}
+    reaction = ff.ReactionProbe("reaction", "hinge", axes="b")
+    yield (
+        'ReactionProbe "reaction" with the integrator energy_momentum',
+        [reaction],
+        {"of": "final:reaction_fx"},
+    )
+    cube = ff.Solid(
+        "cube", ff.laws.NeoHookean(1e6, 2e6), ff.SolidMesh.box((1, 1, 1), (1, 1, 1)), density=1e3,
+        degree=1,
+    )  # fmt: skip
+    yield "solids with the integrator energy_momentum and rho_inf below 1", [cube], {}
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_steps_that_depend_on_both_ends(number):
+    """Their adjoint knows neither these parts nor forces that are means over a step."""
+    text, things, given = list(_of_other_steps())[number]
+    options = replace(OPTIONS, integrator="energy_momentum", rho_inf=0.8)
+    _refused(text, model=_model(*things), options=options, **given)
 
 
 def _without_turning_rates(monkeypatch):

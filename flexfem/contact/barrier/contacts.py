@@ -60,6 +60,7 @@ class BarrierContacts:
         time: time of the trial state, s.
         factor: factor of the forces in the equations: 1 in equilibria, that of impulses in motions,
             0 at the accepted states of these.
+        cayley: True if nodes rotate by Cayley vectors in the present step.
         evaluated: True if the response is that of the trial state.
         cut: True if the last correction was not taken as a whole.
     """
@@ -108,7 +109,7 @@ class BarrierContacts:
         self._low = np.full((count, 3), np.inf)
         self._high = -self._low
         self._still = np.zeros((count, 3))
-        self._over_step, self.factor, self._cayley = False, 1.0, False
+        self._over_step, self.factor, self.cayley = False, 1.0, False
         self._ahead = 0.0
         # of all pairs in the last correction, by contact; empty where it is not known
         self._ways: list[float] = []
@@ -186,7 +187,7 @@ class BarrierContacts:
         self._place()
         self._before[:] = self._last[:] = self._points
         self._ways = []
-        self._over_step, self.factor, self._cayley, self.cut = True, weight, cayley, False
+        self._over_step, self.factor, self.cayley, self.cut = True, weight, cayley, False
         self.start(h)
         self.spins.begin()
         for one in self.contacts:
@@ -412,7 +413,7 @@ class BarrierContacts:
     def hand_out(self, kind: int, scale: float) -> None:
         """Add the forces gathered last, with the same scale, to the residual of a block."""
         if self._over_step:
-            self.carriers.add_over_step(kind, self._forces, scale, cayley=self._cayley)
+            self.carriers.add_over_step(kind, self._forces, scale, cayley=self.cayley)
         else:
             self.carriers.add_loads(kind, self._forces, scale)
         self.spins.add_couples(kind, self._couples)

@@ -85,6 +85,27 @@ class EnergyBeams:
         change = self._beams.twists(state.frames0) - self._beams.twists(before)
         self._cells.own[:, _LAST] = share * change
 
+    def by_last(
+        self, state: StepNodes, before: FloatArray, share: float, scale: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.layout.elements.StepForces`; forces are linear in these strains."""
+        own, count = self._cells.own, len(self._cells.nodes)
+        kept, found = own[:, _LAST].copy(), np.empty((7, count, 12))
+        for k, change in enumerate(np.eye(7, 6, -1)):
+            own[:, _LAST] = change
+            memories = self._force.memory, self._cells.memory, state.memory
+            evaluate(*memories, _constants(state), found[k])
+        own[:, _LAST] = kept
+        slopes = share * scale * (found[1:] - found[0]).transpose(1, 2, 0)
+        return (
+            slopes @ self._beams.twist_derivatives(state.frames0),
+            -slopes @ self._beams.twist_derivatives(before),
+        )
+
+    def exchange(self, state: StepNodes) -> None:
+        """See :class:`flexfem.layout.elements.StepForces`."""
+        self._cells.own[:, _LAST] *= -1.0
+
     def add_force(self, state: StepNodes, scale: float) -> None:
         """Add ``scale`` times the mean force over the step to the residual of the nodes."""
         self._latest = None

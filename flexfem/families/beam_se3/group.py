@@ -248,6 +248,18 @@ class BeamGroup:
         cell_twists(self.cells.memory, at, frames, twists)
         return twists
 
+    def twist_derivatives(self, frames: FloatArray) -> FloatArray:
+        """Derivatives (m, 6, 12) of the relative twists by local twists of the nodes."""
+        twists = self.twists(frames)
+        back = np.swapaxes(self._turns.reshape(-1, 2, 1, 3, 3), -1, -2)
+        count, found = len(twists), []
+        for side, changes in enumerate(
+            (-se3.inverse_tangent(-twists), se3.inverse_tangent(twists))
+        ):
+            halves = changes.reshape(-1, 6, 2, 3).swapaxes(1, 2) @ back[:, side]
+            found.append(halves.swapaxes(1, 2).reshape(count, 6, 6))
+        return np.concatenate(found, axis=2)
+
     def _strain(
         self, frames: FloatArray, at: IntArray | None = None
     ) -> tuple[FloatArray, FloatArray]:

@@ -104,6 +104,20 @@ class SolidSteps:
         for group in self._groups:
             group.set_law(state.law, share)
 
+    def by_last(
+        self, state: StepNodes, before: FloatArray, share: float, scale: float
+    ) -> tuple[FloatArray, FloatArray]:
+        """See :class:`flexfem.layout.elements.StepForces`; without dissipation there are none."""
+        assert not self._dissipates
+        nothing = np.zeros((len(self._pairs.rows), 3, 3))
+        return nothing, nothing
+
+    def exchange(self, state: StepNodes) -> None:
+        """See :class:`flexfem.layout.elements.StepForces`."""
+        self._start("_start", state.frames0, self._motion.start)
+        for group in self._groups:
+            group.set_law(state.law, 1.0)
+
     def _start(self, which: str, frames: FloatArray, points: FloatArray) -> None:
         """Take positions at the start of this step or of the last one."""
         positions_into(frames, points)

@@ -7,21 +7,24 @@ same contraction, so that backwards no factorisation is needed where none was fo
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
+from typing import Protocol
 
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.step_tangent import BlockVectors, StepTangent, joined
+from flexfem.gradients.equations.step_tangent import STEP, BlockVectors, joined
+from flexfem.gradients.equations.unilateral import Unilateral
 from flexfem.solvers.frozen.policy import FrozenPolicy
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.frozen.transposed import TransposedSolver
 from flexfem.solvers.frozen.vectors import StepVectors
 from flexfem.solvers.linear.gmres import minimal_residual
 from flexfem.solvers.newton.policy import Policy
+from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import Shifts, System
 
-__all__ = ["LinearizedStep", "UnsolvedError"]
+__all__ = ["Derivatives", "LinearizedStep", "UnsolvedError"]
 
 #: Applications of the operator before GMRES begins again, and how often it does.
 _MOST, _ROUNDS = 40, 5
@@ -35,6 +38,45 @@ class UnsolvedError(RuntimeError):
     """Linearised equations could not be solved."""
 
 
+class Derivatives(Protocol):
+    """Derivatives of the equations of blocks and rows at the end of a step.
+
+    Attributes:
+        forces: those that elements and rows do not have.
+        turning: True if directors turn with others.
+    """
+
+    turning: bool
+
+    @property
+    def forces(self) -> Sequence[Unilateral]:
+        """See the class."""
+        ...
+
+    def take(self, shifts: Shifts) -> None:
+        """Compute them at the trial state, and leave residuals evaluated (collective)."""
+
+    def turned(self, blocks: BlockVectors) -> BlockVectors:
+        """Local twists with the turns of directors, of those without, in place."""
+        ...
+
+    def turned_transposed(self, blocks: BlockVectors) -> BlockVectors:
+        """The transposed of :meth:`turned`, in place."""
+        ...
+
+    def apply(
+        self, blocks: BlockVectors, multipliers: FloatArray, matrix: int = STEP
+    ) -> tuple[BlockVectors, FloatArray]:
+        """Change by local twists and multipliers; see ``step_tangent.StepTangent``."""
+        ...
+
+    def apply_transposed(
+        self, blocks: BlockVectors, multipliers: FloatArray, matrix: int = STEP
+    ) -> tuple[BlockVectors, FloatArray]:
+        """The transposed of :meth:`apply` (collective)."""
+        ...
+
+
 class LinearizedStep:
     """Linearised equations at the end of a step.
 
@@ -45,8 +87,9 @@ class LinearizedStep:
     """
 
     def __init__(
-        self, system: System, policy: Policy, accuracy: float, tangent: StepTangent
-    ) -> None:
+        self, system: System, policy: Policy, accuracy: float, tangent: Derivatives,
+        mechanics: Mechanics = END_POINT,
+    ) -> None:  # fmt: skip
         """Take the factors of a policy, if it keeps any (collective).
 
         Args:
@@ -54,10 +97,11 @@ class LinearizedStep:
             policy: that of the motion.
             accuracy: relative one of solutions.
             tangent: the exact derivatives.
+            mechanics: equations whose matrices are factorised, if the policy keeps none.
         """
         self._system, self._accuracy = system, accuracy
         self.tangent = tangent
-        own = policy.frozen if isinstance(policy, FrozenPolicy) else FrozenSolver(system)
+        own = policy.frozen if isinstance(policy, FrozenPolicy) else FrozenSolver(system, mechanics)
         self._frozen = own
         self._transposed = TransposedSolver(system, own)
         self._vectors = StepVectors(system)

@@ -21,7 +21,8 @@ from flexfem.lie import se3, so3
 
 __all__ = [
     "DirectorTurns", "RateMaps", "StepMaps", "TwistMap", "applied", "fixed_apart",
-    "increments_between", "moved", "rotations", "start_moves", "transposed", "twists",
+    "increments_between", "moved", "moved_apart", "rotations", "start_moves", "transposed",
+    "twists",
 ]  # fmt: skip
 
 #: Distance of nodes at the starts of two models, m or 1, up to which it is rounding.
@@ -75,15 +76,20 @@ def fixed_apart(block: FrameBlock, other: FrameBlock) -> FloatArray:
 
     A parameter may move them, as the width of a plate does those of its clamped edge.
     """
-    frames = block.frames.copy()
+    return moved_apart(block, other, block.frames)
+
+
+def moved_apart(block: FrameBlock, other: FrameBlock, frames: FloatArray) -> FloatArray:
+    """The same of any frames (n, 12) of the nodes of the block."""
+    found = frames.copy()
     if block.dirichlet is None:
-        return frames
+        return found
     moves = start_moves(block, other)
     moves[:, : block.width][~block.dirichlet] = 0.0
     moves[:, block.width :] = 0.0
     at = np.flatnonzero(moves.any(axis=1))
-    frames[at] = moved(frames[at], moves[at], inertial=block.inertial)
-    return frames
+    found[at] = moved(frames[at], moves[at], inertial=block.inertial)
+    return found
 
 
 def applied(matrices: FloatArray, vectors: FloatArray) -> FloatArray:

@@ -15,7 +15,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.core.nodes.action_kernels import subtract_forces
 from flexfem.gradients.equations.damped_modes import DampedModes
 from flexfem.gradients.equations.kernels import add_products, add_transposed_products
@@ -27,7 +27,7 @@ from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = [
     "STEP", "BlockVectors", "StepTangent", "add_row_forces", "collected", "forces_at_interface",
-    "forces_on_blocks", "joined", "put_steps", "row_changes",
+    "forces_on_blocks", "joined", "places_of", "put_steps", "row_changes", "subtract_from_owners",
 ]  # fmt: skip
 
 #: (n_owned, width) for each part.
@@ -40,22 +40,29 @@ _WITH_POSITIONS = (POSITIONS, STEP)
 _KINDS = ((0,), (1,), (), (0, 1))
 
 
+def places_of(part: BlockPart) -> list[tuple[IntArray, IntArray]]:
+    """Local nodes (m, j) and (m, k) of the rows and columns of equal blocks of a part's matrices.
+
+    They are those of cells, of forces inside them, of masses and of forces at nodes.
+    """
+    own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)[:, np.newaxis]
+    return [
+        (np.ascontiguousarray(i, dtype=np.int64), np.ascontiguousarray(j, dtype=np.int64))
+        for i, j in (*part.couplings(), (own, own))
+    ]
+
+
 class _PartMatrices:
     """Dense blocks of the matrices of a part, those of fixed unknowns included.
 
     Attributes:
-        places: local nodes (m, j) and (m, k) of the rows and columns of equal blocks: of cells, of
-            forces inside them, of masses and of forces at nodes.
+        places: see :func:`places_of`.
     """
 
     def __init__(self, part: BlockPart) -> None:
         """Find the places of all entries."""
         self._part, width = part, part.block.width
-        own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)[:, np.newaxis]
-        self.places = [
-            (np.ascontiguousarray(i, dtype=np.int64), np.ascontiguousarray(j, dtype=np.int64))
-            for i, j in (*part.couplings(), (own, own))
-        ]
+        self.places = places_of(part)
         sizes = [width**2 * i.shape[0] * i.shape[1] * j.shape[1] for i, j in self.places]
         self._inside = 0 if part.elements is None else len(part.elements.couplings)
         self._cells = np.zeros((4, sum(sizes[: self._inside])))
@@ -265,7 +272,7 @@ class StepTangent:
         """Add the change of the constraint forces along the steps."""
         system = self._system
         steps = system.interface.steps
-        _subtract(system, -system.constraints.turning_forces(hessians, steps))
+        subtract_from_owners(system, -system.constraints.turning_forces(hessians, steps))
 
 
 def put_steps(system: System, blocks: BlockVectors) -> None:
@@ -281,7 +288,7 @@ def forces_on_blocks(system: System, forces: FloatArray) -> BlockVectors:
     """Forces (n, 6) at interface nodes on the blocks that own these."""
     for part in system.parts:
         part.block.residual[:] = 0.0
-    _subtract(system, -forces)
+    subtract_from_owners(system, -forces)
     return collected(system)
 
 
@@ -295,7 +302,7 @@ def row_changes(system: System, jacobian: FloatArray) -> FloatArray:
 
 def add_row_forces(system: System, jacobian: FloatArray, multipliers: FloatArray) -> None:
     """Add the transposed :func:`row_changes` of multipliers (r,) to the residuals."""
-    _subtract(system, -forces_at_interface(system, jacobian, multipliers))
+    subtract_from_owners(system, -forces_at_interface(system, jacobian, multipliers))
 
 
 def forces_at_interface(
@@ -309,7 +316,7 @@ def forces_at_interface(
     return forces[:-1]
 
 
-def _subtract(system: System, forces: FloatArray) -> None:
+def subtract_from_owners(system: System, forces: FloatArray) -> None:
     """Subtract forces (n, 6) at interface nodes from the residuals of their owners."""
     for part in system.parts:
         if len(part.interface_nodes):

@@ -10,11 +10,12 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.gradients.equations.node_maps import fixed_apart
 from flexfem.gradients.equations.step_tangent import BlockVectors, collected
-from flexfem.system.mechanics import END_POINT, EndPoint
+from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import Shifts, System
 
-__all__ = ["Equations", "SystemEquations", "equations_at", "jump", "product"]
+__all__ = ["Equations", "SystemEquations", "copy_state", "equations_at", "jump", "product"]
 
 #: Of blocks, (n_owned, width) each, and of all rows of this rank, (r,).
 Equations = tuple[BlockVectors, FloatArray]
@@ -32,7 +33,7 @@ class SystemEquations(Protocol):
 _SEEN = 1e3
 
 
-def equations_at(system: System, shifts: Shifts, mechanics: EndPoint = END_POINT) -> Equations:
+def equations_at(system: System, shifts: Shifts, mechanics: Mechanics = END_POINT) -> Equations:
     """Equations of blocks, without reactions of what is fixed, and of all rows (collective)."""
     mechanics.evaluate(system, shifts)
     return collected(system), system.constraints.values.copy()
@@ -61,3 +62,14 @@ def jump(
     comm.Allreduce(MPI.IN_PLACE, squares)
     bent, moved, left = np.sqrt(squares)
     return bool(bent > rough * moved and bent > _SEEN * left)
+
+
+def copy_state(source: System, target: System) -> None:
+    """Copy a trial state to another model, whose fixed unknowns stay at its own start."""
+    for part, other in zip(source.parts, target.parts, strict=True):
+        trial = other.block.trial()
+        for name, values in part.block.trial().items():
+            trial[name][:] = values
+        if part.block.dirichlet is not None:
+            other.block.frames[:] = fixed_apart(part.block, other.block)
+    target.constraints.multipliers[:] = source.constraints.multipliers

@@ -155,7 +155,7 @@ class Adjoint:
         """
         if self._arrived != over.step:
             self.arrive(over)
-        rows = self.impulsive + self.forces / self._motion.laws(over.step).shifts.scale
+        rows = self.impulsive + self.forces / self._motion.scheme.shifts(over.step).scale
         self.impulsive, self.forces = np.zeros((2, len(rows)))
         self.by_size, self._lead_by_size = self._lead_by_size, 0.0
         if size is not None:
@@ -266,6 +266,6 @@ class Tangent:
             rows = rows + size[1] * size[0].equations[1]
         found = over.ahead(self.carried, (forces, rows), size)
         self.carried, self.multipliers = found.carried, found.multipliers
-        self.forces = self.multipliers / self._motion.laws(over.step).shifts.scale
+        self.forces = self.multipliers / self._motion.scheme.shifts(over.step).scale
         self.remembered = self._motion.memories.ahead(self.remembered, found.moves)
         self.lead(over.step)

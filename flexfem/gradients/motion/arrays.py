@@ -384,7 +384,7 @@ class _Probe:
         """This rank's part of the equations of a step of each model, not scaled (collective)."""
         motion, found = self._motion, []
         motion.go_to_end(step)
-        owned, scale = motion.system.constraints.owned, motion.laws(step).shifts.scale
+        owned, scale = motion.system.constraints.owned, motion.scheme.shifts(step).scale
         for one in self._models:
             blocks, rows = evaluated(motion, one, step)
             found.append(np.concatenate([*(x.ravel() / scale for x in blocks), owned * rows]))

@@ -18,7 +18,8 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.marker import SlidingMarker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.gradients.equations.node_maps import fixed_apart, moved, start_moves
+from flexfem.gradients.equations.node_maps import moved, start_moves
+from flexfem.gradients.equations.values import copy_state
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.model.probes.base import AnyProbe, Probe
 from flexfem.model.probes.cable import CableProbe
@@ -29,7 +30,7 @@ from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.measure.probes import ProbeRecorder
 from flexfem.system.system import System
 
-__all__ = ["DirectEffect", "copy_state", "disturb", "force_columns"]
+__all__ = ["DirectEffect", "disturb", "force_columns"]
 
 #: Difference of columns, relative to their size, from which on they depend on the parameter.
 _SEEN = 1e-13
@@ -211,17 +212,6 @@ def take_rows(motion: Motion, system: System, step: int) -> None:
     rows.targets[own.held] = own.targets[own.held]
     rows.consistent, system.lead = own.consistent, motion.system.lead
     system.set_time(float(motion.times[step]))
-
-
-def copy_state(source: System, target: System) -> None:
-    """Copy a trial state to another model, whose fixed unknowns stay at its own start."""
-    for part, other in zip(source.parts, target.parts, strict=True):
-        trial = other.block.trial()
-        for name, values in part.block.trial().items():
-            trial[name][:] = values
-        if part.block.dirichlet is not None:
-            other.block.frames[:] = fixed_apart(part.block, other.block)
-    target.constraints.multipliers[:] = source.constraints.multipliers
 
 
 def disturb(motion: Motion) -> None:

@@ -37,6 +37,7 @@ from flexfem.gradients.motion.columns import ColumnDerivatives, Seeds
 from flexfem.gradients.motion.support import check_sliding
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.schemes.base import Recursion, SizeChange
+from flexfem.gradients.schemes.generalized_alpha import alpha_of
 from flexfem.integrators.generalized_alpha import step_laws
 from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
@@ -113,11 +114,11 @@ def _row_of(function: Callable[..., float]) -> Callable[..., Sequence[float]]:
 
 def size_change(motion: Motion, over: Recursion) -> SizeChange:
     """What the size of a step changes, at whose end it is linearised (collective)."""
-    taken, shifts = motion.grid.step(over.step), motion.laws(over.step).shifts
+    taken, shifts = motion.grid.step(over.step), motion.scheme.shifts(over.step)
     laws = np.zeros(10)
     for place, weight in STENCIL:
         h = taken.h * (1.0 + place * _SIZE)
-        own = step_laws(taken.scheme.rho_inf, h)
+        own = step_laws(alpha_of(taken.scheme).rho_inf, h)
         plain = own.predict[0]  # whose increments are zero
         values = np.concatenate([plain[2:], own.rates, own.accept])
         laws += weight / (_SIZE * taken.h) * values
@@ -175,7 +176,7 @@ def by_time(motion: Motion, state: int) -> Equations:
         )
     system.set_time(float(motion.times[state]))
     if motion.renewal is None:
-        equations_at(system, motion.laws(state).shifts)
+        equations_at(system, motion.scheme.shifts(state))
     ends = np.cumsum([a * b for a, b in sizes])
     *blocks, rows = np.split(central, ends)
     return [own.reshape(size) for own, size in zip(blocks, sizes, strict=True)], rows
@@ -193,7 +194,7 @@ def _at(motion: Motion, state: int, later: float) -> Equations:
     motion.system.set_time(float(motion.times[state]) + later)
     if motion.renewal is not None:
         return motion.renewal.equations(motion.system)
-    return equations_at(motion.system, motion.laws(state).shifts)
+    return equations_at(motion.system, motion.scheme.shifts(state))
 
 
 class EventTimes:

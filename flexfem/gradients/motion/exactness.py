@@ -16,11 +16,9 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.equations.step_tangent import POSITIONS, STEP, StepTangent
 from flexfem.gradients.equations.values import Equations, equations_at
-from flexfem.gradients.motion.trajectory import Motion, scheme_of
-from flexfem.gradients.unilateral.forces import leave_out_barriers, unilateral_forces
-from flexfem.system.mechanics import END_POINT
+from flexfem.gradients.motion.trajectory import Motion
+from flexfem.gradients.unilateral.forces import leave_out_barriers
 
 __all__ = ["linearized"]
 
@@ -41,10 +39,8 @@ def linearized(motion: Motion, accuracy: float) -> LinearizedStep:
     Raises:
         InputError: they are not exact, naming the body.
     """
-    split = scheme_of(motion.simulation).split
-    forces = unilateral_forces(motion.system, split)
-    tangent = StepTangent(motion.system, split or END_POINT, forces)
-    linear = LinearizedStep(motion.system, motion.policy, accuracy, tangent)
+    tangent, mechanics = motion.scheme.tangent(), motion.simulation.integrator.mechanics
+    linear = LinearizedStep(motion.system, motion.policy, accuracy, tangent, mechanics)
     _check_exact(motion, linear)
     return linear
 
@@ -78,7 +74,7 @@ class _Differences:
     """Differences of the equations along a direction."""
 
     def __init__(self, motion: Motion, linear: LinearizedStep) -> None:
-        self._motion, self._tangent = motion, linear.tangent
+        self._motion, self._linear = motion, linear
         random, self._direction = np.random.default_rng(2), []
         for part in motion.system.parts:
             block = part.block
@@ -89,10 +85,12 @@ class _Differences:
     def smallest(self, step: int) -> FloatArray:
         """Relative errors of the blocks, and of all rows, each with the change that suits it."""
         self._go_to_end(step)
-        self._tangent.take(self._motion.laws(step).shifts)
-        rows = np.zeros(self._motion.system.constraints.size)
-        direction = self._tangent.turned([own.copy() for own in self._direction])
-        exact = {by: self._tangent.apply(direction, rows, by) for by in (POSITIONS, STEP)}
+        scheme = self._motion.scheme
+        self._linear.tangent.take(scheme.shifts(step))
+        exact = {
+            matrix: scheme.product(step, self._linear, matrix, self._direction)
+            for matrix in scheme.matrices
+        }
         found = np.zeros(len(self._direction) + 1)
         for matrix, own in exact.items():
             np.maximum(found, self._errors(step, matrix, own), out=found)
@@ -125,15 +123,10 @@ class _Differences:
     def _moved(self, step: int, matrix: int, by: float) -> Equations:
         """Equations of blocks and rows beside the end of a step."""
         self._go_to_end(step)
-        system = self._motion.system
-        for part, own in zip(system.parts, self._direction, strict=True):
-            part.block.owned_step[:] = by * own
-            if matrix == STEP:
-                part.block.correct(1.0)
-            else:
-                part.block.shift(1.0)
-        shifts = self._motion.laws(step).shifts
-        return equations_at(system, shifts, self._motion.mechanics(step))
+        scheme = self._motion.scheme
+        scheme.move(step, matrix, [by * own for own in self._direction])
+        leave_out_barriers(self._motion.system, rubbing=True)
+        return equations_at(self._motion.system, scheme.shifts(step), scheme.mechanics(step))
 
     def _sizes(self, equations: Equations) -> FloatArray:
         """Norms of the equations of each block, and of the rows, on all ranks."""

@@ -24,11 +24,11 @@ from flexfem.core.status import Status
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.node_maps import twists
 from flexfem.gradients.equations.step_tangent import BlockVectors
-from flexfem.gradients.equations.values import Equations, equations_at, jump, product
+from flexfem.gradients.equations.values import Equations, copy_state, equations_at, jump, product
 from flexfem.gradients.motion.columns import Seeds
-from flexfem.gradients.motion.direct import DirectEffect, copy_state, force_columns
+from flexfem.gradients.motion.direct import DirectEffect, force_columns
 from flexfem.gradients.motion.parameters import Build, Values, plain, refusing
-from flexfem.gradients.motion.trajectory import Motion, StoppedError, begin, scheme_of
+from flexfem.gradients.motion.trajectory import Motion, StoppedError
 from flexfem.gradients.unilateral.forces import recall_sides
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.system import Shifts, System
@@ -155,7 +155,7 @@ class NumberInfluence:
         ]
         self._pair = simulations
         for one in simulations:
-            begin(scheme_of(one), scheme_of(one), motion.options.dt)
+            motion.scheme.begin(one)
         # later the models are at other states
         for other in self._pair:
             _check_fixed(motion.system, other.system, self._name)
@@ -177,7 +177,7 @@ class NumberInfluence:
             with suppress(*FAILURES):  # the model may not exist so far away
                 for place, _ in STENCIL:
                     one = beside(motion, build, _moved(values, name, at, place * step), name)
-                    begin(scheme_of(one), scheme_of(one), motion.options.dt)
+                    motion.scheme.begin(one)
                     found[place] = self._start_of(one)
                 long = np.sum([weight / step * found[place] for place, weight in STENCIL], axis=0)
                 lower = (found[1.0] - found[-1.0]) / (2.0 * step)
@@ -239,7 +239,8 @@ class NumberInfluence:
         found, numbers = [], []
         for one, sign in zip(self._pair, (1.0, -1.0), strict=True):
             found.append(evaluated(motion, one, step))
-            if motion.between is motion.renewal and motion.follows(step):
+            follows = motion.remembering and motion.between is motion.renewal
+            if follows and motion.follows(step):
                 numbers.append(motion.memories.moved(one, motion.end(step), 0.5 * sign * own))
             else:  # they do not change
                 numbers.append(np.zeros(len(motion.memories.owned)))
@@ -255,8 +256,8 @@ class NumberInfluence:
         self._checked = True
         system = self._motion.system
         owned = system.constraints.owned
-        shifts = self._motion.laws(step).shifts
-        still = equations_at(system, shifts, self._motion.mechanics(step))
+        shifts = self._motion.scheme.shifts(step)
+        still = equations_at(system, shifts, self._motion.scheme.mechanics(step))
         blocks = [np.concatenate([x.ravel() for x in one[0]]) for one in (second, first, still)]
         rows = [owned * one[1] for one in (second, first, still)]
         if any(jump(system.comm, (a, b), c, _ROUGH) for a, b, c in (blocks, rows)):
@@ -410,10 +411,9 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     Those of the start are not scaled (collective).
     """
     state, system = motion.state(max(step - 1, 0)), other.system
-    starts = motion.remembering or bool(system.contacts) or system.constraints.split
     for part in system.parts:
         accepted = state.rows[part.block.name]
-        if starts:  # what is carried, or acts over the step, does so from there
+        if motion.scheme.from_start:  # what is carried, or acts over the step, does so from there
             part.block.restore(accepted)
             continue
         for name, values in part.block.state().items():
@@ -438,12 +438,8 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
         system.set_time(motion.times[step])
         copy_state(motion.system, system)
         return motion.between.equations(system, motion.restitution(other, step))
-    end, mechanics = motion.end(step), motion.begin(step, scheme_of(other))
-    motion.memories.recall(other, step)
-    system.set_time(motion.times[step])
-    rows.elements.begin(end.states, exact=True)
-    copy_state(motion.system, system)
-    blocks, values = equations_at(system, end.shifts, mechanics)
+    mechanics = motion.scheme.beside(other, step)
+    blocks, values = equations_at(system, motion.scheme.shifts(step), mechanics)
     # equations of force elements are scaled by the derivatives in use
     scaled = rows.of_elements
     values[scaled] *= own.compliance[scaled] / rows.compliance[scaled]

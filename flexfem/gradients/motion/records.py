@@ -25,7 +25,7 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.state import State
-from flexfem.system.system import System
+from flexfem.gradients.schemes.base import Stored
 
 __all__ = ["MEMORY", "Records", "Storage"]
 
@@ -55,12 +55,12 @@ class Records:
     """
 
     def __init__(
-        self, system: System, steps: int, storage: Storage, advance: Callable[[int], None]
+        self, stored: Stored, steps: int, storage: Storage, advance: Callable[[int], None]
     ) -> None:
         """Choose what is kept (collective).
 
         Args:
-            system: at its start.
+            stored: what there is of every state, at its start.
             steps: of the motion.
             storage: where states go.
             advance: takes one step, whose number it gets.
@@ -68,9 +68,9 @@ class Records:
         Raises:
             InputError: the memory does not suffice, or the folder cannot be written.
         """
-        self._system, self._advance = system, advance
-        self._size = system.comm.allreduce(_bytes(system.state()), op=MPI.MAX)
-        self._memory, self._file = storage.memory, _file(system.comm, storage.scratch)
+        self._stored, self._advance = stored, advance
+        self._size = stored.comm.allreduce(_bytes(stored.state()), op=MPI.MAX)
+        self._memory, self._file = storage.memory, _file(stored.comm, storage.scratch)
         fit = (steps + 1) * self._size <= self._memory or self._file is not None
         self._length = 1 if fit else ceil(sqrt(steps))
         self._check(steps)
@@ -131,7 +131,7 @@ class Records:
     def load(self, *steps: int) -> None:
         """Make states available, those of few blocks at a time (collective).
 
-        The system is at another state after it.
+        It is at another state after it.
         """
         if self._length == 1:
             return
@@ -139,14 +139,14 @@ class Records:
         for block in sorted(blocks - self._near.keys()):
             for other in self._near.keys() - blocks:
                 del self._near[other]
-            self._system.restore(self._starts[block])
+            self._stored.restore(self._starts[block])
             self._near[block] = own = {block: self._starts[block]}
             for step in range(block + 1, min(block + self._length, len(self.times))):
                 if step in self._kept:
-                    self._system.restore(self._starts[step])
+                    self._stored.restore(self._starts[step])
                 else:
                     self._advance(step)
-                own[step] = _copied(self._system.state())
+                own[step] = _copied(self._stored.state())
 
     def state(self, step: int) -> State:
         """The state after a step, which is available."""

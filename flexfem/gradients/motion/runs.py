@@ -21,6 +21,7 @@ from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence, Sums
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.schemes.base import Recursion
+from flexfem.gradients.schemes.generalized_alpha import alpha_of
 from flexfem.gradients.unilateral.impulses import Impulses, LeftDamping
 
 __all__ = ["backward", "forward"]
@@ -97,7 +98,7 @@ def backward(
                 adjoint.renew(step, motion.renewal)
             events.renew(step, adjoints)
         else:
-            over, kicks = motion.over(step, linear), list[Factors]()
+            over, kicks = motion.scheme.over(step, linear), list[Factors]()
             if motion.kicked(step):
                 motion.take_memories(step)
                 kicks = _kick(motion, over, impulses, adjoints)
@@ -105,7 +106,7 @@ def backward(
                     [one.products(step, kicks[:count]) for one in influences.values()]
                 )
                 motion.go_to_end(step)
-            linear.take(motion.laws(step).shifts)
+            linear.take(motion.scheme.shifts(step))
             motion.take_memories(step)
             size = events.size(over)
             for adjoint in adjoints:
@@ -159,14 +160,14 @@ def forward(
             left = _left(motion, step)
             motion.go_to_end(step)
             if motion.renewal is None:
-                linear.take(motion.laws(step).shifts)
+                linear.take(motion.scheme.shifts(step))
             motion.take_memories(step)
             every = _changes(motion, step, directions)
             changes = [(blocks, rows) for blocks, rows, _ in every]
             if motion.renewal is not None:
                 events.renew_ahead(step, tangents, changes)
             else:
-                over = motion.over(step, linear)
+                over = motion.scheme.over(step, linear)
                 size = events.size(over)
                 for tangent, (blocks, rows) in zip(tangents, changes, strict=True):
                     change = blocks, rows
@@ -235,15 +236,17 @@ def _left(motion: Motion, step: int) -> LeftDamping | None:
         return None
     taken = motion.grid.step(step)
     motion.go_to(step - 1)
-    share = taken.scheme.weight - 1.0 + taken.scheme.unseen
-    return LeftDamping(motion.system, share * motion.laws(step).shifts.scale * h)
+    scheme = alpha_of(taken.scheme)
+    share = scheme.weight - 1.0 + scheme.unseen
+    return LeftDamping(motion.system, share * motion.scheme.shifts(step).scale * h)
 
 
 def _take(motion: Motion, step: int, impulses: Impulses) -> None:
     """Linearise the impulses at the end of a step (collective)."""
     motion.go_to_end(step)
     taken = motion.grid.step(step)
-    impulses.take(taken.scheme, taken.h, motion.laws(step).shifts, motion.state(step))
+    shifts = motion.scheme.shifts(step)
+    impulses.take(alpha_of(taken.scheme), taken.h, shifts, motion.state(step))
     motion.between = impulses
 
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What can be differentiated: everything else is refused by name."""
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Set
 
 from flexfem._checks import InputError
 from flexfem.analyses.dynamics import RunOptions
@@ -16,7 +16,13 @@ from flexfem.model.probes.cable import CableProbe
 from flexfem.model.probes.measured import ReactionProbe
 from flexfem.options import meant
 
-__all__ = ["check_columns", "check_contacts", "check_sliding", "check_supported", "differentiable"]
+__all__ = [
+    "check_columns", "check_contacts", "check_mean_forces", "check_sliding", "check_supported",
+    "differentiable",
+]  # fmt: skip
+
+#: Integrators whose steps have derivatives.
+_INTEGRATORS = ("generalized_alpha", "energy_momentum")
 
 
 def differentiable(model: Model) -> list[str]:
@@ -40,6 +46,21 @@ def check_columns(model: Model, names: Iterable[str]) -> None:
             raise InputError(
                 f'gradient: column "{name}" of {type(probe).__name__} "{probe.name}" has no '
                 "derivatives yet"
+            )
+
+
+def check_mean_forces(model: Model, wanted: Set[str]) -> None:
+    """Refuse forces of joints that are means over steps.
+
+    Raises:
+        InputError: there are some among the columns that are wanted.
+    """
+    for probe in model.probes:
+        forces = isinstance(probe, (ReactionProbe, CableProbe))
+        if forces and not wanted.isdisjoint(probe.columns):
+            raise InputError(
+                f"gradient: there are no derivatives of columns of {type(probe).__name__} "
+                f'"{probe.name}" with the integrator energy_momentum yet; leave them out'
             )
 
 
@@ -72,13 +93,12 @@ def check_supported(model: Model, options: RunOptions) -> None:
                     f'gradient: Event "{event.name}" has an action {name}, which has no '
                     "derivatives yet; leave it out"
                 )
-    chosen = {
-        "integrator": "generalized_alpha", "linear_solver": "direct",
-    }  # fmt: skip
-    for name, value in chosen.items():
-        given = getattr(options, name)
-        if given != value and not (name == "linear_solver" and given == "auto"):
-            raise InputError(f"gradient: {name} must be {value!r}, got {given!r}")
+    chosen = {"integrator": _INTEGRATORS, "linear_solver": ("direct", "auto")}
+    for name, values in chosen.items():
+        if (given := getattr(options, name)) not in values:
+            raise InputError(
+                f"gradient: {name} must be {' or '.join(map(repr, values))}, got {given!r}"
+            )
     if options.restart is not None:
         raise InputError("gradient: a motion is differentiated from its start, without restart")
 

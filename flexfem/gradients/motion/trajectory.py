@@ -14,11 +14,9 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.constraints.elements.states import AT_REST
-from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
-from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.equations.node_maps import StepMaps, increments_between
+from flexfem.families.solid.elements import SolidElements
 from flexfem.gradients.equations.odd_forces import AT_STATE
 from flexfem.gradients.equations.values import Equations, SystemEquations
 from flexfem.gradients.memory.base import Memories, Memory, StepEnd
@@ -26,14 +24,20 @@ from flexfem.gradients.memory.controllers import ControllerMemory, recall
 from flexfem.gradients.memory.elements import ElementMemory
 from flexfem.gradients.memory.histories import HistoryMemory
 from flexfem.gradients.motion.records import Records, Storage
-from flexfem.gradients.motion.support import check_contacts, check_supported, differentiable
+from flexfem.gradients.motion.support import (
+    check_contacts,
+    check_mean_forces,
+    check_supported,
+    differentiable,
+)
 from flexfem.gradients.renewals.damping import DAMPING
 from flexfem.gradients.renewals.grid import Grid, Step
 from flexfem.gradients.renewals.renewal import Accelerations, Projection, Renewal
-from flexfem.gradients.schemes.base import Recursion
-from flexfem.gradients.schemes.generalized_alpha import AlphaRecursion
+from flexfem.gradients.schemes.base import Steps, StoppedError
+from flexfem.gradients.schemes.energy_momentum import EnergySteps
+from flexfem.gradients.schemes.generalized_alpha import AlphaSteps
 from flexfem.integrators.accepted_forces import AcceptedForces
-from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
+from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.layout.elements import HistoryElements
 from flexfem.model.event import Rebound
 from flexfem.model.model import Model
@@ -43,17 +47,12 @@ from flexfem.simulation.run.time_grid import TimeGrid
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.newton.policy import Policy
 from flexfem.system.measure.probes import ProbeRecorder
-from flexfem.system.mechanics import END_POINT, EndPoint
 
-__all__ = ["TOLERANCE", "Motion", "StoppedError", "begin", "scheme_of"]
+__all__ = ["TOLERANCE", "Motion", "StoppedError"]
 
 #: Largest Newton step at the end of each step of a motion that is differentiated: errors of a
 #: gradient are one to a hundred times as large after a second.
 TOLERANCE = 1e-9
-
-
-class StoppedError(RuntimeError):
-    """The motion could not be computed to its end."""
 
 
 class Motion:
@@ -101,10 +100,12 @@ class Motion:
         self.columns = self.recorder.columns
         # states whose multipliers belong to accelerations that satisfy the constraints
         self._consistent: set[int] = set()
-        main = GeneralizedAlpha(options.rho_inf)
+        main = self.simulation.integrator
+        ahead = main.alpha_m - main.alpha_f if isinstance(main, GeneralizedAlpha) else None
         parts: list[type[Renewal]] = [Projection, Accelerations]
         parts += DAMPING if self.system.viscous() else ()
-        self.grid = Grid(self._add, self._change, self._check_renewal, self._locked, main, parts)
+        self.grid = Grid(self._add, self._change, self._check_renewal, self._locked, ahead, parts)
+        self.scheme: Steps = EnergySteps(self) if ahead is None else AlphaSteps(self)
         self.renewal: Renewal | None = None
         self.between: SystemEquations | None = None
         self.equations: Equations | None = None
@@ -114,6 +115,8 @@ class Motion:
         self.measured = [name for one in self.memories.parts for name in one.measured]
         every = differentiable(model) if wanted is None else wanted
         self.wanted = {*every, *self.measured}
+        if not self.alpha:
+            check_mean_forces(model, self.wanted)
         self._run(TimeGrid.of(options.dt, options.t_end), storage)
 
     def _memories(self) -> list[Memory]:
@@ -143,6 +146,11 @@ class Motion:
         return bool(self.memories.parts)
 
     @property
+    def alpha(self) -> bool:
+        """True for motions of the generalized-alpha method."""
+        return isinstance(self.simulation.integrator, GeneralizedAlpha)
+
+    @property
     def policy(self) -> Policy:
         """Policy of the Newton method, with its factors."""
         return self.simulation.policy
@@ -152,37 +160,11 @@ class Motion:
         """Solver of the exact matrix."""
         return self.simulation.tangent
 
-    def begin(self, step: int, scheme: GeneralizedAlpha) -> EndPoint:
-        """Begin a step at the accepted state of a model with a scheme (collective).
-
-        Returns:
-            Its equations.
-
-        Raises:
-            StoppedError: masses are singular.
-        """
-        taken = self.grid.step(step)
-        if scheme.split is not None:
-            size = self.lacking(step)
-            scheme.split.recall_damping(size, lacking=size > 0.0)
-        begin(scheme, taken.scheme, taken.h)
-        return scheme.split or END_POINT
-
     def lacking(self, step: int) -> float:
         """Size of the step before a step, s, if it has left a part of damping to that; else 0."""
         before = self.grid.moves[step - 2] if step > 1 else None
         taken = isinstance(before, Step) and before.acting and self.system.viscous()
         return before.h if isinstance(before, Step) and taken else 0.0
-
-    def mechanics(self, step: int) -> EndPoint:
-        """Equations of a step."""
-        return self.grid.step(step).scheme.split or END_POINT
-
-    def over(self, step: int, linear: LinearizedStep) -> Recursion:
-        """A step, at whose trial state the system is, as adjoints and tangents go over it."""
-        taken, parts = self.grid.step(step), self.system.parts
-        maps = [StepMaps.of(part.block, self.frames(step, part.block.name)) for part in parts]
-        return AlphaRecursion(step, linear, maps, (taken.scheme, taken.h))
 
     def kicked(self, state: int) -> bool:
         """True if impulses in the step to a state have changed velocities."""
@@ -195,7 +177,7 @@ class Motion:
             raise StoppedError(f"gradient: the motion did not start: {simulation.status.value}")
         simulation.journal = simulation.events.journal = self.grid
         count = grid.steps(options.t_end)
-        self._records = Records(self.system, count, storage, self._repeat)
+        self._records = Records(self.scheme.stored, count, storage, self._repeat)
         rows_at, values = list[int](), list[FloatArray]()
 
         def record() -> None:
@@ -206,13 +188,7 @@ class Motion:
         if options.adaptive:  # whose histories have all steps
             simulation.observe = record
         record()
-        scheme = scheme_of(simulation)
-        begin(scheme, scheme, options.dt)
-        if scheme.split is not None and scheme.split.lacking:
-            raise InputError(
-                "gradient: bodies touch at the start, which has no derivatives with damping of "
-                "elements yet; move them apart"
-            )
+        self.scheme.begin(simulation)
         self._add()
         for step in range(1, count + 1):
             self._advance(grid.rest(simulation.time, step), grid.time(step))
@@ -242,7 +218,7 @@ class Motion:
             InputError: a stop has been closed for long.
         """
         rows = self.system.constraints
-        closed = bool((rows.forces[rows.unilateral] != 0.0).any())
+        closed = self.alpha and bool((rows.forces[rows.unilateral] != 0.0).any())
         if self.system.comm.allreduce(closed, op=MPI.LOR):
             raise InputError(
                 "gradient: there are no derivatives of stops that stay closed yet; leave them out"
@@ -256,21 +232,19 @@ class Motion:
                 "behind an event, which has no derivatives yet"
             )
         kept = last is not None and not isinstance(last, Step)
-        self._records.add(self.system.state(), self.simulation.time, keep=kept)
+        self._records.add(self.scheme.stored.state(), self.simulation.time, keep=kept)
         self.known.append(self._knowledge())
 
     def _change(self) -> None:
         """Record it again."""
-        self._records.change(self.system.state())
+        self._records.change(self.scheme.stored.state())
         self.known[-1] = self._knowledge()
 
     def _repeat(self, step: int) -> None:
         """Take a step again from the state before it."""
         taken, end = self.grid.step(step), float(self.times[step])
         recall(self.simulation, self.known[step - 1])
-        if taken.scheme.split is not None:
-            size = self.lacking(step)
-            taken.scheme.split.recall_damping(size, lacking=size > 0.0)
+        self.scheme.recall(step)
         status = self.simulation.repeat(taken.scheme, taken.h, end)
         if status is not Status.OK:
             raise StoppedError(
@@ -284,18 +258,13 @@ class Motion:
                     before = self.state(lead.before).rows[part.block.name]["acceleration"]
                 part.block.lead_auxiliary(before, lead.part)
 
-    def laws(self, step: int) -> StepLaws:
-        """Coefficients of a step."""
-        taken = self.grid.step(step)
-        return step_laws(taken.scheme.rho_inf, taken.h)
-
     def go_to(self, step: int) -> None:
         """Return to the accepted state after a step (collective)."""
         self.equations = None
         self._records.load(step)
         self._set_lead(step, before=False)
         recall(self.simulation, self.known[step])
-        self.system.restore(self._records.state(step))
+        self.scheme.stored.restore(self._records.state(step))
         self.system.constraints.consistent = step in self._consistent
 
     def go_to_end(self, step: int) -> None:
@@ -306,27 +275,9 @@ class Motion:
             self._go_to_renewal(step, renewal)
             return
         self.renewal = self.between = None
-        system, laws = self.system, self.laws(step)
         self.go_to(step - 1)
-        self.begin(step, scheme_of(self.simulation))
         self._set_lead(step, before=True)
-        system.set_time(self.times[step])
-        system.predict(laws.predict[Prediction.REST], laws.rates)
-        system.constraints.elements.forget()
-        system.constraints.elements.begin(laws.states, exact=True)
-        for part in system.parts:
-            block = part.block
-            ends = self.frames(step, block.name)
-            block.increment[:] = increments_between(block.frames0, ends, inertial=block.inertial)
-            block.increment[:, block.width :] = 0.0  # axes are rotated between steps only
-            block.step[:] = 0.0
-            block.correct(1.0)
-        rows = system.constraints
-        rows.multipliers[:] = laws.shifts.scale * self.rows(step)["forces"]
-        if rows.split:
-            impulses = laws.shifts.scale * self.rows(step)["impulses"]
-            rows.multipliers[:] += self.grid.step(step).scheme.weight * impulses
-        system.interface.update()
+        self.scheme.recover(step)
 
     def _go_to_renewal(self, step: int, renewal: type[Renewal]) -> None:
         """Linearise a part of a renewal at its end."""
@@ -396,8 +347,9 @@ class Motion:
         """The end of a step, or of a part of a renewal."""
         if self.grid.renewal(step) is not None:
             return StepEnd(step, AT_STATE, AT_REST)
-        laws = self.laws(step)
-        return StepEnd(step, laws.shifts, laws.states, self.mechanics(step))
+        assert isinstance(self.scheme, AlphaSteps)  # others have no memories
+        laws = self.scheme.laws(step)
+        return StepEnd(step, laws.shifts, laws.states, self.scheme.mechanics(step))
 
     def follows(self, state: int) -> bool:
         """True if numbers of memories follow from a state, which is no intermediate one."""
@@ -405,7 +357,8 @@ class Motion:
 
     def take_memories(self, state: int) -> None:
         """Linearise memories where they act, or follow from a state (collective)."""
-        if self.follows(state) or (self.renewal is not None and self.renewal.acts):
+        acts = self.renewal is not None and self.renewal.acts
+        if self.remembering and (acts or self.follows(state)):
             self.memories.take(self.end(state))
 
     def frames(self, step: int, block: str) -> FloatArray:
@@ -437,6 +390,7 @@ class Motion:
         last = [move for move in self.grid.moves if isinstance(move, Step)][-1:]
         acting = [contacts.closed > 0 for contacts in system.contacts]
         found = {
+            "the integrator energy_momentum": not self.alpha,
             "drives whose directions change with time": bool(rows.drives_at(at)[1].any()),
             "internal variables": system.remembering,
             "contacts or stops that are closed": any(acting) or any(one.kicked for one in last),
@@ -459,26 +413,6 @@ class Motion:
                 )
 
 
-def scheme_of(simulation: Simulation) -> GeneralizedAlpha:
-    """The scheme of a motion."""
-    scheme = simulation.integrator
-    assert isinstance(scheme, GeneralizedAlpha)
-    return scheme
-
-
-def begin(scheme: GeneralizedAlpha, coefficients: GeneralizedAlpha, h: float) -> None:
-    """Begin a step of a size, s, with forces over it, at the accepted state (collective).
-
-    At the start of a motion accelerations lose those forces.
-
-    Raises:
-        StoppedError: masses are singular.
-    """
-    split, one = scheme.split, coefficients
-    if split is not None and not split.begin(h, one.weight, one.unseen):
-        raise StoppedError("gradient: the masses are singular where an impulse acts")
-
-
 def check_supported_system(motion: Motion) -> None:
     """Raise for what the built system has and cannot be differentiated (collective)."""
     system, rows = motion.system, motion.system.constraints
@@ -492,6 +426,15 @@ def check_supported_system(motion: Motion) -> None:
             for part in system.parts
         ),
     }
+    if not motion.alpha:
+        found |= {
+            "controllers with the integrator energy_momentum": len(motion.simulation.controls) > 0,
+            "force elements with the integrator energy_momentum": rows.has_elements,
+            "events with the integrator energy_momentum": bool(motion.model.events),
+            "solids with the integrator energy_momentum and rho_inf below 1": motion.options.rho_inf
+            < 1.0
+            and any(isinstance(part.elements, SolidElements) for part in system.parts),
+        }
     if rows.split:
         found |= {
             "impulses with damping of modes": system.modal_dampers is not None,

@@ -34,7 +34,7 @@ class Step:
         acting: True if there were forces of contacts or stops in it.
     """
 
-    scheme: GeneralizedAlpha
+    scheme: Integrator
     h: float
     kicked: bool
     acting: bool
@@ -70,7 +70,8 @@ class Grid(Journal):
         allow: called for each state that is made consistent, to refuse it.
         locked: called where joints are switched; refuses it, or returns True if some rows are held
             at new values.
-        main: coefficients of whole steps.
+        ahead: part of a whole step by which the acceleration-like variable is ahead of the
+            accelerations; None for integrators without one.
         parts: those of a renewal.
         moves: what leads to each state but the first.
         leads: changes of states by their numbers.
@@ -82,7 +83,7 @@ class Grid(Journal):
     change: Callable[[], None]
     allow: Callable[[], None]
     locked: Callable[[], bool]
-    main: GeneralizedAlpha
+    ahead: float | None
     parts: Sequence[type[Renewal]]
     moves: list[Move] = field(default_factory=list)
     leads: dict[int, Lead] = field(default_factory=dict)
@@ -117,8 +118,7 @@ class Grid(Journal):
 
     def stepped(self, scheme: Integrator, h: float) -> None:
         """See :class:`Journal`."""
-        assert isinstance(scheme, GeneralizedAlpha)
-        split = scheme.split
+        split = scheme.split if isinstance(scheme, GeneralizedAlpha) else None
         kicked, acting = (False, False) if split is None else (split.kicking, split.acting)
         self.moves.append(Step(scheme, h, kicked, acting))
         self.add()
@@ -170,11 +170,13 @@ class Grid(Journal):
 
     def began_parts(self) -> None:
         """See :class:`Journal`."""
-        self._lead(0.0)
+        if self.ahead is not None:
+            self._lead(0.0)
 
     def ended_parts(self, ratio: float) -> None:
         """See :class:`Journal`."""
-        self._lead((self.main.alpha_m - self.main.alpha_f) * ratio)
+        if self.ahead is not None:
+            self._lead(self.ahead * ratio)
 
     def _lead(self, part: float) -> None:
         last = len(self.moves)

@@ -8,16 +8,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Protocol
+from typing import ClassVar, Protocol
+
+from mpi4py import MPI
 
 from flexfem._types import FloatArray
+from flexfem.core.state import State
 from flexfem.gradients.equations.carried import Carried
-from flexfem.gradients.equations.linearized import LinearizedStep
+from flexfem.gradients.equations.linearized import Derivatives, LinearizedStep
 from flexfem.gradients.equations.node_maps import StepMaps
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations
+from flexfem.gradients.memory.base import Memories
+from flexfem.gradients.renewals.grid import Grid
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.mechanics import Mechanics
+from flexfem.system.system import Shifts, System
 
-__all__ = ["Ahead", "Recursion", "SizeChange"]
+__all__ = ["Ahead", "Recursion", "SizeChange", "States", "Steps", "StoppedError", "Stored"]
 
 
 @dataclass(frozen=True)
@@ -106,3 +114,117 @@ class Recursion(Protocol):
             size: what its size changes, and its change, s; None if that counts as given.
         """
         ...
+
+
+class StoppedError(RuntimeError):
+    """The motion could not be computed to its end."""
+
+
+class Stored(Protocol):
+    """What is stored of every state of a motion.
+
+    Attributes:
+        comm: communicator.
+    """
+
+    comm: MPI.Intracomm
+
+    def state(self) -> State:
+        """The accepted state, without copies."""
+        ...
+
+    def restore(self, state: State) -> None:
+        """Return to a result of :meth:`state` (collective)."""
+
+
+class States(Protocol):
+    """A motion with its states.
+
+    Attributes:
+        simulation, system: at one of the states.
+        grid: of all steps.
+        memories: what is carried beside the nodes.
+        times: of the states, s.
+    """
+
+    simulation: Simulation
+    system: System
+    grid: Grid
+    memories: Memories
+    times: FloatArray
+
+    def state(self, step: int) -> State:
+        """The accepted state after a step."""
+        ...
+
+    def lacking(self, step: int) -> float:
+        """Size of the step before one, s, that has left a part of damping to it; else 0."""
+        ...
+
+    def frames(self, step: int, block: str) -> FloatArray:
+        """Frames (n, 12) of a block there."""
+        ...
+
+
+class Steps(Protocol):
+    """Steps of a motion as its integrator takes them.
+
+    Attributes:
+        stored: what is stored of states.
+        from_start: True if forces depend on the start of a step.
+        matrices: of the linearised equations that are compared with differences.
+    """
+
+    matrices: ClassVar[Sequence[int]]
+
+    @property
+    def stored(self) -> Stored:
+        """See the class."""
+        ...
+
+    @property
+    def from_start(self) -> bool:
+        """See the class."""
+        ...
+
+    def begin(self, simulation: Simulation) -> None:
+        """Begin the first step of a model at its start (collective)."""
+
+    def shifts(self, step: int) -> Shifts:
+        """Factors of the equations of a step."""
+        ...
+
+    def mechanics(self, step: int) -> Mechanics:
+        """Equations of a step of the motion."""
+        ...
+
+    def recall(self, step: int) -> None:
+        """Tell the integrator what the step before one, to be taken again, has left to it."""
+
+    def recover(self, step: int) -> None:
+        """Go from the accepted state before a step to the trial state at its end (collective)."""
+
+    def beside(self, simulation: Simulation, step: int) -> Mechanics:
+        """Bring another model to the same trial state; its equations there (collective).
+
+        Its blocks are at the motion's accepted state before the step, and the motion is at the
+        trial state.
+        """
+        ...
+
+    def tangent(self) -> Derivatives:
+        """Derivatives of the equations of a step (collective)."""
+        ...
+
+    def over(self, step: int, linear: LinearizedStep) -> Recursion:
+        """A step, at whose trial state the system is."""
+        ...
+
+    def product(
+        self, step: int, linear: LinearizedStep, matrix: int, direction: BlockVectors
+    ) -> Equations:
+        """Product of one of the matrices, which have been taken, with local twists (collective)."""
+        ...
+
+    def move(self, step: int, matrix: int, direction: BlockVectors) -> None:
+        """Move the trial state as this matrix says, by local twists (collective)."""

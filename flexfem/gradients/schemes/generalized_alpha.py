@@ -25,25 +25,35 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import ClassVar
 
 import numpy as np
 
+from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.core.nodes.prediction import Prediction
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.equations.node_maps import StepMaps
+from flexfem.gradients.equations.node_maps import StepMaps, increments_between
 from flexfem.gradients.equations.step_tangent import (
     ACCELERATIONS,
     POSITIONS,
+    STEP,
     VELOCITIES,
     BlockVectors,
+    StepTangent,
 )
 from flexfem.gradients.equations.unilateral import StateChange
-from flexfem.gradients.equations.values import Equations
-from flexfem.gradients.schemes.base import Ahead, SizeChange
-from flexfem.integrators.generalized_alpha import GeneralizedAlpha
+from flexfem.gradients.equations.values import Equations, copy_state
+from flexfem.gradients.schemes.base import Ahead, SizeChange, States, StoppedError
+from flexfem.gradients.unilateral.forces import unilateral_forces
+from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
+from flexfem.integrators.integrator import Integrator
+from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.mechanics import END_POINT, EndPoint
+from flexfem.system.system import Shifts
 
-__all__ = ["AlphaRecursion"]
+__all__ = ["AlphaRecursion", "AlphaSteps", "alpha_of"]
 
 
 @dataclass(frozen=True)
@@ -81,11 +91,12 @@ class AlphaRecursion:
     """See :class:`flexfem.gradients.schemes.base.Recursion`."""
 
     def __init__(
-        self, step: int, linear: LinearizedStep, maps: list[StepMaps],
+        self, step: int, equations: tuple[LinearizedStep, StepTangent], maps: list[StepMaps],
         taken: tuple[GeneralizedAlpha, float],
     ) -> None:  # fmt: skip
-        """Store a step, with its scheme and its size, s."""
-        self.step, self.linear, self.maps = step, linear, maps
+        """Store a step, with its equations, maps of all blocks, its scheme and its size, s."""
+        self.step, self.maps = step, maps
+        self.linear, self._tangent = equations
         one, h = taken
         self._one = _Coefficients(h, one.beta, one.gamma, one.alpha_m, one.alpha_f)
 
@@ -115,13 +126,13 @@ class AlphaRecursion:
             right, rows, transposed=True, guess=guess, accuracy=accuracy
         )
         z, mu = linear.parts(solution)
-        by_velocity, _ = linear.tangent.apply_transposed(z, mu, VELOCITIES)
-        by_acceleration, _ = linear.tangent.apply_transposed(z, mu, ACCELERATIONS)
+        by_velocity, _ = self._tangent.apply_transposed(z, mu, VELOCITIES)
+        by_acceleration, _ = self._tangent.apply_transposed(z, mu, ACCELERATIONS)
         for own, by, e, dv, dw in zip(
             carried, self.maps, missed, by_velocity, by_acceleration, strict=True
         ):
             self._back(own, by, by.hold(e), (dv, dw))
-        for forces in linear.tangent.forces:
+        for forces in self._tangent.forces:
             start = forces.start_transposed(z, mu)
             for own, twists, rates in zip(carried, start.twists, start.rates, strict=True):
                 own.q -= twists
@@ -185,7 +196,7 @@ class AlphaRecursion:
         self, carried: Sequence[Carried], predicted: Sequence[Carried], changes: Equations
     ) -> Equations:
         """Right-hand sides of the equations (collective)."""
-        one, tangent = self._one, self.linear.tangent
+        one, tangent = self._one, self._tangent
         nothing = np.zeros_like(changes[1])
         start = StateChange([own.q for own in carried], [own.v for own in carried])
         by_start, rows_by_start = tangent.by_start(start)
@@ -206,3 +217,145 @@ class AlphaRecursion:
             total = [a - b for a, b in zip(total, blocks, strict=True)]
             left = left - own_rows
         return total, left
+
+
+class AlphaSteps:
+    """See :class:`flexfem.gradients.schemes.base.Steps`."""
+
+    matrices: ClassVar[Sequence[int]] = (POSITIONS, STEP)
+
+    def __init__(self, motion: States) -> None:
+        """Store the motion."""
+        self._motion, self.stored = motion, motion.system
+        self._tangent: StepTangent | None = None
+
+    @property
+    def from_start(self) -> bool:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        system = self._motion.system
+        acting = bool(system.contacts) or system.constraints.split
+        return bool(self._motion.memories.parts) or acting
+
+    def begin(self, simulation: Simulation) -> None:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        one = alpha_of(simulation.integrator)
+        _begin(one, one, simulation.options.dt)
+        if one.split is not None and one.split.lacking:
+            raise InputError(
+                "gradient: bodies touch at the start, which has no derivatives with damping of "
+                "elements yet; move them apart"
+            )
+
+    def laws(self, step: int) -> StepLaws:
+        """Coefficients of a step."""
+        taken = self._motion.grid.step(step)
+        return step_laws(alpha_of(taken.scheme).rho_inf, taken.h)
+
+    def shifts(self, step: int) -> Shifts:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        return self.laws(step).shifts
+
+    def mechanics(self, step: int) -> EndPoint:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        return alpha_of(self._motion.grid.step(step).scheme).split or END_POINT
+
+    def recall(self, step: int) -> None:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        self._recall(alpha_of(self._motion.grid.step(step).scheme), step)
+
+    def _recall(self, scheme: GeneralizedAlpha, step: int) -> None:
+        if scheme.split is not None:
+            size = self._motion.lacking(step)
+            scheme.split.recall_damping(size, lacking=size > 0.0)
+
+    def _begin(self, simulation: Simulation, step: int) -> EndPoint:
+        """Begin a step at the accepted state of a model; its equations (collective)."""
+        taken, scheme = self._motion.grid.step(step), alpha_of(simulation.integrator)
+        self._recall(scheme, step)
+        _begin(scheme, alpha_of(taken.scheme), taken.h)
+        return scheme.split or END_POINT
+
+    def recover(self, step: int) -> None:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        motion, laws = self._motion, self.laws(step)
+        system, rows = motion.system, motion.system.constraints
+        self._begin(motion.simulation, step)
+        system.set_time(motion.times[step])
+        system.predict(laws.predict[Prediction.REST], laws.rates)
+        rows.elements.forget()
+        rows.elements.begin(laws.states, exact=True)
+        state = motion.state(step).rows
+        for part in system.parts:
+            block = part.block
+            ends = state[block.name]["frames"]
+            block.increment[:] = increments_between(block.frames0, ends, inertial=block.inertial)
+            block.increment[:, block.width :] = 0.0  # axes are rotated between steps only
+            block.step[:] = 0.0
+            block.correct(1.0)
+        rows.multipliers[:] = laws.shifts.scale * state["rows"]["forces"]
+        if rows.split:
+            impulses = laws.shifts.scale * state["rows"]["impulses"]
+            rows.multipliers[:] += alpha_of(motion.grid.step(step).scheme).weight * impulses
+        system.interface.update()
+
+    def beside(self, simulation: Simulation, step: int) -> EndPoint:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        motion, system, laws = self._motion, simulation.system, self.laws(step)
+        mechanics = self._begin(simulation, step)
+        motion.memories.recall(simulation, step)
+        system.set_time(motion.times[step])
+        system.constraints.elements.begin(laws.states, exact=True)
+        copy_state(motion.system, system)
+        return mechanics
+
+    def tangent(self) -> StepTangent:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        system, split = self._motion.system, alpha_of(self._motion.simulation.integrator).split
+        found = StepTangent(system, split or END_POINT, unilateral_forces(system, split))
+        self._tangent = found
+        return found
+
+    def over(self, step: int, linear: LinearizedStep) -> AlphaRecursion:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        assert self._tangent is not None  # that of ``linear``
+        taken, after = self._motion.grid.step(step), self._motion.state(step).rows
+        blocks = [part.block for part in self._motion.system.parts]
+        maps = [StepMaps.of(block, after[block.name]["frames"]) for block in blocks]
+        scheme = alpha_of(taken.scheme), taken.h
+        return AlphaRecursion(step, (linear, self._tangent), maps, scheme)
+
+    def product(
+        self, step: int, linear: LinearizedStep, matrix: int, direction: BlockVectors
+    ) -> Equations:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        nothing = np.zeros(self._motion.system.constraints.size)
+        moved = linear.tangent.turned([own.copy() for own in direction])
+        return linear.tangent.apply(moved, nothing, matrix)
+
+    def move(self, step: int, matrix: int, direction: BlockVectors) -> None:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        for part, own in zip(self._motion.system.parts, direction, strict=True):
+            part.block.owned_step[:] = own
+            if matrix == STEP:
+                part.block.correct(1.0)
+            else:
+                part.block.shift(1.0)
+
+
+def alpha_of(integrator: Integrator) -> GeneralizedAlpha:
+    """The scheme of a motion, which is one of these."""
+    assert isinstance(integrator, GeneralizedAlpha)
+    return integrator
+
+
+def _begin(scheme: GeneralizedAlpha, coefficients: GeneralizedAlpha, h: float) -> None:
+    """Begin a step of a size, s, with forces over it, at the accepted state (collective).
+
+    At the start of a motion accelerations lose those forces.
+
+    Raises:
+        StoppedError: masses are singular.
+    """
+    split, one = scheme.split, coefficients
+    if split is not None and not split.begin(h, one.weight, one.unseen):
+        raise StoppedError("gradient: the masses are singular where an impulse acts")

@@ -8,6 +8,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.gradients.equations.unilateral import StateChange, StateFactors
+from flexfem.gradients.unilateral.cayley_points import CayleyPoints
 from flexfem.gradients.unilateral.group_forces import (
     AFTER,
     BEFORE,
@@ -17,7 +18,7 @@ from flexfem.gradients.unilateral.group_forces import (
     Entries,
     GroupDerivatives,
 )
-from flexfem.gradients.unilateral.point_maps import END, START, NodePoints, node_points
+from flexfem.gradients.unilateral.point_maps import END, START, NodePoints
 from flexfem.system.system import Shifts, System
 
 __all__ = ["Barriers"]
@@ -41,7 +42,8 @@ class Barriers:
         """See ``Unilateral``."""
         contacts, carriers = self._contacts, self._contacts.carriers
         self._scale = -shifts.scale * contacts.factor
-        self._points = node_points(carriers)
+        kind = CayleyPoints if contacts.cayley else NodePoints
+        self._points = {number: kind.of(one) for number, one in carriers.by_kind.items()}
         self._matrices = {}
         sums, couples = np.zeros((2, len(carriers.home), 3))
         for pairs in contacts.every:

@@ -12,7 +12,7 @@ from flexfem.gradients.unilateral.stops import Stops
 from flexfem.integrators.split.step import Split
 from flexfem.system.system import System
 
-__all__ = ["leave_out_barriers", "recall_sides", "unilateral_forces"]
+__all__ = ["barriers", "leave_out_barriers", "recall_sides", "unilateral_forces"]
 
 
 def unilateral_forces(system: System, split: Split | None) -> list[Unilateral]:
@@ -28,10 +28,15 @@ def unilateral_forces(system: System, split: Split | None) -> list[Unilateral]:
     return found
 
 
+def barriers(system: System) -> list[BarrierContacts]:
+    """Contacts of a system by barriers."""
+    return [one for one in system.contacts if isinstance(one, BarrierContacts)]
+
+
 def leave_out_barriers(system: System, *, rubbing: bool = False) -> None:
     """Let barriers, or those that rub alone, have no forces in a step that has begun."""
-    for contacts in system.contacts:
-        if isinstance(contacts, BarrierContacts) and (contacts.rubs or not rubbing):
+    for contacts in barriers(system):
+        if contacts.rubs or not rubbing:
             contacts.factor = 0.0
 
 

@@ -17,11 +17,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.contact.carriers import CarriedPoints, Carriers
+from flexfem.contact.carriers import CarriedPoints
 from flexfem.gradients.equations.node_maps import applied, rotations, transposed
 from flexfem.lie import so3
 
-__all__ = ["END", "START", "NodePoints", "node_points"]
+__all__ = ["END", "START", "NodePoints"]
 
 #: Ends of a step.
 START, END = 0, 1
@@ -190,11 +190,6 @@ class NodePoints:
         if not self.carried.block.inertial:
             point = point + own[:, :3]
         return point * self.carried.turns, spin
-
-
-def node_points(carriers: Carriers) -> dict[int, NodePoints]:
-    """Points on the nodes of all blocks, by kind, at the trial state of a step."""
-    return {kind: NodePoints.of(one) for kind, one in carriers.by_kind.items()}
 
 
 def _coefficients(rotation: FloatArray) -> tuple[FloatArray, ...]:

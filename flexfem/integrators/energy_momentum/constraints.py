@@ -15,16 +15,25 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.batch import Constraints
 from flexfem.constraints.rows.kernels import marker_poses
 from flexfem.constraints.rows.step_laws import step_forces
+from flexfem.core.differences import STENCIL
 from flexfem.core.laws import STORING_FUNCTIONS, LawKind
 from flexfem.core.row import RowKind
 from flexfem.integrators.energy_momentum.point_rows import StepPointRows, other_lines
-from flexfem.integrators.energy_momentum.rows import StepTerms, add_step_hessians, evaluate_step
+from flexfem.integrators.energy_momentum.rows import (
+    StepTerms,
+    add_step_hessians,
+    at_start,
+    evaluate_step,
+    exchanged,
+)
 
 __all__ = ["StepRows"]
 
 #: Laws whose energy is no quadratic form.
 _QUOTIENTS = (LawKind.LIMIT, *STORING_FUNCTIONS)
 _SUPPORTED = (LawKind.RIGID, LawKind.SPRING, *_QUOTIENTS)
+#: Relative difference of values at the start.
+_SIZE = 1e-3
 
 
 class StepRows:
@@ -50,6 +59,7 @@ class StepRows:
             frames0=frames, frames=frames, poses0=poses, poses=poses, values0=np.zeros(terms),
             values=np.zeros(terms), gradient=rows.step_jacobian,
         )  # fmt: skip
+        self._back, self._start = exchanged(self._step), at_start(self._step)
         self._points = StepPointRows(rows) if rows.lines.joints else None
         self._targets0, self._last = rows.targets.copy(), np.zeros(rows.size)
         # stiffness, damping and applied force at the start of the step
@@ -58,6 +68,9 @@ class StepRows:
         quotients = np.isin(rows.elastic[:, 0], _QUOTIENTS)
         self._quotients: IntArray = np.flatnonzero(quotients).astype(np.int64)
         self._h = self._weight = self._memory = 1.0
+        # derivatives of the changes over the last step by its end, None for the gradient there,
+        # and by its start, or by local velocities at the start of a motion
+        self._over_last: tuple[FloatArray | None, FloatArray] = None, rows.step_jacobian
 
     def begin(self, h: float, weight: float, last_h: float) -> None:
         """Start a step of size ``h`` after one of ``last_h`` (s, infinite for none).
@@ -74,6 +87,16 @@ class StepRows:
         if not np.isfinite(last_h):
             self.evaluate()
             self._last[:], self._memory = h * rows.rates(), 1.0
+            if self._chi > 0.0:
+                slopes = np.tile([0.0, h], (rows.size, 1))
+                by_place = rows.rate_changes(slopes, 0.0, held=True)
+                self._over_last = by_place, h * rows.force_jacobian
+
+    def resume(self, last: float) -> None:
+        """Begin a step of size ``last``, s, again that was the last one."""
+        self.begin(last, 1.0, last)
+        if self._chi > 0.0:
+            self._over_last = None, -self._start_gradient()
 
     def accept(self) -> None:
         """Store the data of the trial state for the next step."""
@@ -129,9 +152,7 @@ class StepRows:
         force += applied
         slope = 0.5 * (1.0 + chi) * k + c / h
         if len(self._quotients):
-            found, values0 = np.zeros((len(self._quotients), 2)), self._values0 - self._targets0
-            values = self._values - rows.targets
-            step_forces(rows.own.memory, self._quotients, values0, values, rate, h, found)
+            found = self._quotient_forces(self._values0 - self._targets0, rate)
             force[self._quotients], slope[self._quotients] = found.T
         scale = 1.0 / (1.0 / self._weight + np.abs(slope))
         scale, slope, force = (
@@ -143,17 +164,95 @@ class StepRows:
         rows.compliance[free] = scale[free] / self._weight
         rows.step_jacobian *= np.where(free, scale * slope, 1.0)[rows.row_of_term, None, None]
 
+    def _quotient_forces(self, values0: FloatArray, rate: FloatArray) -> FloatArray:
+        """Forces and slopes (k, 2) of laws whose energy is no quadratic form.
+
+        Args:
+            values0: (r,) values at the start, less the targets there.
+            rate: (r,) mean rates.
+        """
+        rows, found = self._rows, np.zeros((len(self._quotients), 2))
+        values = self._values - rows.targets
+        step_forces(rows.own.memory, self._quotients, values0, values, rate, self._h, found)
+        return found
+
     def hessians(self, factor: FloatArray) -> FloatArray:
         """``sum_rows factor d(gradient)`` along local twists of the nodes, (n_pairs, 12, 12)."""
+        return self._hessians(factor, self._step, by_start=False)
+
+    def start_hessians(self, factor: FloatArray) -> FloatArray:
+        """The same in the axes at the start, along local twists of the nodes there.
+
+        The rows have been evaluated.
+        """
+        evaluate_step(self._rows.own.memory, self._back.memory)
+        return self._hessians(factor, self._back, by_start=True)
+
+    def _hessians(self, factor: FloatArray, step: StepTerms, *, by_start: bool) -> FloatArray:
         rows = self._rows
         out = np.zeros((len(rows.pair_nodes), 12, 12))
-        add_step_hessians(
-            rows.own.memory, self._step.memory, factor[rows.row_of_term] * rows.factors, out
-        )
+        factors = factor[rows.row_of_term] * rows.factors
+        add_step_hessians(rows.own.memory, step.memory, factors, out)
         if self._points is not None:
-            self._points.add_hessians(factor, out)
+            self._points.add_hessians(factor, out, by_start=by_start)
         rows.hold_hessians(out)
         return out
+
+    def start_jacobian(self) -> FloatArray:
+        """Derivatives (t, 2, 6) of the equations along local twists at the start of the step.
+
+        The rows have been evaluated. What is left of the last step counts as given.
+        """
+        rows = self._rows
+        return self._start_gradient() * self._start_slopes()[rows.row_of_term, None, None]
+
+    def _start_gradient(self) -> FloatArray:
+        """Derivatives (t, 2, 6) of all terms at the start of the step, by twists there."""
+        rows = self._rows
+        evaluate_step(rows.own.memory, self._start.memory)
+        found = self._start.gradient * rows.factors[:, np.newaxis, np.newaxis]
+        if self._points is not None:
+            self._points.write_start(found)
+        rows.hold_gradient(found)
+        return found
+
+    def by_last(self) -> tuple[FloatArray, FloatArray]:
+        """Derivatives (t, 2, 6) of the equations by changes of rows over the last step.
+
+        The rows have been evaluated.
+
+        Returns:
+            By twists at the start of this step, and by those at the start of the last one; in the
+            first step of a motion by local velocities.
+        """
+        rows = self._rows
+        k, _, _ = 0.5 * (self._laws0 + rows.elastic[:, 1:4].T)
+        slopes = -0.5 * self._chi * self._memory * k * rows.compliance * self._weight
+        slopes[rows.rigid | ~rows.active] = slopes[self._quotients] = 0.0
+        first, last = self._over_last
+        factors = slopes[rows.row_of_term, np.newaxis, np.newaxis]
+        if first is None:
+            first = self._start_gradient()
+        return factors * first, factors * last
+
+    def _start_slopes(self) -> FloatArray:
+        """Derivatives (r,) of the equations by values at the start."""
+        rows, h = self._rows, self._h
+        k, c, _ = 0.5 * (self._laws0 + rows.elastic[:, 1:4].T)
+        slope = 0.5 * (1.0 - self._chi) * k - c / h
+        if len(self._quotients):
+            values0, change = self._values0 - self._targets0, self._values - self._values0
+            moved = np.where(rows.target_rates != 0.0, rows.targets - self._targets0, 0.0)
+            size = _SIZE * np.maximum(np.abs(change), np.abs(values0))
+            own, total = self._quotients, np.zeros((len(self._quotients), 2))
+            for part, weight in STENCIL:
+                by = part * size
+                total += weight * self._quotient_forces(values0 + by, (change - moved - by) / h)
+            slope[own] = np.divide(total[:, 0], size[own], where=size[own] > 0.0,
+                                   out=np.zeros(len(own)))  # fmt: skip
+        scale = rows.compliance * self._weight
+        found: FloatArray = np.where(rows.rigid | ~rows.active, 0.0, scale * slope)
+        return found
 
 
 def _check_laws(rows: Constraints) -> None:

@@ -7,6 +7,7 @@ likewise. Scheme and proofs: :class:`flexfem.integrators.energy_momentum.scheme.
 """
 
 from collections.abc import Callable, Mapping
+from copy import copy
 
 from mpi4py import MPI
 
@@ -29,23 +30,25 @@ from flexfem.core.state import State
 from flexfem.integrators.energy_momentum.constraints import StepRows
 from flexfem.integrators.split.impulse import Impulse
 from flexfem.layout.elements import StepForces, SteppedElements
+from flexfem.layout.node_loads import NodeForces
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.lie import se3
 from flexfem.system.mechanics import Correction, Mechanics
 from flexfem.system.moving_apart import move_apart, predict_apart
 from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
-__all__ = ["StepMechanics"]
+__all__ = ["StepMechanics", "StepPart"]
 
 #: Factors with which rows are evaluated at a state, not as part of a time step.
 _UNSCALED = np.array([1.0, 1.0])
 
 
-class _Part:
+class StepPart:
     """State of one block over the step.
 
     Attributes:
         state: both ends of the step.
+        h: its size, s; chi: numerical dissipation.
         elements: mean forces of the elements; None without elements.
         before: (n, 12) frames at the start of the last step.
         inner: forces inside elements, which are means of both ends.
@@ -54,9 +57,10 @@ class _Part:
     """
 
     def __init__(self, system: System, part: BlockPart, chi: float) -> None:
+        """Prepare the mean forces of elements (collective)."""
         block, masses = part.block, part.masses
         count = len(block.frames)
-        self.block, self.chi = block, chi
+        self.block, self.chi, self.h = block, chi, 0.0
         self.elements: StepForces | None = None
         if part.elements is not None:
             assert isinstance(part.elements, SteppedElements)  # families have been checked
@@ -95,7 +99,8 @@ class _Part:
         self.lumps[:, 1:4] = 0.0  # except for rounding
 
     def set_law(self, h: float) -> None:
-        """Set the law of the rates over a step of this size, s."""
+        """Set the size of the step, s, and the law of its rates."""
+        self.h = h
         self.state.law[:] = 0.5 * self.chi, 1.0 / h, 2.0 / (h * (1.0 + self.chi))
 
     def begin(self, h: float, memory: float) -> None:
@@ -151,6 +156,65 @@ class _Part:
         ])  # fmt: skip
         start(self.state.memory, law)
 
+    def exchanged(self) -> "StepPart":
+        """The same step from its end to its start: of negative size, with negative dissipation.
+
+        Its mean forces are the same, if the last changes of strains are opposite. Its derivatives
+        along the local twists of nodes are hence those by the start of the step, in whose axes its
+        forces are, where rates at the start changed with increments.
+        """
+        other, state = copy(self), self.state
+        other.h, other.chi = -self.h, -self.chi
+        other.state = StepNodes(
+            frames0=state.frames, frames=state.frames0, increments=-state.increments,
+            rates0=state.rates, rates=state.rates0, centres=state.centres, jumps=state.jumps,
+            base=state.base, velocity=state.velocity, step=state.step, residual=state.residual,
+            gravity=state.gravity, law=state.law * (-1.0, -1.0, 1.0),
+        )  # fmt: skip
+        return other
+
+    def at_end[Found](self, found: Callable[[], Found]) -> Found:
+        """What is found with the block at the end of this step, which may be exchanged."""
+        block, kept = self.block, self.block.frames.copy()
+        block.frames[:] = self.state.frames
+        result = found()
+        block.frames[:] = kept
+        return result
+
+    def inner_loads(self, factors: FloatArray) -> FloatArray:
+        """Forces (n_owned, w) inside elements at the end of the step, in its axes (collective)."""
+        block = self.block
+
+        def found() -> FloatArray:
+            block.residual[:] = 0.0
+            for forces in self.inner:
+                forces.add_residual(block, factors, 1.0)
+            block.add_ghosts()
+            return block.owned_residual.copy()
+
+        return self.at_end(found)
+
+    def inner_tangents(self, factors: FloatArray, weight: float) -> list[FloatArray]:
+        """``weight`` times the derivatives of these forces, half of which act.
+
+        Those of the change of axes in which forces of the start are counted are left out.
+        """
+        half = 0.5 * weight
+        return self.at_end(lambda: [f.tangent(self.block, factors, half) for f in self.inner])
+
+    def masses(self, count: int, weight: float) -> FloatArray:
+        """``weight`` times the derivatives (count, 6, 6) of inertia forces of the part's masses."""
+        out, own = np.zeros((count, 6, 6)), np.zeros((len(self.nodes), 6, 6))
+        step_inertia_tangent(self.nodes, self.lumps, self.state.memory, self.h, weight, own)
+        out[self.entries] = own
+        return out
+
+    def forces(self, forces: NodeForces, factors: FloatArray, weight: float) -> FloatArray:
+        """The same (k, 6, 6) of forces at nodes with load factors ``factors``."""
+        out, own = np.zeros((len(forces.nodes), 6, 6)), forces.wrenches.memory
+        step_force_tangent(forces.nodes, own, self.state.memory, factors, weight, out)
+        return out
+
     def third(self) -> float:
         """Largest change of the rates' change over a step."""
         owned, state = slice(0, self.block.owned), self.state
@@ -193,7 +257,7 @@ class StepMechanics(Mechanics):
         self.chi, self.h, self._last_h = chi, 0.0, np.inf
         _check_parts(system, chi)
         self._contacts = [c for c in system.contacts if isinstance(c, BarrierContacts)]
-        self._parts = {id(p): _Part(system, p, chi) for p in system.parts}
+        self._parts = {id(p): StepPart(system, p, chi) for p in system.parts}
         self._check_offsets(system)
         self._rows = StepRows(system.constraints, chi)
         self._factors = system.factors.copy()
@@ -210,6 +274,20 @@ class StepMechanics(Mechanics):
                 f"rho_inf 1 (no dissipation), got chi = {self.chi:.6g}"
             )
 
+    def over(self, part: BlockPart) -> StepPart:
+        """A part over the present step."""
+        return self._parts[id(part)]
+
+    @property
+    def rows(self) -> StepRows:
+        """Rows over the present step."""
+        return self._rows
+
+    @property
+    def factors(self) -> FloatArray:
+        """Load factors of the present step."""
+        return self._factors
+
     @property
     def weight(self) -> float:
         """Factor of mean forces and of multipliers, s^2."""
@@ -223,14 +301,49 @@ class StepMechanics(Mechanics):
         for part in self._parts.values():
             part.begin(h, min(1.0, self._last_h / h))
             part.begin_inner(factors)
-            if part.elements is None:
-                continue
-            if first:
+            if part.elements is not None and first:
                 part.before[:] = se3.retract(part.state.frames0, -h * part.block.velocity)
-            part.elements.begin(part.state, part.before, self._part_of_last())
+            self.begin_elements(part)
         self._rows.begin(h, self.weight, self._last_h)
         for contacts in self._contacts:
             contacts.begin_step(h, 2.0 / (1.0 + self.chi), cayley=True)
+
+    def resume(self, system: System, before: Mapping[str, FloatArray], last: float) -> None:
+        """Take the accepted state for that after a step of size ``last``, s (collective).
+
+        Args:
+            system: with loads and drives at the time of that state.
+            before: (n, 12) frames of blocks at the start of that step.
+            last: its size; infinite for the start of a motion.
+        """
+        self._last_h = last
+        for part in self._parts.values():
+            part.before[:] = part.block.frames[:] = before[part.block.name]
+        system.interface.update()
+        if np.isfinite(last):
+            self._rows.resume(last)
+        for part in self._parts.values():
+            part.block.frames[:] = part.block.frames0
+        system.interface.update()
+        self._rows.accept()
+
+    def place(self, increments: Mapping[str, FloatArray]) -> None:
+        """Move blocks by increments (n, 6) of the step that has begun."""
+        for part in self._parts.values():
+            part.predict(self.h, Prediction.REST, 0.0)
+            part.state.increments[:] = increments[part.block.name]
+            part.block.step[:] = 0.0
+            part.correct(1.0)
+
+    def by_last(self, part: StepPart) -> tuple[FloatArray, FloatArray]:
+        """See ``StepForces.by_last``; of a part with elements."""
+        assert part.elements is not None
+        return part.elements.by_last(part.state, part.before, self._part_of_last(), self.weight)
+
+    def begin_elements(self, part: StepPart) -> None:
+        """Let elements of a part know the start of the present step, and of the last one."""
+        if part.elements is not None:
+            part.elements.begin(part.state, part.before, self._part_of_last())
 
     def _part_of_last(self) -> float:
         """Part of the last changes of strains that enters a step of this size."""
@@ -332,8 +445,7 @@ class StepMechanics(Mechanics):
         mine = self._parts[id(part)]
         assert mine.elements is not None
         values = mine.elements.tangent(mine.state, self.weight).ravel()
-        # without the change of the axes of nodes in which forces of the start are counted
-        own = [f.tangent(part.block, self._factors, 0.5 * self.weight) for f in mine.inner]
+        own = mine.inner_tangents(self._factors, self.weight)
         return np.concatenate([values, *(matrices.ravel() for matrices in own)])
 
     def add_cells(
@@ -349,20 +461,11 @@ class StepMechanics(Mechanics):
 
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
-        mine = self._parts[id(part)]
-        out, own = np.zeros((len(part.masses.nodes), 6, 6)), np.zeros((len(mine.nodes), 6, 6))
-        step_inertia_tangent(mine.nodes, mine.lumps, mine.state.memory, self.h, self.weight, own)
-        out[mine.entries] = own
-        return out
+        return self._parts[id(part)].masses(len(part.masses.nodes), self.weight)
 
     def forces(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
-        state, forces = self._parts[id(part)].state, part.forces
-        out = np.zeros((len(forces.nodes), 6, 6))
-        step_force_tangent(
-            forces.nodes, forces.wrenches.memory, state.memory, self._factors, self.weight, out
-        )
-        return out
+        return self._parts[id(part)].forces(part.forces, self._factors, self.weight)
 
     def origin(self, system: System, part: BlockPart) -> tuple[dict[str, FloatArray], FloatArray]:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
@@ -380,8 +483,7 @@ class StepMechanics(Mechanics):
             values[:] = nodes[name]
         self.h, self._last_h, self._factors = float(numbers[0]), float(numbers[1]), numbers[2:]
         mine.set_law(self.h)
-        if mine.elements is not None:
-            mine.elements.begin(mine.state, mine.before, self._part_of_last())
+        self.begin_elements(mine)
 
     def hessians(self, system: System, factor: FloatArray) -> FloatArray:
         """See :class:`flexfem.system.mechanics.Mechanics`."""

@@ -14,7 +14,13 @@ from flexfem.constraints.lines.data import ON_LINE
 from flexfem.constraints.rows.data import RowArrays
 from flexfem.constraints.rows.kernels import marker_poses
 from flexfem.core.places.line_points import FIXED
-from flexfem.integrators.energy_momentum.rows import StepTerms, add_step_hessians, evaluate_step
+from flexfem.integrators.energy_momentum.rows import (
+    StepTerms,
+    add_step_hessians,
+    at_start,
+    evaluate_step,
+    exchanged,
+)
 from flexfem.lie import se3
 
 __all__ = ["StepPointRows", "other_lines"]
@@ -72,6 +78,7 @@ class StepPointRows:
             frames0=frames, frames=frames, poses0=poses, poses=poses, values0=np.zeros(terms),
             values=np.zeros(terms), gradient=np.zeros((terms, 2, 6)),
         )  # fmt: skip
+        self._back, self._start = exchanged(self._step), at_start(self._step)
         self._spread()
 
     def _tabulate(self) -> tuple[IntArray, IntArray]:
@@ -133,18 +140,24 @@ class StepPointRows:
             (self._end, rows.step_jacobian), (self._step, rows.force_jacobian),
         ):  # fmt: skip
             evaluate_step(self._own.memory, step.memory)
-            self._write(step.gradient * self._own.factors[:, np.newaxis, np.newaxis], jacobian)
+            self._write(step, jacobian)
         for out, terms in ((self.values0, self._step.values0), (self.values, self._step.values)):
             values = self._own.factors * terms
             out[:] = np.bincount(self._row_of_term, values, minlength=rows.size)
 
-    def _write(self, gradients: FloatArray, jacobian: FloatArray) -> None:
+    def write_start(self, jacobian: FloatArray) -> None:
+        """Write the derivatives of the rows' values at the start of the step by twists there."""
+        evaluate_step(self._own.memory, self._start.memory)
+        self._write(self._start, jacobian)
+
+    def _write(self, step: StepTerms, jacobian: FloatArray) -> None:
         """Write gradients (t, 2, 6) of terms to those of the rows' nodes."""
+        gradients = step.gradient * self._own.factors[:, np.newaxis, np.newaxis]
         jacobian[self._entries] = 0.0
         term, side, entry, column, node = self._at.T
         own = gradients[term, side]
         points = self._marker >= 0
-        frames = self._step.frames
+        frames = step.frames
         force = _turned(frames[self._first + self._marker[points]], own[points, :3])
         own[points] = 0.0
         own[points, :3] = self._factor[points, np.newaxis] * _turned_back(
@@ -152,27 +165,35 @@ class StepPointRows:
         )
         np.add.at(jacobian, (entry, column), own)
 
-    def add_hessians(self, factor: FloatArray, out: FloatArray) -> None:
-        """Add ``sum_rows factor d(gradient)`` to the blocks (12, 12) of the pairs of nodes."""
-        own = self._rows.lines.own
+    def add_hessians(self, factor: FloatArray, out: FloatArray, *, by_start: bool) -> None:
+        """Add ``sum_rows factor d(gradient)`` to the blocks (12, 12) of the pairs of nodes.
+
+        Args:
+            factor: (r,) of the rows.
+            out: (n_pairs, 12, 12) in the axes of the nodes at the end of the step.
+            by_start: in those at the start, by twists there.
+        """
+        own, step = self._rows.lines.own, self._back if by_start else self._step
+        if by_start:
+            evaluate_step(self._own.memory, step.memory)
         weights = factor[self._row_of_term] * self._own.factors
         blocks = np.zeros((len(self._pairs), 12, 12))
-        add_step_hessians(self._own.memory, self._step.memory, weights, blocks)
+        add_step_hessians(self._own.memory, step.memory, weights, blocks)
         for c in range(len(own.width)):
             width, total = int(own.width[c]), 0.0
             for pair in np.flatnonzero(self._pair_joint == c).tolist():
                 if blocks[pair].any():
                     motion = np.concatenate(
-                        [self._motion(marker, width) for marker in self._pairs[pair].tolist()]
+                        [self._motion(step, marker, width) for marker in self._pairs[pair].tolist()]
                     )
                     total = total + motion.T @ blocks[pair] @ motion
             if np.ndim(total):
                 _add_blocks(np.asarray(total).reshape(width, 6, width, 6), own.first_pair[c], out)
 
-    def _motion(self, marker: int, width: int) -> FloatArray:
+    def _motion(self, step: StepTerms, marker: int, width: int) -> FloatArray:
         """Local twist of a marker's node, (6, 6 n), by those of the joint's nodes."""
         own, motion = self._rows.lines.own, np.zeros((6, width, 6))
-        column, frames = int(own.column[marker]), self._step.frames
+        column, frames = int(own.column[marker]), step.frames
         if own.interface_node[marker] >= 0:
             motion[:, column] = np.eye(6)
         elif own.interface_node[marker] == ON_LINE:

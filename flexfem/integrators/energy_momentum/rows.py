@@ -18,7 +18,7 @@ from flexfem.kernels.records import Float1D, Float2D, Float3D, Memory, Record, u
 from flexfem.lie._blocks import cross, triple
 from flexfem.lie._coefficients import Triple
 
-__all__ = ["StepTerms", "add_step_hessians", "evaluate_step"]
+__all__ = ["StepTerms", "add_step_hessians", "at_start", "evaluate_step", "exchanged"]
 
 
 class StepTerms(Record):
@@ -38,6 +38,28 @@ class StepTerms(Record):
     values0: Float1D
     values: Float1D
     gradient: Float3D
+
+
+def exchanged(step: StepTerms) -> StepTerms:
+    """The same terms from the end of a step to its start.
+
+    Their gradients are those of the step, in the axes of the nodes at its start.
+    """
+    return _between(step.frames, step.poses, step)
+
+
+def at_start(step: StepTerms) -> StepTerms:
+    """The same terms over a step of size zero at the start of a step."""
+    return _between(step.frames0, step.poses0, step)
+
+
+def _between(frames: FloatArray, poses: FloatArray, step: StepTerms) -> StepTerms:
+    """Terms from some frames and poses to the start of a step."""
+    terms = len(step.values)
+    return StepTerms(
+        frames0=frames, frames=step.frames0, poses0=poses, poses=step.poses0,
+        values0=np.zeros(terms), values=np.zeros(terms), gradient=np.zeros((terms, 2, 6)),
+    )  # fmt: skip
 
 
 @inlined
