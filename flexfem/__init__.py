@@ -135,6 +135,7 @@ _MODULES = {
     "Uncertainty": "gradients.uncertainty",
     "jax_function": "gradients.jax_function",
     "torch_function": "gradients.torch_function",
+    "MovableMesh": "gradients.shapes.movable_mesh",
     "ParameterSearch": "gradients.parameter_search",
     "FoundParameters": "gradients.parameter_search",
     "Probe": "model.probes.base",

@@ -46,6 +46,7 @@ DRAWINGS = {
     "uniform_stress_blade": Drawing("--view z --colour N"),
     "identification_twin": Drawing("--colour N"),
     "truss_design": Drawing("--columns stress,stress_post", script="plot_history"),
+    "design_of_a_flexure": Drawing("--view z --colour von_mises --from 0.9"),
     "optimal_manipulator": Drawing("--columns error_x,error_y", script="plot_history"),
     "spin_up": Drawing("--columns u2,theta1", script="plot_history"),
     "tuned_damper": Drawing("--columns deflection", script="plot_history"),

@@ -17,15 +17,16 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.equations.linearized import LinearizedStep
-from flexfem.gradients.motion.arrays import Known, influence_of
+from flexfem.gradients.motion.arrays import Known
 from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.influence import NumberInfluence
-from flexfem.gradients.motion.parameters import Build, Values, parameters, plain
+from flexfem.gradients.motion.parameters import Build, Values, along, parameters, plain
 from flexfem.gradients.motion.records import MEMORY, Storage
 from flexfem.gradients.motion.runs import backward, forward
 from flexfem.gradients.motion.support import check_columns, differentiable
 from flexfem.gradients.motion.trajectory import Motion
+from flexfem.gradients.shapes.node_influence import influences_of
 from flexfem.gradients.states.analyses import Options, found_at, numbers_of
 from flexfem.gradients.states.neighbours import by_name
 from flexfem.model.model import Model
@@ -55,7 +56,7 @@ class Gradient:
 
     Attributes:
         value: of each functional by its name.
-        gradient: its derivatives by the parameters' names, (n,) of arrays.
+        gradient: its derivatives by the parameters' names, of the shapes of arrays.
         history: columns of the motion or of the load steps, or numbers of the modes, on the first
             rank.
         wall_seconds_forward, wall_seconds_backward: s.
@@ -66,6 +67,7 @@ class Gradient:
         growth: largest adjoint of any step over that of the last one: motions in which it grows by
             more than about 1e4 are chaotic, and their gradients useless for descent.
         warnings: what should be known before the gradient is used.
+        at: values of the parameters, those of nodes their places, m.
     """
 
     value: Mapping[str, float]
@@ -79,6 +81,7 @@ class Gradient:
     growth: float
     check: Mapping[str, float]
     warnings: tuple[str, ...] = ()
+    at: Mapping[str, float | FloatArray] = field(default_factory=dict, repr=False)
 
 
 @dataclass(frozen=True)
@@ -127,7 +130,7 @@ class Differentiation:
             wall_seconds_backward=time.perf_counter() - found.middle,
             factorizations_forward=found.factorizations[0],
             factorizations_backward=found.factorizations[1],
-            applications=0, growth=1.0, check={},
+            applications=0, growth=1.0, check={}, at=plain(values),
         )  # fmt: skip
 
     def value(self, values: Values) -> Mapping[str, float]:
@@ -156,9 +159,7 @@ class Differentiation:
         motion = Motion(made, options, self._comm, self._storage, wanted)
         history = motion.history()
         done, middle = motion.system.counters.factorizations, time.perf_counter()
-        influences = {
-            name: influence_of(motion, build, values, name, self._known) for name in values
-        }
+        influences = influences_of(motion, build, values, self._known)
         linear = linearized(motion, self._accuracy)
         sums, growth = backward(motion, linear, functionals, influences)
         found = [by_name(row, values) for row in sums]
@@ -176,6 +177,7 @@ class Differentiation:
             applications=linear.applications,
             growth=growth,
             warnings=(_CHAOTIC.format(growth),) if growth > _GROWTH else (),
+            at=plain(values),
         )
 
 
@@ -212,8 +214,10 @@ def gradient(
         of: functionals, such as "final:tip_x": final, mean, integral, rms, max, min or ks of a
             column of a :class:`Probe`, over time or over the load factor; or :class:`Functional`.
         wrt: parameters: paths into a model ("rod.mass", "spring.stiffness", "gravity[2]",
-            "rod.velocity[0]"), or values of the arguments of a function by their names: numbers, or
-            arrays (n,), such as one stiffness for each element.
+            "rod.velocity[0]"), to the places (n, 3) of the nodes of a group ("mesh.nodes[free]",
+            "surface.nodes[edge]", "bracket.mesh.nodes[notch]"), or values of the arguments of a
+            function by their names: numbers, or arrays of one or two axes, such as one stiffness
+            for each element.
         options: those of the motion, the equilibria or the modes.
         ks_rho: of "ks", one over the unit of the column.
         accuracy: relative accuracy of the linearised equations of a step of a motion.
@@ -282,13 +286,13 @@ def tangent_motion(
     chosen = [*columns] if columns is not None else differentiable(made)
     check_columns(made, chosen)
     motion = Motion(made, options, comm, Storage(memory, scratch), chosen)
-    along = [
-        (NumberInfluence(motion, build, values, name, entry), float(change))
+    directions = [
+        one
         for name, given in direction.items()
-        for entry, change in _entries(name, values[name], given)
+        for one in _directions(motion, build, values, name, given)
     ]
     linear = linearized(motion, accuracy)
-    (found,) = forward(motion, linear, chosen, [along])
+    (found,) = forward(motion, linear, chosen, [directions])
     derivative = dict(zip(chosen, found.T, strict=True)) if motion.system.comm.rank == 0 else {}
     return TangentMotion(motion.history(), derivative)
 
@@ -332,11 +336,22 @@ def made_of(build: Build, values: Values) -> Model:
     return model
 
 
-def _entries(name: str, value: FloatArray, given: npt.ArrayLike) -> list[tuple[int | None, float]]:
-    """Entries of a parameter with their changes, None for a number."""
-    change = np.asarray(given, dtype=np.float64)
+def _directions(
+    motion: Motion, build: Build, values: Values, name: str, given: npt.ArrayLike
+) -> list[tuple[NumberInfluence, float]]:
+    """What the entries of a parameter change, with their changes (collective)."""
+    change, value = np.asarray(given, dtype=np.float64), values[name]
     if change.shape != value.shape:
         raise ValueError(f"tangent_motion: direction of {name} must have the shape {value.shape}")
     if value.ndim == 0:
-        return [(None, float(change))]
-    return [(k, float(one)) for k, one in enumerate(change) if one]
+        return [(NumberInfluence(motion, build, values, name), float(change))]
+    if value.ndim == 1:
+        return [
+            (NumberInfluence(motion, build, values, name, k), float(one))
+            for k, one in enumerate(change)
+            if one
+        ]
+    if not change.any():
+        return []
+    made, numbers, factor = along(build, values, name, change)
+    return [(NumberInfluence(motion, made, numbers, name), factor)]

@@ -90,13 +90,13 @@ def method_of(name: str | None, *, constrained: bool) -> Callable[[Task], Ended]
     return method
 
 
-def _scipy(task: Task, method: str, options: dict[str, float]) -> Ended:
-    """A method of ``scipy.optimize``."""
+def _scipy(task: Task, method: str, options: dict[str, float], size: float = 1.0) -> Ended:
+    """A method of ``scipy.optimize``, to which the objective is given over a size."""
     from scipy.optimize import Bounds, minimize
 
     found = minimize(
-        task.objective, task.start, jac=task.slope, bounds=Bounds(task.low, task.high),
-        constraints=_constraints(task), method=method,
+        lambda x: task.objective(x) / size, task.start, jac=lambda x: task.slope(x) / size,
+        bounds=Bounds(task.low, task.high), constraints=_constraints(task), method=method,
         options={"maxiter": task.most, "ftol": task.tolerance, **options},
     )  # fmt: skip
     return found.x, bool(found.success), str(found.message)
@@ -108,8 +108,12 @@ def _lbfgsb(task: Task) -> Ended:
 
 
 def _slsqp(task: Task) -> Ended:
-    """Sequential quadratic programming (Kraft 1988)."""
-    return _scipy(task, "SLSQP", {})
+    """Sequential quadratic programming (Kraft 1988).
+
+    It ends by absolute changes, and takes constraints for incompatible beside an objective of many
+    digits: it is given the objective over its size at the start.
+    """
+    return _scipy(task, "SLSQP", {}, abs(task.objective(task.start)) or 1.0)
 
 
 def _mma(task: Task) -> Ended:

@@ -173,6 +173,29 @@ class LineMesh:
             )
         return self.cells[self.line_groups[name]]
 
+    def named_nodes(self, owner: str, name: str) -> IntArray:
+        """Return the nodes, ascending, of a group of lines, or the one of a point.
+
+        Raises:
+            ValueError: There is neither; the message begins with the owner.
+        """
+        if name in self.point_groups:
+            return np.array([self.point_groups[name]], dtype=np.int64)
+        if name not in self.line_groups:
+            known = _checks.show(", ".join([*self.line_groups, *self.point_groups]), 200)
+            raise ValueError(f"{owner}: no line or point {_checks.show(name)}; there are {known}")
+        return np.unique(self.cells[self.line_groups[name]])
+
+    def moved(self, points: npt.ArrayLike) -> Self:
+        """Return the mesh with its nodes at other places, shape (n, 3), metres.
+
+        Raises:
+            TypeError: They are no numbers.
+            ValueError: Another shape, or a cell of zero length.
+        """
+        places = _checks.array("LineMesh.moved", "points", points, self.points.shape)
+        return type(self)(places, self.cells, self.line_groups, self.point_groups)
+
     def order(self, name: str) -> IntArray | None:
         """Return the node order along a line group, None when it branches or falls apart.
 

@@ -300,6 +300,39 @@ class SurfaceMesh:
         """
         return np.unique(self.triangles[self.body_rows(name)])
 
+    def named_nodes(self, owner: str, name: str) -> IntArray:
+        """Return the nodes, ascending, of a body or a line, or the one of a name.
+
+        Raises:
+            ValueError: There is none of them; the message begins with the owner.
+        """
+        if name in self.bodies:
+            return self.body_nodes(name)
+        if name in self.lines:
+            return np.unique(self.lines[name])
+        if name not in self.nodes:
+            known = _checks.show(", ".join([*self.bodies, *self.lines, *self.nodes]), 200)
+            raise ValueError(
+                f"{owner}: no body, line or node {_checks.show(name)}; there are {known}"
+            )
+        return np.array([self.nodes[name]], dtype=np.int64)
+
+    def moved(self, points: npt.ArrayLike) -> Self:
+        """Return the mesh with its nodes at other places, shape (n, 3), metres.
+
+        Middles of curved edges move by the mean of both ends.
+
+        Raises:
+            TypeError: They are no numbers.
+            ValueError: Another shape, or a triangle without area.
+        """
+        places = _checks.array("SurfaceMesh.moved", "points", points, self.points.shape)
+        midpoints = self.midpoints
+        if midpoints is not None:
+            by = (places - self.points)[self.triangles]
+            midpoints = midpoints + 0.5 * (by.sum(axis=1, keepdims=True) - by)
+        return type(self)(places, self.triangles, self.bodies, self.lines, self.nodes, midpoints)
+
     def boundary_lines(self, name: str) -> list[IntArray]:
         """Return the node rows along the boundary of a body, which lies on their left.
 

@@ -290,7 +290,7 @@ def test_functions():
     _refused("wrt must be values by name", model=build, wrt=["mass"])
     _refused("the function returned 3, not a Model", model=lambda mass: 3, wrt={"mass": 1.0})
     _refused("give a Model or a function that builds one, got 5", model=5)
-    _refused("mass must be a number or have one axis", model=build, wrt={"mass": np.eye(2)})
+    _refused("mass must have two axes at most", model=build, wrt={"mass": np.ones((2, 2, 2))})
     _refused("mass must be finite", model=build, wrt={**NUMBERS, "mass": np.nan})
 
 

@@ -34,7 +34,7 @@ analysis or its adjoint failed, 2 wrong input, or something in the model has no 
 """
 #: What is written.
 _NAMES = (
-    "value", "gradient", "check", "wall_seconds_forward", "wall_seconds_backward",
+    "at", "value", "gradient", "check", "wall_seconds_forward", "wall_seconds_backward",
     "factorizations_forward", "factorizations_backward", "growth", "warnings",
 )  # fmt: skip
 
@@ -57,7 +57,8 @@ def _parser(prog: str) -> Parser:
     parser.add_argument(
         "--wrt", action="append", default=[], metavar="NAME,...",
         help="options that are real numbers, components such as gravity[2], or paths into the "
-        "model such as rod.velocity[0] or spring.stiffness",
+        "model such as rod.velocity[0], spring.stiffness, or mesh.nodes[GROUP] for all nodes of a "
+        "group",
     )  # fmt: skip
     add_derivative_options(
         parser, "gradient", "compare with the linearised motion along a random direction"
@@ -71,7 +72,10 @@ def _gradient(line: DerivativeLine) -> "tuple[Gradient, Mapping[str, Any]]":
     from flexfem.gradients.gradient import gradient
     from flexfem.gradients.motion.parameters import build_with_options
 
-    own, wrt = line.own, [name.replace("-", "_") for name in parts(line.own.wrt)]
+    own, wrt = (
+        line.own,
+        [name if "." in name else name.replace("-", "_") for name in parts(line.own.wrt)],
+    )
     build, values = build_with_options(line.case.build, line.parameters, wrt)
     checked = isinstance(line.settings, RunOptions) and not own.unchecked
     found = gradient(
@@ -93,9 +97,13 @@ def _table(found: "Gradient", values: Mapping[str, Any], units: Mapping[str, str
     for of, by in found.gradient.items():
         value = found.value[of]
         for name, derivative in by.items():
+            unit = units.get(name.split("[")[0], "") or "-"
+            if not isinstance(derivative, float):  # by places of nodes
+                most = f"at most {abs(derivative).max():.9g}"
+                rows.append((of, f"{value:.6g}", name, f"{len(derivative)} nodes", "m", most, "-"))
+                continue
             at = float(values[name])
             relative = f"{derivative * at / value:.4g}" if value else "-"
-            unit = units.get(name.split("[")[0], "") or "-"
             rows.append(
                 (of, f"{value:.6g}", name, f"{at:.6g}", unit, f"{derivative:.9g}", relative)
             )

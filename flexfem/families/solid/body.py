@@ -210,6 +210,8 @@ class Solid(Body):
         self, owner: str, what: str, value: Any, check: Callable[[str, str, Any], None]
     ) -> Mapping[str, Any]:
         """One value for each region, "" for the only one."""
+        if isinstance(value, Mapping) and set(value) == {""}:  # of a copy
+            value = self._as_given(value)
         if not isinstance(value, Mapping):
             check(owner, what, value)
             return MappingProxyType({"": value})

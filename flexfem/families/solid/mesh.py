@@ -231,6 +231,22 @@ class SolidMesh:
         known = ", ".join([*self.surfaces, "boundary"])
         raise ValueError(f"{owner}: no surface {_checks.show(name)}; there are {known}")
 
+    def named_nodes(self, owner: str, name: str) -> IntArray:
+        """Nodes of the geometry, ascending, of a surface or a set of nodes.
+
+        Raises:
+            ValueError: There is neither; the message begins with the owner.
+        """
+        if name in self.nodes:
+            return self.nodes[name]
+        corners = self.surface(owner, name)
+        made = Lagrange.of(self.points, self.cells, self.cell, self.degree, self.degree)
+        own = np.empty(len(self.points), dtype=np.int64)
+        own[made.cells] = self.cells
+        counts = (corners >= 0).sum(axis=1)
+        found = [made.of_facets(corners[counts == k])[1].ravel() for k in np.unique(counts)]
+        return np.unique(own[np.concatenate(found)])
+
     @classmethod
     def box(
         cls,

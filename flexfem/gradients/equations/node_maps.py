@@ -20,7 +20,7 @@ from flexfem.gradients.equations.kernels import apply_maps, apply_transposed_map
 from flexfem.lie import se3, so3
 
 __all__ = [
-    "DirectorTurns", "RateMaps", "StepMaps", "TwistMap", "applied", "fixed_apart",
+    "DirectorTurns", "RateMaps", "StepMaps", "TwistMap", "applied", "fixed_apart", "following",
     "increments_between", "moved", "moved_apart", "rotations", "start_moves", "transposed",
     "twists",
 ]  # fmt: skip
@@ -81,13 +81,22 @@ def fixed_apart(block: FrameBlock, other: FrameBlock) -> FloatArray:
 
 def moved_apart(block: FrameBlock, other: FrameBlock, frames: FloatArray) -> FloatArray:
     """The same of any frames (n, 12) of the nodes of the block."""
-    found = frames.copy()
     if block.dirichlet is None:
-        return found
+        return frames.copy()
     moves = start_moves(block, other)
     moves[:, : block.width][~block.dirichlet] = 0.0
     moves[:, block.width :] = 0.0
-    at = np.flatnonzero(moves.any(axis=1))
+    return _moved_some(block, frames, moves)
+
+
+def following(block: FrameBlock, other: FrameBlock) -> FloatArray:
+    """Frames (n, 12) of a block, all of which move with the start of another one."""
+    return _moved_some(block, block.frames, start_moves(block, other))
+
+
+def _moved_some(block: FrameBlock, frames: FloatArray, moves: FloatArray) -> FloatArray:
+    """Frames of a block, of which those with twists that are not zero are moved."""
+    found, at = frames.copy(), np.flatnonzero(moves.any(axis=1))
     found[at] = moved(frames[at], moves[at], inertial=block.inertial)
     return found
 

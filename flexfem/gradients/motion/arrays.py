@@ -43,7 +43,7 @@ from flexfem.gradients.motion.influence import (
     difference_of,
     evaluated,
 )
-from flexfem.gradients.motion.parameters import Build, Values
+from flexfem.gradients.motion.parameters import Build, Values, flattened
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.system import MASS
@@ -97,6 +97,7 @@ def influence_of(
         name: of this one.
         known: what was found of arrays with other values, to which that found is added.
     """
+    build, values = flattened(build, values)
     if values[name].ndim == 0:
         return NumberInfluence(motion, build, values, name)
     builder = Builder(motion, build, values, name)

@@ -24,7 +24,14 @@ from flexfem.core.status import Status
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.node_maps import twists
 from flexfem.gradients.equations.step_tangent import BlockVectors
-from flexfem.gradients.equations.values import Equations, copy_state, equations_at, jump, product
+from flexfem.gradients.equations.values import (
+    Equations,
+    SystemEquations,
+    copy_state,
+    equations_at,
+    jump,
+    product,
+)
 from flexfem.gradients.motion.columns import Seeds
 from flexfem.gradients.motion.direct import DirectEffect, force_columns
 from flexfem.gradients.motion.parameters import Build, Values, plain, refusing
@@ -36,6 +43,7 @@ from flexfem.system.system import Shifts, System
 __all__ = [
     "STEP", "UNSCALED", "Factors", "Influence", "NumberInfluence", "Sums", "beside",
     "check_layout", "check_times", "difference_of", "evaluated", "own_equations",
+    "start_by_blocks", "start_of",
 ]  # fmt: skip
 
 #: Difference of a parameter, relative to it, or itself for one that is zero.
@@ -170,7 +178,8 @@ class NumberInfluence:
         self, build: Build, values: Values, name: str, at: int | IntArray | tuple[()]
     ) -> list[Carried]:
         """Differences between the two models, or of fourth order over a longer way (collective)."""
-        motion, (first, second) = self._motion, (self._start_of(one) for one in self._pair)
+        motion = self._motion
+        first, second = (start_of(motion, one) for one in self._pair)
         short = (first - second) / (2.0 * self._step)
         if not motion.system.contacts and any(motion.largest(short[0])):
             step, found = _LONG * self.scale, {}
@@ -178,7 +187,7 @@ class NumberInfluence:
                 for place, _ in STENCIL:
                     one = beside(motion, build, _moved(values, name, at, place * step), name)
                     motion.scheme.begin(one)
-                    found[place] = self._start_of(one)
+                    found[place] = start_of(motion, one)
                 long = np.sum([weight / step * found[place] for place, weight in STENCIL], axis=0)
                 lower = (found[1.0] - found[-1.0]) / (2.0 * step)
                 for k in range(len(short)):
@@ -186,14 +195,7 @@ class NumberInfluence:
                     by_order, by_length, size = motion.largest(*changes)
                     if by_order**2 <= _BETTER * by_length * size:
                         short[k] = long[k]
-        carried, begins = [], 0
-        for part in motion.system.parts:
-            shape = part.block.owned, part.block.width
-            ends = begins + part.block.owned * part.block.width
-            moves, *rates = (own[begins:ends].reshape(shape) for own in short)
-            carried.append(Carried(part.block.hold(moves), *rates))
-            begins = ends
-        return carried
+        return start_by_blocks(motion, short)
 
     def _columns_of(
         self, build: Build, values: Values, name: str, at: int | IntArray | tuple[()]
@@ -211,17 +213,6 @@ class NumberInfluence:
         starts = [one.system.constraints.forces for one in simulations]
         self.forces: FloatArray = np.array(weights) @ np.array(starts)
         return DirectEffect(motion, simulations, weights)
-
-    def _start_of(self, one: Simulation) -> FloatArray:
-        """(4, n) moves from the motion's start, and rates, of the owned nodes of all blocks."""
-        found = []
-        for part, other in zip(self._motion.system.parts, one.system.parts, strict=True):
-            first, state = self._motion.state(0).rows[part.block.name], other.block.state()
-            own = np.s_[: part.block.owned, : part.block.width]
-            moves = twists(first["frames"], state["frames"], inertial=part.block.inertial)
-            rates = [state[name] for name in ("velocity", "auxiliary", "acceleration")]
-            found.append(np.stack([each[own].ravel() for each in (moves, *rates)]))
-        return np.concatenate(found, axis=1)
 
     def equations(self, step: int) -> Factors:
         """Derivatives of the equations of blocks, rows and memories at a step's end (collective).
@@ -346,6 +337,30 @@ def _moved(values: Values, name: str, at: int | IntArray | tuple[()], change: fl
     return {**values, name: moved}
 
 
+def start_of(motion: Motion, other: Simulation) -> FloatArray:
+    """(4, n) moves of another model from the motion's start, and rates, of all owned nodes."""
+    found = []
+    for part, own_part in zip(motion.system.parts, other.system.parts, strict=True):
+        first, state = motion.state(0).rows[part.block.name], own_part.block.state()
+        own = np.s_[: part.block.owned, : part.block.width]
+        moves = twists(first["frames"], state["frames"], inertial=part.block.inertial)
+        rates = [state[name] for name in ("velocity", "auxiliary", "acceleration")]
+        found.append(np.stack([each[own].ravel() for each in (moves, *rates)]))
+    return np.concatenate(found, axis=1)
+
+
+def start_by_blocks(motion: Motion, derivatives: FloatArray) -> list[Carried]:
+    """Derivatives of :func:`start_of` for each block, without moves of what is fixed."""
+    carried, begins = [], 0
+    for part in motion.system.parts:
+        shape = part.block.owned, part.block.width
+        ends = begins + part.block.owned * part.block.width
+        moves, *rates = (own[begins:ends].reshape(shape) for own in derivatives)
+        carried.append(Carried(part.block.hold(moves), *rates))
+        begins = ends
+    return carried
+
+
 def difference_of(values: FloatArray) -> float:
     """Difference of a number, or of several that change together."""
     return STEP * (float(np.abs(values).max()) or 1.0)
@@ -405,11 +420,20 @@ def _check_fixed(system: System, other: System, name: str) -> None:
         )
 
 
-def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
+def evaluated(
+    motion: Motion, other: Simulation, step: int, between: SystemEquations | None = None
+) -> Equations:
     """Residuals of another model at the trial state of the motion, after a step, or at the start.
 
     Those of the start are not scaled (collective).
+
+    Args:
+        motion: the motion.
+        other: the model.
+        step: number of the step.
+        between: equations that are not those of the step; None for those of the motion, if any.
     """
+    between = between or motion.between
     state, system = motion.state(max(step - 1, 0)), other.system
     for part in system.parts:
         accepted = state.rows[part.block.name]
@@ -429,15 +453,15 @@ def evaluated(motion: Motion, other: Simulation, step: int) -> Equations:
     system.interface.update()
     recall_sides(system, state)
     system.lead = motion.system.lead
+    if between is not None:
+        motion.memories.recall(other, step)
+        system.set_time(motion.times[step])
+        copy_state(motion.system, system)
+        return between.equations(system, motion.restitution(other, step))
     if not step:
         system.set_time(motion.times[step])
         copy_state(motion.system, system)
         return equations_at(system, UNSCALED)
-    if motion.between is not None:
-        motion.memories.recall(other, step)
-        system.set_time(motion.times[step])
-        copy_state(motion.system, system)
-        return motion.between.equations(system, motion.restitution(other, step))
     mechanics = motion.scheme.beside(other, step)
     blocks, values = equations_at(system, motion.scheme.shifts(step), mechanics)
     # equations of force elements are scaled by the derivatives in use

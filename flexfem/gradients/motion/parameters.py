@@ -3,9 +3,10 @@
 
 from __future__ import annotations
 
+import re
 from collections.abc import Callable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
-from dataclasses import fields, is_dataclass, replace
+from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from typing import Any
 
@@ -14,19 +15,99 @@ import numpy.typing as npt
 
 from flexfem import _checks
 from flexfem._checks import InputError
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
+from flexfem.families.solid.body import Solid
+from flexfem.families.solid.mesh import SolidMesh
+from flexfem.mesh.line_mesh import LineMesh
+from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.model import Model
 from flexfem.options import meant
 
 __all__ = [
-    "Build", "Values", "build_of", "build_with_options", "checked_values", "flat",
-    "model_with", "named", "parameters", "plain", "refusing",
+    "Build", "NodePath", "Values", "along", "build_of", "build_with_options", "checked_values",
+    "flat", "flattened", "model_with", "named", "parameters", "plain", "refusing",
 ]  # fmt: skip
 
 #: A model of values by name.
 Build = Callable[..., Model]
-#: Values of parameters by name: of arrays without axes, or with one.
+#: Values of parameters by name: of arrays without axes, with one, or with two.
 Values = dict[str, FloatArray]
+#: A path to the nodes of a group.
+_NODES = re.compile(r"(?:(?P<body>.+)\.)?(?P<mesh>mesh|surface)\.nodes\[(?P<group>.+)\]")
+
+
+@dataclass(frozen=True)
+class NodePath:
+    """Nodes of a group of a mesh, such as ``mesh.nodes[tip]`` or ``bracket.mesh.nodes[notch]``.
+
+    Attributes:
+        path: as it was given.
+        body: name of the solid whose mesh it is, None for the model's.
+        surface: True for the mesh of shells of the model, False for that of lines.
+        group: name of the group.
+    """
+
+    path: str
+    body: str | None
+    surface: bool
+    group: str
+
+    @classmethod
+    def of(cls, path: str) -> NodePath | None:
+        """What a path names, None if it is a path to a number."""
+        found = _NODES.fullmatch(path)
+        if found is None:
+            return None
+        return cls(path, found["body"], found["mesh"] == "surface", found["group"])
+
+    def mesh(self, model: Model) -> SolidMesh | SurfaceMesh | LineMesh:
+        """Its mesh in a model.
+
+        Raises:
+            ValueError: There is none.
+        """
+        if self.body is None:
+            mesh = model.surface if self.surface else model.mesh
+            if mesh is not None:
+                return mesh
+            what = "shells" if self.surface else "lines"
+            raise ValueError(f'gradient: "{self.path}": {model!r} has no mesh of {what}')
+        body = model[self.body]
+        if self.surface or not isinstance(body, Solid):
+            raise ValueError(
+                f'gradient: "{self.path}": {type(body).__name__} "{self.body}" has no mesh of its '
+                "own; paths to nodes are SOLID.mesh.nodes[…], mesh.nodes[…] and surface.nodes[…]"
+            )
+        return body.mesh  # type: ignore[no-any-return]
+
+    def nodes(self, model: Model) -> IntArray:
+        """Numbers (n,) of the nodes in the mesh, ascending.
+
+        Raises:
+            ValueError: There is no such group.
+        """
+        return self.mesh(model).named_nodes(f'gradient: "{self.path}"', self.group)
+
+    def places(self, model: Model) -> FloatArray:
+        """Where the nodes are in a model, (n, 3), m."""
+        found: FloatArray = self.mesh(model).points[self.nodes(model)]
+        return found
+
+    def with_places(self, model: Model, places: FloatArray) -> Model:
+        """A model with these nodes at other places (n, 3), m.
+
+        Raises:
+            ValueError: cells are inside out there, or the body is not possible with them.
+        """
+        mesh, body = self.mesh(model), self.body
+        points = mesh.points.copy()
+        points[self.nodes(model)] = places
+        moved: Any = mesh.moved(points)
+        changed = {} if body is None else {body: replace(model[body], mesh=moved)}
+        meshes = model.mesh, model.surface
+        if body is None:
+            meshes = (model.mesh, moved) if self.surface else (moved, model.surface)
+        return _copy(model, changed, model.gravity, meshes)
 
 
 def parameters(
@@ -53,18 +134,57 @@ def checked_values(values: Mapping[str, npt.ArrayLike]) -> Values:
     """Checked values of parameters.
 
     Raises:
-        ValueError: there are none, or one is not finite, or has more than one axis.
+        ValueError: there are none, or one is not finite, or has more than two axes.
     """
     if not values:
         raise ValueError("gradient: nothing to derive by, name parameters")
     found = {}
     for name, value in values.items():
         axes = np.ndim(value)
-        if axes > 1:
-            raise ValueError(f"gradient: {name} must be a number or have one axis, got {axes}")
-        shape = (-1,) if axes else ()
+        if axes > 2:
+            raise ValueError(f"gradient: {name} must have two axes at most, got {axes}")
+        shape = (-1, *np.shape(value)[1:]) if axes else ()
         found[name] = _checks.array("gradient", name, value, shape)
     return found
+
+
+def flattened(build: Build, values: Values) -> tuple[Build, Values]:
+    """The same function and values, whose arrays have one axis at most."""
+    shapes = {name: value.shape for name, value in values.items() if value.ndim > 1}
+    if not shapes:
+        return build, values
+
+    def made(**given: npt.ArrayLike) -> Model:
+        shaped = {name: np.reshape(given[name], shape) for name, shape in shapes.items()}
+        return build(**{**given, **shaped})
+
+    return made, {
+        name: value.reshape(-1) if value.ndim else value for name, value in values.items()
+    }
+
+
+def along(
+    build: Build, values: Values, name: str, change: FloatArray
+) -> tuple[Build, Values, float]:
+    """The same function and values with one number for an array with two axes, as places of nodes.
+
+    Args:
+        build: the function.
+        values: of all parameters.
+        name: of the array.
+        change: of the array, not zero.
+
+    Returns:
+        The function, its values, and the change of the number by which the array has this one.
+    """
+    given, size = values[name], float(np.abs(change).max())
+    span = float(np.ptp(given, axis=0).max()) or 1.0
+
+    def made(**numbers: npt.ArrayLike) -> Model:
+        by = (float(np.asarray(numbers[name])) - 1.0) * span / size
+        return build(**{**numbers, name: given + by * change})
+
+    return made, {**values, name: np.array(1.0)}, size / span
 
 
 def plain(values: Values) -> dict[str, float | FloatArray]:
@@ -109,7 +229,8 @@ def build_of(model: Model, names: list[str]) -> tuple[Build, Values]:
 
     Args:
         model: the model.
-        names: paths into it, such as "body.mass", "spring.stiffness" or "rod.velocity[2]".
+        names: paths into it, such as "body.mass", "spring.stiffness" or "rod.velocity[2]", or to
+            nodes, see :class:`NodePath`, whose values are their places (n, 3), m.
 
     Raises:
         ValueError: a path leads nowhere, or not to a number.
@@ -131,7 +252,7 @@ def build_with_options(
     Raises:
         ValueError: a name is none of them.
     """
-    own = [name for name in names if _parsed(name)[0] in given]
+    own = [name for name in names if not NodePath.of(name) and _parsed(name)[0] in given]
     inside = [name for name in names if name not in own]
     for name in inside:
         if "." not in name and _parsed(name)[0] != "gravity":
@@ -139,7 +260,7 @@ def build_with_options(
             raise ValueError(
                 f'gradient: "{name}" is no option, and no path into the model either, {hint}'
             )
-    values = {name: _number(name, _at(given, name)) for name in own}
+    values: dict[str, npt.ArrayLike] = {name: _number(name, _at(given, name)) for name in own}
     if inside:
         model = build(**given)
         values |= {name: _value(model, name) for name in inside}
@@ -159,16 +280,28 @@ def build_with_options(
 
 def model_with(model: Model, **values: npt.ArrayLike) -> Model:
     """A model with other values at some paths, see :func:`build_of`."""
+    numbers = dict(values)
+    for path in values:
+        if nodes := NodePath.of(path):
+            model = nodes.with_places(model, np.asarray(numbers.pop(path), dtype=np.float64))
     changed: dict[str, Any] = {}
     gravity = model.gravity
-    for path, value in values.items():
+    for path, value in numbers.items():
         first, steps = _parsed(path)
         number = float(np.asarray(value))
         if first == "gravity" and gravity is not None:
             gravity = _changed(gravity, _gravity(steps), number, path)
         else:
             changed[first] = _changed(changed.get(first, model[first]), steps, number, path)
-    copy = Model(model.name, mesh=model.mesh, surface=model.surface)
+    return _copy(model, changed, gravity, (model.mesh, model.surface))
+
+
+def _copy(
+    model: Model, changed: Mapping[str, Any], gravity: Any,
+    meshes: tuple[LineMesh | None, SurfaceMesh | None],
+) -> Model:  # fmt: skip
+    """A model with other things of some names, gravity and meshes."""
+    copy = Model(model.name, mesh=meshes[0], surface=meshes[1])
     if gravity is not None:
         copy.add(gravity)
     for thing in model.things:
@@ -195,8 +328,10 @@ def _gravity(steps: list[str | int]) -> list[str | int]:
     return steps if steps and isinstance(steps[0], str) else ["acceleration", *steps]
 
 
-def _value(model: Model, path: str) -> float:
-    """The number at a path."""
+def _value(model: Model, path: str) -> float | FloatArray:
+    """The number at a path, or places (n, 3) of nodes."""
+    if nodes := NodePath.of(path):
+        return nodes.places(model)
     first, steps = _parsed(path)
     if first == "gravity" and model.gravity is not None:
         found: Any = model.gravity

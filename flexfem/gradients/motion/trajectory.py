@@ -383,8 +383,8 @@ class Motion:
             )
         return bool(self.system.comm.allreduce(bool(rows.held.any()), op=MPI.LOR))
 
-    def _check_renewal(self) -> None:
-        """Refuse to make a state consistent where that has no derivatives (collective)."""
+    def not_renewed(self) -> str | None:
+        """Something with which consistent accelerations have no derivatives (collective)."""
         system, rows = self.system, self.system.constraints
         at = [system.time + part * self.options.dt for part in (0.01, 0.125, 0.5)]
         last = [move for move in self.grid.moves if isinstance(move, Step)][-1:]
@@ -404,13 +404,17 @@ class Motion:
                     isinstance(loop, ContinuousLoop) and not loop.implicit for loop in loops
                 ),
             }
-        for name, present in found.items():
-            if system.comm.allreduce(present, op=MPI.LOR):
-                raise InputError(
-                    "gradient: a load jumps, or an event happens, at t = "
-                    f"{system.time:.6g} s, where accelerations are computed again, which has no "
-                    f"derivatives with {name} yet"
-                )
+        every = [name for name in found if system.comm.allreduce(found[name], op=MPI.LOR)]
+        return every[0] if every else None
+
+    def _check_renewal(self) -> None:
+        """Refuse to make a state consistent where that has no derivatives (collective)."""
+        if name := self.not_renewed():
+            raise InputError(
+                "gradient: a load jumps, or an event happens, at t = "
+                f"{self.system.time:.6g} s, where accelerations are computed again, which has no "
+                f"derivatives with {name} yet"
+            )
 
 
 def check_supported_system(motion: Motion) -> None:

@@ -22,7 +22,7 @@ from flexfem.gradients.motion.parameters import Build, Values
 from flexfem.gradients.motion.support import check_columns
 from flexfem.gradients.states.buckling import BucklingLoads
 from flexfem.gradients.states.modes import Frequencies
-from flexfem.gradients.states.neighbours import by_name, parameters_of
+from flexfem.gradients.states.neighbours import by_name, parameters_alone, parameters_of
 from flexfem.gradients.states.path import Equilibria
 from flexfem.gradients.states.statics import gradients_of_columns
 from flexfem.model.model import Model
@@ -155,14 +155,13 @@ def _of_equilibria(
         )
     path = Equilibria(model, options, comm)
     done, middle = path.system.counters.factorizations, time.perf_counter()
-    chosen = parameters_of(*wrt)
-    found = gradients_of_columns(path, functionals, chosen)
+    found = gradients_of_columns(path, functionals, parameters_of(*wrt))
     rows = {one.name: row for one, row in zip(functionals, found, strict=True)}
     own = {one.name: one.value(path.history) for one in functionals if path.history}
     value: dict[str, float] = comm.bcast(own)
     if loads:
         buckling = BucklingLoads(path, [one.numbers for one in loads])
-        changes = buckling.gradients(chosen)
+        changes = buckling.gradients(parameters_alone(*wrt))
         rows |= {one.name: one.mean(changes.__getitem__) for one in loads}
         value |= {one.name: one.mean_of(buckling.loads) for one in loads}
     more = path.system.counters.factorizations - done
@@ -177,7 +176,7 @@ def _of_modes(
     """Frequencies and damping ratios (collective)."""
     found = Frequencies(model, options, comm, [one.numbers for one in numbers])
     middle = time.perf_counter()
-    changes, modes = found.gradients(parameters_of(*wrt)), found.modes
+    changes, modes = found.gradients(parameters_alone(*wrt)), found.modes
 
     def by_parameters(k: int) -> FloatArray:
         """Derivatives of a damping ratio, ``- Re lambda / |lambda|``."""

@@ -21,15 +21,23 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.node_maps import fixed_apart
+from flexfem.gradients.equations.node_maps import following
 from flexfem.gradients.motion.influence import check_layout
-from flexfem.gradients.motion.parameters import Build, Values, plain, refusing
+from flexfem.gradients.motion.parameters import (
+    Build,
+    NodePath,
+    Values,
+    flattened,
+    plain,
+    refusing,
+)
 from flexfem.model.model import Model
 from flexfem.system.system import System
 
 __all__ = [
-    "MATRICES", "RESIDUALS", "Neighbour", "Parameter", "Stencil", "by_name",
-    "check_path_independent", "check_without_sliders", "parameters_of", "place",
+    "MATRICES", "RESIDUALS", "Neighbour", "NodeParameters", "Parameter", "Stencil", "by_name",
+    "check_path_independent", "check_without_sliders", "parameters_alone",
+    "parameters_of", "place",
 ]  # fmt: skip
 
 
@@ -80,6 +88,7 @@ class Parameter:
     values: Values
     name: str
     entry: int | None = None
+    count = 1
 
     @property
     def value(self) -> float:
@@ -110,13 +119,66 @@ class Parameter:
             yield Neighbour(model, place * step, weight / step)
 
 
-def parameters_of(build: Build, values: Values) -> list[Parameter]:
-    """All numbers among the parameters."""
-    return [
-        Parameter(build, values, name, entry)
-        for name, given in values.items()
-        for entry in (range(len(given)) if given.ndim else (None,))
-    ]
+@dataclass(frozen=True)
+class NodeParameters:
+    """Places of the nodes of a group.
+
+    Attributes:
+        build: a model of all values.
+        values: of all parameters.
+        name: path to the nodes.
+    """
+
+    build: Build
+    values: Values
+    name: str
+
+    @property
+    def count(self) -> int:
+        """Number of coordinates."""
+        return self.values[self.name].size
+
+    def neighbours(self, by: FloatArray) -> Iterator[tuple[Model, float]]:
+        """Models at the places of differences along displacements (n, 3), m, with weights.
+
+        Raises:
+            InputError: one is refused.
+        """
+        for place, weight in RESIDUALS.weights.items():
+            moved = self.values[self.name] + place * RESIDUALS.step * by
+            with refusing(self.name):
+                model = self.build(**plain({**self.values, self.name: moved}))
+            yield model, weight / RESIDUALS.step
+
+
+def parameters_of(build: Build, values: Values) -> list[Parameter | NodeParameters]:
+    """All numbers among the parameters, and nodes of groups with all of theirs."""
+    flat_build, flat_values = flattened(build, values)
+    found: list[Parameter | NodeParameters] = []
+    for name, given in values.items():
+        if NodePath.of(name):
+            found.append(NodeParameters(build, values, name))
+            continue
+        entries = range(given.size) if given.ndim else (None,)
+        found += [Parameter(flat_build, flat_values, name, entry) for entry in entries]
+    return found
+
+
+def parameters_alone(build: Build, values: Values) -> list[Parameter]:
+    """All numbers among the parameters.
+
+    Raises:
+        InputError: some are nodes of a group.
+    """
+    found = []
+    for one in parameters_of(build, values):
+        if isinstance(one, NodeParameters):
+            raise InputError(
+                f'gradient: frequencies and buckling loads have no derivatives by "{one.name}" '
+                "yet; take numbers on which a mesh depends"
+            )
+        found.append(one)
+    return found
 
 
 def by_name(row: FloatArray, values: Values) -> dict[str, float | FloatArray]:
@@ -129,7 +191,8 @@ def by_name(row: FloatArray, values: Values) -> dict[str, float | FloatArray]:
     found: dict[str, float | FloatArray] = {}
     at = 0
     for name, given in values.items():
-        found[name] = row[at : at + given.size].copy() if given.ndim else float(row[at])
+        own = row[at : at + given.size].reshape(given.shape)
+        found[name] = own.copy() if given.ndim else float(own)
         at += given.size
     return found
 
@@ -137,14 +200,15 @@ def by_name(row: FloatArray, values: Values) -> dict[str, float | FloatArray]:
 def place(base: System, other: System, name: str) -> None:
     """Bring the system of a neighbour to the state of another one (collective).
 
-    Fixed unknowns stay at the neighbour's own start.
+    Nodes follow their starts, fixed ones among them: strains of stiff bodies whose shape changes
+    in place would be far larger than those of the state.
 
     Raises:
         InputError: it has another number of nodes or joints.
     """
     check_layout(base, other, name)
     for part, own in zip(base.parts, other.parts, strict=True):
-        own.block.frames0[:] = fixed_apart(part.block, own.block)
+        own.block.frames0[:] = following(part.block, own.block)
         own.block.reset()
     rows, own_rows = base.constraints, other.constraints
     own_rows.angles[:] = rows.angles

@@ -7,9 +7,9 @@ history each row takes one transposed solve, whatever the number of parameters:
 
 ``A^T z = dJ/d(q, L)``,  ``dJ/dp = J_p - z . F_p``
 
-with J_p and F_p at the fixed state (Arora, Haug, AIAA J. 17 (1979) 970-974). q are local twists;
-parameters that change the shape at the start act through the strains of the elements, the markers
-of joints and of probes, and the places of fixed nodes.
+with J_p and F_p at the fixed state (Arora, Haug, AIAA J. 17 (1979) 970-974). q are local twists.
+Parameters that change the shape at the start move nodes by dX: with these following, J_p gains
+``J_q dX`` and z . F_p gains ``z . A dX``, which are the same.
 
 Where the path ends at a value of a column c, its load factor depends on p: the last row has one
 more unknown and one more equation. With ``D(J) = J_t - z_J . F_t``, the change of J with the load
@@ -20,7 +20,7 @@ given.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -33,7 +33,8 @@ from flexfem.gradients.equations.values import jump
 from flexfem.gradients.motion.columns import ColumnDerivatives, history_weights
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.trajectory import StoppedError
-from flexfem.gradients.states.neighbours import RESIDUALS, Parameter
+from flexfem.gradients.states.neighbours import RESIDUALS, NodeParameters, Parameter
+from flexfem.gradients.states.node_places import Wanted, gradient_by_nodes
 from flexfem.gradients.states.path import SINGULAR, Equilibria, NearPath
 from flexfem.la.direct import DirectSolver
 from flexfem.simulation.equilibria.targets import LOAD
@@ -48,15 +49,16 @@ _TIME = 1e-4
 
 
 def gradients_of_columns(
-    path: Equilibria, functionals: Sequence[Functional], parameters: Sequence[Parameter]
-) -> FloatArray:
+    path: Equilibria, functionals: Sequence[Functional],
+    parameters: Sequence[Parameter | NodeParameters],
+) -> FloatArray:  # fmt: skip
     """Derivatives (functionals, parameters) of functionals of the history (collective).
 
     Raises:
         InputError: a column has no derivatives, or the model has none by a parameter.
         StoppedError: an equilibrium is singular.
     """
-    found = np.zeros((len(functionals), len(parameters)))
+    found = np.zeros((len(functionals), sum(one.count for one in parameters)))
     if not functionals:
         return found
     names = {name for one in functionals for name in one.columns if name != LOAD}
@@ -73,21 +75,44 @@ def gradients_of_columns(
     if path.stop is not None:
         own = _of_stop(path, columns, functionals, (weights[:, :, last], adjoints[last], places))
         weights[:, :, last], adjoints[last] = own
-    for p, parameter in enumerate(parameters):
-        residuals = []
-        for neighbour in parameter.neighbours(RESIDUALS):
-            near = NearPath(path, neighbour.model, parameter.text)
-            for row in used:
-                path.go_to(row)
-                near.go_to_present()
-                residual = path.vector(*near.residual())
-                found[:, p] -= neighbour.weight * (adjoints[row] @ residual)
-                values = near.columns()
-                if len(values):  # on the first rank
-                    found[:, p] += neighbour.weight * _direct(weights[:, :, row], values[places])
-            residuals.append(residual)
-        _check_smooth(path, residuals, parameter.text)
+    at = 0
+    for parameter in parameters:
+        out = found[:, at : at + parameter.count]
+        at += parameter.count
+        if isinstance(parameter, NodeParameters):
+            every = {row: columns.every(weights[:, :, row]) for row in used}
+            out[:] = gradient_by_nodes(path, Wanted(adjoints, every, chosen), parameter)
+        else:
+            out[:, 0] = _by_number(path, parameter, (adjoints, weights, places))
     path.system.comm.Allreduce(MPI.IN_PLACE, found)
+    return found
+
+
+def _by_number(
+    path: Equilibria, parameter: Parameter,
+    of: tuple[Mapping[int, FloatArray], FloatArray, Sequence[int]],
+) -> FloatArray:  # fmt: skip
+    """This rank's part of derivatives (functionals,) by a number (collective).
+
+    Args:
+        path: the path.
+        parameter: the number.
+        of: adjoints by rows, weights (functionals, columns, rows), places of the columns.
+    """
+    adjoints, weights, places = of
+    found, residuals = np.zeros(len(weights)), []
+    for neighbour in parameter.neighbours(RESIDUALS):
+        near = NearPath(path, neighbour.model, parameter.text)
+        for row, z in adjoints.items():
+            path.go_to(row)
+            near.go_to_present()
+            residual = path.vector(*near.residual())
+            found -= neighbour.weight * (z @ residual)
+            values = near.columns()
+            if len(values):  # on the first rank
+                found += neighbour.weight * _direct(weights[:, :, row], values[places])
+        residuals.append(residual)
+    _check_smooth(path, residuals, parameter.text)
     return found
 
 
