@@ -186,8 +186,10 @@ def least_stress(
 
 
 def figures(hinge: Hinge, growth: Array, options: ff.StaticOptions) -> dict[str, float]:
-    """Angle and stress under the moment, and stretch under the pull."""
-    history = ff.solve_static(hinge.model(growth), options).history
+    """Angle and stress under the moment, and stretch under the pull, on all ranks (collective)."""
+    from mpi4py import MPI
+
+    history = MPI.COMM_WORLD.bcast(ff.solve_static(hinge.model(growth), options).history)
     found = {
         "angle": history["angle"][-1], "stress": history["stress"][-1],
         "stretch": max(history["stretch"]),

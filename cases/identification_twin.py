@@ -144,7 +144,11 @@ def identified(
     within = (low <= fit.truth) & (fit.truth <= high)
     return ff.FoundParameters(
         {"levels": levels},
-        {"largest_error": largest, "motions": motions, "within_intervals": int(within.sum())},
+        {
+            "largest_error": largest,
+            "motions": float(motions),
+            "within_intervals": float(within.sum()),
+        },
         {"error": {"levels": found.errors["levels"]}, "truth": {"levels": fit.truth}},
     )
 

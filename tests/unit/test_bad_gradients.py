@@ -95,6 +95,7 @@ class _Hidden:
         (_Hidden(), "tip_z", 'Controller "servo": law does not return the same again at t ='),
         (_counted, "tip_z", 'Controller "servo": law does not return the same again at t ='),
         (lambda t, y: np.sin(1e12 * y[0]), "tip_z", "law has a kink or jumps at t ="),
+        (lambda t, y: y[0], "energy_dissipation", 'column "energy_dissipation" of EnergyProbe'),
     ],
 )
 def test_controllers_without_derivatives(law, input, text):

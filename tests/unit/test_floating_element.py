@@ -48,7 +48,7 @@ def _state(**given):
     """Nodes with these arrays, the others zero."""
     kinds = {name: layout.axes for name, (_, layout) in Nodes.fields.items()}
     nothing = {name: np.zeros((1,) * axes) for name, axes in kinds.items() if axes}
-    return Nodes(**({"inertial": False} | nothing | given))
+    return Nodes(**({"inertial": False} | nothing | {"unturned": np.array([-1])} | given))
 
 
 def _residual(data, frames, velocity, acceleration, gravity=GRAVITY):
