@@ -120,6 +120,11 @@ class RowTable:
         own = [np.full(count, owns, dtype=np.bool_) for count, owns in on_line]
         self.pair_owned: BoolArray = np.concatenate([owned[joint[simple][first]], *own])
 
+    def nodes_of(self, rows: IntArray) -> IntArray:
+        """Interface numbers (k,) of the nodes on which some rows act."""
+        nodes = np.unique(self.term_nodes[np.isin(self.row_of_term, rows)])
+        return nodes[nodes >= 0]
+
     @property
     def linear(self) -> BoolArray:
         """(r,) rows whose law is linear in value and rate, rigid ones included."""

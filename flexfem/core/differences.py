@@ -9,7 +9,10 @@ import numpy as np
 from flexfem._faults import FAILURES
 from flexfem._types import FloatArray
 
-__all__ = ["ENOUGH", "STENCIL", "STEPS", "SUITS", "central", "slopes_of_rows", "suited_step"]
+__all__ = [
+    "ENOUGH", "STENCIL", "STEPS", "SUITS", "central", "differenced", "slopes", "slopes_of_rows",
+    "suited_step",
+]  # fmt: skip
 
 #: Places in steps, with weights over the step.
 STENCIL = ((-2.0, 1.0 / 12.0), (-1.0, -2.0 / 3.0), (1.0, 2.0 / 3.0), (2.0, -1.0 / 12.0))
@@ -20,6 +23,8 @@ STEPS = (1e-3, 1e-4, 1e-5, 1e-6, 1e-7, 1e-8)
 SUITS, ENOUGH = 1e-7, 1e-5
 #: Such a difference with the shortest step that is no rounding.
 _BENT = 1e-2
+#: Changes relative to the size of what they consist of that are rounding.
+_ROUNDING = 1e-13
 #: Steps, the longest first, and the relative change of the derivatives with a tenth of a step up to
 #: which it suits.
 _FINE, _SUITS = (1e-3, 1e-4, 1e-5, 1e-6), 1e-9
@@ -37,6 +42,17 @@ def central(moved: Callable[[int, float], FloatArray], sizes: Sequence[float]) -
         parts = [weight / size * moved(k, part * size) for part, weight in STENCIL]
         columns.append(np.sum(parts, axis=0))
     return np.stack(columns, axis=-1)
+
+
+def differenced(weights: Sequence[float], values: Sequence[FloatArray]) -> FloatArray:
+    """Sum of values times weights, which sum to zero.
+
+    Values that are large beside their differences lose no digits.
+    """
+    found: FloatArray = np.zeros_like(values[0])
+    for weight, own in zip(weights[1:], values[1:], strict=True):
+        found = found + weight * (own - values[0])
+    return found
 
 
 def suited_step(found: Callable[[float], FloatArray]) -> tuple[float, float]:
@@ -62,6 +78,56 @@ def suited_step(found: Callable[[float], FloatArray]) -> tuple[float, float]:
     return chosen, least
 
 
+def _along(change: Callable[[float], FloatArray], step: float) -> tuple[FloatArray, FloatArray]:
+    """Derivatives of a function of a number at zero, and the largest changes over the step.
+
+    Args:
+        change: of the function's values, where the number is not zero.
+        step: of the number.
+    """
+    total = largest = np.zeros(1)
+    for part, weight in STENCIL:
+        own = change(part * step)
+        total = total + weight / step * own
+        largest = np.maximum(largest, np.abs(own) / step)
+    return total, largest
+
+
+def slopes(
+    value: Callable[[FloatArray], float], count: int, size: float = 0.0
+) -> tuple[FloatArray, float]:
+    """Derivatives (count,) of a function of numbers (count,) at zero, and their relative error.
+
+    They are central differences of fourth order with the longest of STEPS that suits the function.
+
+    Args:
+        value: the function.
+        count: of the numbers.
+        size: of what its values consist of: so small a part of it is rounding.
+    """
+    still, random = value(np.zeros(count)), np.random.default_rng(3).standard_normal(count)
+
+    def slope(direction: FloatArray, step: float) -> tuple[float, float]:
+        def change(by: float) -> FloatArray:
+            own = value(by * direction) - still
+            return np.array([own if abs(own) > _ROUNDING * size else 0.0])
+
+        total, largest = _along(change, step)
+        return float(total[0]), float(largest[0])
+
+    found, least = np.zeros(count), inf
+    for step in STEPS:
+        own, changes = np.array([slope(one, step) for one in np.eye(count)]).T
+        # all numbers together, with a tenth of the step
+        off = abs(slope(random, 0.1 * step)[0] - float(own @ random))
+        off /= float(changes @ np.abs(random)) or 1.0
+        if off < least:
+            found, least = own, off
+        if off <= SUITS:
+            break
+    return found, least
+
+
 def slopes_of_rows(
     function: Callable[[FloatArray], FloatArray], x: FloatArray, sizes: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
@@ -80,12 +146,7 @@ def slopes_of_rows(
     along: FloatArray = np.random.default_rng(3).standard_normal((x.shape[1],))
 
     def slope(direction: FloatArray, step: float) -> tuple[FloatArray, FloatArray]:
-        total, largest = np.zeros((2, len(x)))
-        for part, weight in STENCIL:
-            change = function(x + part * step * sizes * direction) - still
-            total += weight / step * change
-            np.maximum(largest, np.abs(change) / step, out=largest)
-        return total, largest
+        return _along(lambda by: function(x + by * sizes * direction) - still, step)
 
     best, missed, changes = np.zeros_like(x), np.full(len(x), inf), np.zeros(len(x))
     for step in STEPS:

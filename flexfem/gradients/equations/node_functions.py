@@ -23,7 +23,7 @@ from flexfem.core.differences import ENOUGH, STENCIL, STEPS, SUITS
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import moved
 
-__all__ = ["NodeFunctions", "slopes"]
+__all__ = ["NodeFunctions"]
 
 #: Difference from a shorter step with which no better one is sought: where nodes move together,
 #: as in rotations, their derivatives cancel.
@@ -165,44 +165,6 @@ class NodeFunctions:
             np.maximum(largest, np.abs(difference) / step, out=largest)
         own[at] = before
         return total, largest, most
-
-
-def slopes(
-    value: Callable[[FloatArray], float], count: int, size: float = 0.0
-) -> tuple[FloatArray, float]:
-    """Derivatives (count,) of a function of numbers (count,) at zero, and their relative error.
-
-    They are central differences of fourth order with the longest step that suits the function.
-
-    Args:
-        value: the function.
-        count: of the numbers.
-        size: of what its values consist of: so small a part of it is rounding.
-    """
-    still, along = value(np.zeros(count)), np.random.default_rng(3).standard_normal(count)
-
-    def slope(direction: FloatArray, step: float) -> tuple[float, float]:
-        """Derivative along a direction, and the largest change."""
-        total, largest = 0.0, 0.0
-        for part, weight in STENCIL:
-            change = value(part * step * direction) - still
-            if abs(change) <= _ROUNDING * size:
-                continue
-            total += weight / step * change
-            largest = max(largest, abs(change) / step)
-        return total, largest
-
-    found, least = np.zeros(count), inf
-    for step in STEPS:
-        own, changes = np.array([slope(one, step) for one in np.eye(count)]).T
-        # all numbers together, with a tenth of the step
-        off = abs(slope(along, 0.1 * step)[0] - float(own @ along))
-        off /= float(changes @ np.abs(along)) or 1.0
-        if off < least:
-            found, least = own, off
-        if off <= SUITS:
-            break
-    return found, least
 
 
 def _apart(values: IntArray, nodes: IntArray) -> list[tuple[IntArray, IntArray]]:

@@ -9,8 +9,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.differences import ENOUGH
-from flexfem.gradients.equations.node_functions import slopes
+from flexfem.core.differences import ENOUGH, slopes
 from flexfem.lie import se3
 from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.measure.sensors import RowSensor
@@ -59,9 +58,7 @@ class ForceColumns:
             rest = self._sensor.values(np.zeros(rows.size))
             for row, unit in zip(self._rows, np.eye(rows.size)[self._rows], strict=True):
                 factors[row] = weights @ (self._sensor.values(unit) - rest)
-            of_joint = np.isin(rows.row_of_term, self._rows)
-            nodes = np.unique(rows.term_nodes[of_joint])
-            nodes = nodes[nodes >= 0]
+            nodes = rows.nodes_of(self._rows)
             frames = face.frames[nodes].copy()
 
             def value(way: FloatArray) -> float:

@@ -11,9 +11,8 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.differences import ENOUGH
+from flexfem.core.differences import ENOUGH, slopes
 from flexfem.core.marker import Observed, SlidingMarker
-from flexfem.gradients.equations.node_functions import slopes
 from flexfem.lie import se3, so3
 from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.system import System
@@ -73,9 +72,7 @@ class SlidingMarkers:
             weights: (14,) of position, rotation, velocities, arc length and its rate.
         """
         rows, face = self._system.constraints, self._system.interface
-        of_joint = np.isin(rows.row_of_term, np.arange(*rows.start[joint : joint + 2]))
-        nodes = np.unique(rows.term_nodes[of_joint])
-        nodes = nodes[nodes >= 0]
+        nodes = rows.nodes_of(np.arange(*rows.start[joint : joint + 2]))
         (start,) = rows.lines.motions([joint], face.frames, face.velocities)
         R = se3.rotation(start[:12])
 

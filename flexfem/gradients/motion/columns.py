@@ -20,9 +20,9 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.differences import ENOUGH
+from flexfem.core.differences import ENOUGH, slopes
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.gradients.equations.node_functions import NodeFunctions, slopes
+from flexfem.gradients.equations.node_functions import NodeFunctions
 from flexfem.gradients.equations.node_maps import rotations, transposed
 from flexfem.gradients.equations.step_tangent import BlockVectors, forces_on_blocks
 from flexfem.gradients.forces.accepted import ForceDerivatives

@@ -16,6 +16,7 @@ from functools import cached_property
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.differences import differenced
 from flexfem.core.marker import SlidingMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import moved, start_moves
@@ -30,7 +31,7 @@ from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.measure.probes import ProbeRecorder
 from flexfem.system.system import System
 
-__all__ = ["DirectEffect", "disturb", "force_columns"]
+__all__ = ["DirectEffect", "disturb", "force_columns", "free_twists"]
 
 #: Difference of columns, relative to their size, from which on they depend on the parameter.
 _SEEN = 1e-13
@@ -86,7 +87,7 @@ class DirectEffect:
         found = []
         for k, part in enumerate(self._motion.system.parts):
             pairs = zip(self._weights, self._moves, strict=True)
-            found.append(_free(part.block, np.sum([w * own[k] for w, own in pairs], axis=0)))
+            found.append(free_twists(part.block, np.sum([w * own[k] for w, own in pairs], axis=0)))
         return found
 
     def difference(self, step: int, *, following: bool = True) -> FloatArray:
@@ -100,8 +101,7 @@ class DirectEffect:
             if one.forces:
                 take_rows(self._motion, one.simulation.system, step)
         values = self._values([self._motion.times[step]], following=following)
-        pairs = zip(self._weights, values, strict=True)
-        found: FloatArray = np.nan_to_num(np.sum([w * own[0] for w, own in pairs], axis=0))
+        found: FloatArray = np.nan_to_num(differenced(self._weights, [own[0] for own in values]))
         return found
 
     def _values(
@@ -130,7 +130,7 @@ def _relative(first: FloatArray, second: FloatArray) -> FloatArray:
     return found
 
 
-def _free(block: FrameBlock, by: FloatArray) -> FloatArray:
+def free_twists(block: FrameBlock, by: FloatArray) -> FloatArray:
     """Twists (n_owned, 6) without fixed unknowns."""
     found = by[: block.owned].copy()
     found[:, block.width :] = 0.0

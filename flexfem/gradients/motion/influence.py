@@ -8,7 +8,7 @@ exact.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from contextlib import suppress
 from typing import Protocol
 
@@ -19,7 +19,7 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._faults import FAILURES
 from flexfem._types import FloatArray, IntArray
-from flexfem.core.differences import STENCIL
+from flexfem.core.differences import STENCIL, differenced
 from flexfem.core.status import Status
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.node_maps import twists
@@ -157,39 +157,40 @@ class NumberInfluence:
         whole = difference_of(values[name][at])
         self.scale = whole / STEP
         self._step = _CLOSE * self.scale if motion.system.contacts else whole
-        simulations = [
-            beside(motion, build, _moved(values, name, at, sign * self._step), name)
-            for sign in (1.0, -1.0)
-        ]
-        self._pair = simulations
-        for one in simulations:
+
+        def changed(by: float) -> Simulation:
+            """Start of the model with the parameter changed (collective)."""
+            moved: FloatArray = np.array(values[name])
+            moved[at] += by
+            return beside(motion, build, {**values, name: moved}, name)
+
+        self._pair = [changed(sign * self._step) for sign in (1.0, -1.0)]
+        for one in self._pair:
             motion.scheme.begin(one)
         # later the models are at other states
         for other in self._pair:
             _check_fixed(motion.system, other.system, self._name)
-        self.start = self._start(build, values, name, at)
+        self.start = self._start(changed)
         first, second = (motion.memories.start(one) for one in self._pair)
         self.numbers = (first - second) / (2.0 * self._step)
-        self._direct = self._columns_of(build, values, name, at)
+        self._direct = self._columns_of(changed)
         # what sticks leaves more of rounding than equations change
         self._checked = any(contacts.rubs for contacts in motion.system.contacts)
 
-    def _start(
-        self, build: Build, values: Values, name: str, at: int | IntArray | tuple[()]
-    ) -> list[Carried]:
+    def _start(self, changed: Callable[[float], Simulation]) -> list[Carried]:
         """Differences between the two models, or of fourth order over a longer way (collective)."""
         motion = self._motion
         first, second = (start_of(motion, one) for one in self._pair)
         short = (first - second) / (2.0 * self._step)
         if not motion.system.contacts and any(motion.largest(short[0])):
-            step, found = _LONG * self.scale, {}
+            step, found = _LONG * self.scale, list[FloatArray]()
             with suppress(*FAILURES):  # the model may not exist so far away
                 for place, _ in STENCIL:
-                    one = beside(motion, build, _moved(values, name, at, place * step), name)
+                    one = changed(place * step)
                     motion.scheme.begin(one)
-                    found[place] = start_of(motion, one)
-                long = np.sum([weight / step * found[place] for place, weight in STENCIL], axis=0)
-                lower = (found[1.0] - found[-1.0]) / (2.0 * step)
+                    found.append(start_of(motion, one))
+                long = differenced([weight / step for _, weight in STENCIL], found)
+                lower = (found[2] - found[1]) / (2.0 * step)
                 for k in range(len(short)):
                     changes = long[k] - lower[k], long[k] - short[k], long[k]
                     by_order, by_length, size = motion.largest(*changes)
@@ -197,21 +198,16 @@ class NumberInfluence:
                         short[k] = long[k]
         return start_by_blocks(motion, short)
 
-    def _columns_of(
-        self, build: Build, values: Values, name: str, at: int | IntArray | tuple[()]
-    ) -> DirectEffect:
+    def _columns_of(self, changed: Callable[[float], Simulation]) -> DirectEffect:
         """Columns at a fixed state; models farther away show forces of drives (collective)."""
         motion, simulations, step = self._motion, self._pair, self._step
         weights = [0.5 / step, -0.5 / step]
         driven = motion.system.comm.allreduce(motion.system.constraints.driven, op=MPI.LOR)
         if driven and force_columns(motion.simulation, motion.wanted):
-            simulations, weights, step = [], [], _FAR * self.scale
-            for place, weight in STENCIL:
-                moved = _moved(values, name, at, place * step)
-                simulations.append(beside(motion, build, moved, name))
-                weights.append(weight / step)
-        starts = [one.system.constraints.forces for one in simulations]
-        self.forces: FloatArray = np.array(weights) @ np.array(starts)
+            step = _FAR * self.scale
+            simulations = [changed(place * step) for place, _ in STENCIL]
+            weights = [weight / step for _, weight in STENCIL]
+        self.forces = differenced(weights, [one.system.constraints.forces for one in simulations])
         return DirectEffect(motion, simulations, weights)
 
     def equations(self, step: int) -> Factors:
@@ -328,13 +324,6 @@ class NumberInfluence:
         :meth:`followed`. They are zero on the other ranks.
         """
         return self._direct.difference(step)
-
-
-def _moved(values: Values, name: str, at: int | IntArray | tuple[()], change: float) -> Values:
-    """Values of which entries of one have changed."""
-    moved: FloatArray = np.array(values[name])
-    moved[at] += change
-    return {**values, name: moved}
 
 
 def start_of(motion: Motion, other: Simulation) -> FloatArray:

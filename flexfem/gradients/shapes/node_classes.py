@@ -155,8 +155,7 @@ class NodeClasses:
         own = np.array([first[kind] + node for kind, node in rows.interface.keys], dtype=np.int64)
         sets: list[tuple[int, ...]] = []
         for row in range(rows.size):
-            nodes = rows.term_nodes[rows.row_of_term == row].ravel()
-            sets.append(tuple(np.unique(own[nodes[nodes >= 0]]).tolist()))
+            sets.append(tuple(np.unique(own[rows.nodes_of(np.array([row]))]).tolist()))
         gathered = self._system.comm.allgather(sorted(set(sets)))
         every = sorted({one for part in gathered for one in part})
         number = {one: k for k, one in enumerate(every)}

@@ -28,7 +28,7 @@ from flexfem.gradients.equations.values import (
 )
 from flexfem.gradients.motion.arrays import Known, influence_of
 from flexfem.gradients.motion.columns import Seeds
-from flexfem.gradients.motion.direct import disturb
+from flexfem.gradients.motion.direct import disturb, free_twists
 from flexfem.gradients.motion.influence import (
     UNSCALED,
     Factors,
@@ -99,10 +99,8 @@ class _Pair:
         for part, own, a, b in zip(
             self._motion.system.parts, seeds.blocks, *self._moves, strict=True
         ):
-            width, by = part.block.width, 0.5 * (a - b)[: part.block.owned]
-            free = np.zeros_like(by)
-            free[:, :width] = part.block.hold(by[:, :width].copy())
-            sums = np.zeros(len(by))
+            free = free_twists(part.block, 0.5 * (a - b))
+            sums = np.zeros(len(free))
             np.add.at(sums, own.nodes, (own.twists * free[own.nodes]).sum(axis=1))
             found.append(sums)
         return found

@@ -18,7 +18,7 @@ moved along it.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -33,24 +33,17 @@ from flexfem.gradients.states.eigenvectors import (
     SHIFT,
     ComplexArray,
     Inverse,
-    eigenvectors,
+    Vectors,
+    classes_of,
     equal,
     times,
+    vectors_of,
 )
 from flexfem.gradients.states.neighbours import MATRICES, Parameter, check_without_sliders
 from flexfem.gradients.states.path import SINGULAR, Direction, Equilibria, NearPath
 from flexfem.solvers.statics.buckling import LinearBuckling
 
 __all__ = ["BucklingLoads"]
-
-
-@dataclass(frozen=True)
-class _Vectors:
-    """Equal buckling loads with vectors (n, m) for which ``Y^T (A_0 - A_1) X = 1``."""
-
-    mu: float
-    right: ComplexArray
-    left: ComplexArray
 
 
 class BucklingLoads:
@@ -72,11 +65,10 @@ class BucklingLoads:
         """
         check_without_sliders(path.system)
         self._path = path
-        every = sorted({number for group in groups for number in group})
         path.go_to(0)
         problem = LinearBuckling(path.equilibrium)
         path.go_to(path.rows - 1)
-        found = problem.solve(every[-1] + 1)
+        found = problem.solve(max(number for group in groups for number in group) + 1)
         self.loads = [t for t, _ in found]
         self._span = float(path.times[-1] - path.times[0])
         for group in groups:
@@ -85,9 +77,9 @@ class BucklingLoads:
         for row in self._rows:
             path.go_to(row)
             matrices.append(path.matrix())
-        alike = dict.fromkeys(equal(self.loads, number) for number in every)
         self._vectors = {
-            numbers: self._of(matrices, [found[k - 1] for k in numbers]) for numbers in alike
+            numbers: self._of(matrices, [found[k - 1] for k in numbers])
+            for numbers in classes_of(self.loads, groups)
         }
 
     @property
@@ -112,7 +104,7 @@ class BucklingLoads:
 
     def _of(
         self, matrices: list[PETSc.Mat], found: Sequence[tuple[float, list[FloatArray]]]
-    ) -> _Vectors:
+    ) -> Vectors:
         """Vectors of equal loads, from these and their motions (collective)."""
         first, last = matrices
         mean = float(np.mean([t for t, _ in found]))
@@ -130,7 +122,7 @@ class BucklingLoads:
 
         rows = np.zeros(self._path.system.constraints.size)
         starts = [self._path.vector(motion, rows).astype(np.complex128) for _, motion in found]
-        return _Vectors(mu, *eigenvectors(inverse, starts, self._total, weigh))
+        return vectors_of(mu, inverse, starts, self._total, weigh)
 
     def _total(self, values: ComplexArray) -> ComplexArray:
         """Sums over the ranks."""
@@ -156,9 +148,8 @@ class BucklingLoads:
                     one.move(direction, offset)
                     matrix = one.matrix()
                     for numbers, own in self._vectors.items():
-                        factor = weight * share(own.mu) / len(numbers)
-                        for x, y in zip(own.right.T, own.left.T, strict=True):
-                            found[numbers][p] += factor * np.vdot(y, times(matrix, x))
+                        change = own.mean(partial(times, matrix))
+                        found[numbers][p] += weight * share(own.value.real) * change
                     matrix.destroy()
         for changes in found.values():
             self._total(changes)

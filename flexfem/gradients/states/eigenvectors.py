@@ -12,6 +12,7 @@ gradient; their mean, the trace over m, has one.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 
 from petsc4py import PETSc
 
@@ -21,7 +22,16 @@ import numpy.typing as npt
 from flexfem.la.direct import DirectSolver
 from flexfem.solvers.modal.shifted_inverse import real_form
 
-__all__ = ["SHIFT", "ComplexArray", "Inverse", "eigenvectors", "equal", "times"]
+__all__ = [
+    "SHIFT",
+    "ComplexArray",
+    "Inverse",
+    "Vectors",
+    "classes_of",
+    "equal",
+    "times",
+    "vectors_of",
+]
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -87,13 +97,46 @@ def equal(values: Sequence[complex] | ComplexArray, number: int) -> tuple[int, .
     return tuple(k for k, off in enumerate(distances, 1) if off <= _EQUAL * abs(own) or k == number)
 
 
-def eigenvectors(
-    inverse: Inverse, starts: Sequence[ComplexArray], total: Callable[[ComplexArray], ComplexArray],
+def classes_of(
+    values: Sequence[complex] | ComplexArray, groups: Sequence[Sequence[int]]
+) -> list[tuple[int, ...]]:
+    """Numbers, from 1, of equal eigenvalues, for all that are in some group."""
+    every = sorted({number for group in groups for number in group})
+    return list(dict.fromkeys(equal(values, number) for number in every))
+
+
+@dataclass(frozen=True)
+class Vectors:
+    """m equal eigenvalues with vectors (n, m) for which ``Y^H P' X = 1``.
+
+    Attributes:
+        value: their mean.
+        right, left: X and Y.
+    """
+
+    value: complex
+    right: ComplexArray
+    left: ComplexArray
+
+    def mean(self, change: Callable[[ComplexArray], ComplexArray]) -> complex:
+        """This rank's part of the trace over m of ``Y^H dP X``.
+
+        Args:
+            change: dP times a vector.
+        """
+        pairs = zip(self.right.T, self.left.T, strict=True)
+        return complex(np.mean([np.vdot(y, change(x)) for x, y in pairs]))
+
+
+def vectors_of(
+    value: complex, inverse: Inverse, starts: Sequence[ComplexArray],
+    total: Callable[[ComplexArray], ComplexArray],
     weigh: Callable[[ComplexArray, bool], ComplexArray],
-) -> tuple[ComplexArray, ComplexArray]:  # fmt: skip
-    """Right and left eigenvectors (n, m) of m equal eigenvalues, ``Y^H P' X = 1`` (collective).
+) -> Vectors:  # fmt: skip
+    """Right and left eigenvectors of m equal eigenvalues (collective).
 
     Args:
+        value: their mean.
         inverse: of P at a value much nearer to the eigenvalues than to others.
         starts: m right vectors (n,) to begin the inverse iteration with; their part of the
             constraints need not be known.
@@ -114,4 +157,4 @@ def eigenvectors(
     right, left = found
     weighed = np.stack([weigh(x, False) for x in right.T], axis=1)
     size = total(left.conj().T @ weighed)
-    return right, left @ np.linalg.inv(size).conj().T
+    return Vectors(value, right, left @ np.linalg.inv(size).conj().T)

@@ -18,7 +18,7 @@ neighbours moved along it. About a given state at rest it is that of neighbours 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from functools import partial
 
 from mpi4py import MPI
 
@@ -33,9 +33,11 @@ from flexfem.gradients.states.eigenvectors import (
     SHIFT,
     ComplexArray,
     Inverse,
-    eigenvectors,
+    Vectors,
+    classes_of,
     equal,
     times,
+    vectors_of,
 )
 from flexfem.gradients.states.neighbours import (
     MATRICES,
@@ -47,7 +49,7 @@ from flexfem.gradients.states.neighbours import (
 from flexfem.model.model import Model
 from flexfem.simulation.equilibria.operating_point import OperatingPoint
 from flexfem.simulation.modes import doubts, modes_at
-from flexfem.solvers.modal.linearization import Linearization
+from flexfem.solvers.modal.linearization import Linearization, Matrices
 from flexfem.solvers.modal.mode_shapes import Modes
 from flexfem.solvers.modal.pencil import Pencil
 
@@ -55,15 +57,6 @@ __all__ = ["Frequencies"]
 
 #: Part of a square of an eigenvalue that is round-off.
 _REAL = 1e-9
-
-
-@dataclass(frozen=True)
-class _Vectors:
-    """Equal eigenvalues with vectors (n, m) for which ``Y^H (2 lambda M + C) X = 1``."""
-
-    value: complex
-    right: ComplexArray
-    left: ComplexArray
 
 
 class Frequencies:
@@ -110,11 +103,11 @@ class Frequencies:
         self.modes = found
         self._multipliers = point.linearization.multipliers.copy()
         pencil = Pencil.of(point.linearization)
-        every = sorted({number for group in groups for number in group})
-        alike = dict.fromkeys(equal(found.eigenvalues, number) for number in every)
-        self._vectors = {numbers: self._of(pencil, numbers) for numbers in alike}
+        self._vectors = {
+            numbers: self._of(pencil, numbers) for numbers in classes_of(found.eigenvalues, groups)
+        }
 
-    def _of(self, pencil: Pencil, numbers: tuple[int, ...]) -> _Vectors:
+    def _of(self, pencil: Pencil, numbers: tuple[int, ...]) -> Vectors:
         """Vectors of equal modes (collective)."""
         matrices, lin = pencil.matrices, pencil.linearization
         value = complex(np.mean([self.modes.eigenvalues[k - 1] for k in numbers]))
@@ -139,7 +132,7 @@ class Frequencies:
         inverse = Inverse(real, imaginary)
         if not inverse.regular:
             raise StoppedError("gradient: the equations of motion are singular")
-        return _Vectors(value, *eigenvectors(inverse, list(starts), lin.total, weigh))
+        return vectors_of(value, inverse, list(starts), lin.total, weigh)
 
     def gradients(self, parameters: Sequence[Parameter]) -> dict[int, ComplexArray]:
         """Derivatives (parameters,) of the eigenvalue of each mode, by its number (collective).
@@ -155,11 +148,8 @@ class Frequencies:
             for one, point in near:
                 matrices = point.linearization.matrices()
                 for numbers, own in self._vectors.items():
-                    value, weight = own.value, one.weight / len(numbers)
-                    for x, y in zip(own.right.T, own.left.T, strict=True):
-                        moved = value**2 * times(matrices.mass, x) + times(matrices.stiffness, x)
-                        moved += value * times(matrices.damping, x)
-                        found[numbers][p] -= weight * np.vdot(y, moved)
+                    change = own.mean(partial(_times, matrices, own.value))
+                    found[numbers][p] -= one.weight * change
         total = self._point.linearization.total
         sums = {numbers: total(changes) for numbers, changes in found.items()}
         return {number: changes for numbers, changes in sums.items() for number in numbers}
@@ -199,6 +189,13 @@ class Frequencies:
         for part, own in zip(point.system.parts, blocks, strict=True):
             part.block.hold(own)
         return residual
+
+
+def _times(matrices: Matrices, value: complex, x: ComplexArray) -> ComplexArray:
+    """``P(value) x`` (collective)."""
+    undamped = value**2 * times(matrices.mass, x) + times(matrices.stiffness, x)
+    found: ComplexArray = undamped + value * times(matrices.damping, x)
+    return found
 
 
 def _check_apart(found: Modes, group: Sequence[int]) -> None:
