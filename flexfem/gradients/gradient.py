@@ -137,26 +137,23 @@ class Differentiation:
         """Values of the functionals alone (collective)."""
         made, options = made_of(self._build, values), self._options
         if isinstance(options, RunOptions):
-            functionals = self._of_history(made)
-            wanted = [name for one in functionals for name in one.columns]
-            return _values(Motion(made, options, self._comm, self._storage, wanted), functionals)
+            return _values(*self._moved(made, options))
         comm = self._comm or MPI.COMM_WORLD
         return found_at(made, self.functionals, (self._build, {}), options, comm).value
 
-    def _of_history(self, made: Model) -> list[Functional]:
-        """The functionals of a motion, whose columns the model has."""
+    def _moved(self, made: Model, options: RunOptions) -> tuple[Motion, list[Functional]]:
+        """The motion of a model, and the functionals, whose columns it has (collective)."""
         functionals = [one for one in self.functionals if isinstance(one, Functional)]
-        check_columns(made, [name for one in functionals for name in one.columns])
-        return functionals
+        wanted = [name for one in functionals for name in one.columns]
+        check_columns(made, wanted)
+        return Motion(made, options, self._comm, self._storage, wanted), functionals
 
     def _of_motion(
         self, made: Model, options: RunOptions, values: Values, *, check: bool
     ) -> Gradient:  # fmt: skip
         """Derivatives of a motion (collective)."""
         begin = time.perf_counter()
-        functionals, build = self._of_history(made), self._build
-        wanted = [name for one in functionals for name in one.columns]
-        motion = Motion(made, options, self._comm, self._storage, wanted)
+        build, (motion, functionals) = self._build, self._moved(made, options)
         history = motion.history()
         done, middle = motion.system.counters.factorizations, time.perf_counter()
         influences = influences_of(motion, build, values, self._known)
@@ -238,14 +235,9 @@ def gradient(
     """
     build, values = parameters(model, wrt)
     return Differentiation(
-        build,
-        of,
-        options,
-        ks_rho=ks_rho,
-        accuracy=accuracy,
-        storage=Storage(memory, scratch),
+        build, of, options, ks_rho=ks_rho, accuracy=accuracy, storage=Storage(memory, scratch),
         comm=comm,
-    ).at(values, check=check)
+    ).at(values, check=check)  # fmt: skip
 
 
 def tangent_motion(
