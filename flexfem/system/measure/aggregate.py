@@ -143,9 +143,11 @@ class Aggregate:
         """See :class:`flexfem.layout.family.Sensor` (collective)."""
         largest, exponentials = self._exponentials()
         if self._rho is not None:
-            # less one, so that small values are not lost in the sum
-            total = self._comm.allreduce(sum(float((one - 1.0).sum()) for one in exponentials))
-            largest += np.log1p(total / self._count) / self._rho
+            # of ones less one, so that small values are not lost, but where most are far below
+            parts = [(float(one.sum()), float((one - 1.0).sum())) for one in exponentials]
+            means = np.array(parts).reshape(-1, 2).sum(axis=0) / self._count
+            self._comm.Allreduce(MPI.IN_PLACE, means)
+            largest += (np.log1p(means[1]) if means[1] > -0.5 else np.log(means[0])) / self._rho
         return np.array([largest if self._comm.rank == 0 else 0.0])
 
     def linearised(
