@@ -14,9 +14,11 @@ import pytest
 import flexfem as ff
 from tests.contract.gradient_examples import NUMBERS, PARTS, body, mechanism
 from tests.contract.test_gradient_contacts import balls, rod
+from tests.contract.test_gradient_memories import ARM, arm
 from tests.contract.test_gradients import errors
 
 STEPS = {"tolerance": 1e-13, "integrator": "energy_momentum"}
+ARMS = {name: value for name, value in ARM.items() if name != "inertia"}
 BALLS = {"friction": 0.3, "speed": 1.0}
 ROD = {"speed": 1.0, "youngs": 5e6, "damping": 1e-4}
 
@@ -44,6 +46,20 @@ def pressed(*, pressure, pull, youngs=5e6) -> ff.Model:
     return model
 
 
+def controlled(**numbers) -> ff.Model:
+    """Arms with controllers of loads and actuators, sampled ones and continuous ones."""
+    model, spring = arm(**numbers, inertia=0.3, at_once=False), numbers["spring"]
+    momentum = ff.MomentumProbe("momentum", ["arm"])
+    model.add(
+        momentum,
+        ff.Controller("brake", ["vz", momentum.columns[2]], ["motor"],
+                      lambda t, y: -spring * y[0] - y[1] * (1.0 + t)),
+        ff.Controller("clock", ["ax", "evz"], ["drive"],
+                      lambda t, y: 1e-4 * spring * (y[0] - y[1] ** 2), sample_time=4e-3),
+    )  # fmt: skip
+    return model
+
+
 #: Models with their numbers, columns, steps, and relative difference of parameters.
 MOTIONS = {
     "mechanism": (mechanism, PARTS, ["final:p_x", "mean:own"], steps(2e-3, 5, 0.6), 1e-3),
@@ -51,6 +67,7 @@ MOTIONS = {
              steps(1e-3, 5, 0.6), 1e-3),
     "solid": (pressed, {"pressure": 300.0, "pull": 20.0}, ["final:tip_z"], steps(1e-3, 4, 1.0),
               1e-3),
+    "controlled": (controlled, ARMS, ["final:tip_x", "mean:tip_z"], steps(4e-3, 5, 0.6), 1e-3),
     "friction": (partial(balls, height=0.002), BALLS, ["final:p_x", "final:p_z"],
                  steps(5e-4, 8, 0.6), 1e-5),
     "landing": (partial(rod, height=5e-4), ROD, ["final:p_z", "final:q_z"],
@@ -108,7 +125,7 @@ def test_states_that_are_computed_again():
 
 
 @pytest.mark.three_ranks
-@pytest.mark.parametrize("name", ["beam", "friction"])
+@pytest.mark.parametrize("name", ["beam", "controlled", "friction"])
 def test_ranks(name):
     """Ghosts or points of other ranks that are left out are wrong in the first digit."""
     build, numbers, of, options, _ = MOTIONS[name]

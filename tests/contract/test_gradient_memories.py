@@ -64,11 +64,11 @@ ARM = {
 
 
 def arm(
-    *, gain, integral, setpoint, filter, spring, damper, inertia, mass, kick, offset
+    *, gain, integral, setpoint, filter, spring, damper, inertia, mass, kick, offset, at_once=True
 ) -> ff.Model:  # fmt: skip
     """Two arms with controllers of all kinds: sampled ones on loads, and continuous ones.
 
-    These measure a load's motion, accelerations, and what actuators follow at once.
+    These measure a load's motion, and ``at_once`` what actuators follow then, and accelerations.
     """
     model, hinge = ff.Model("arm"), ff.Marker("arm", offset=(-0.5, 0.0, 0.0))
     middle, end = (ff.Marker("arm", offset=(offset, 0.0, z)) for z in (0.0, 0.1))
@@ -106,10 +106,13 @@ def arm(
         ),
         ff.Controller("damper", ["z", "evz"], ["push"], compensator, sample_time=0.008),
         ff.Controller("cosine", ["ez"], ["twist"], lambda t, y: np.cos(spring * y[0]) * (1.0 + t)),
-        ff.Controller("follower", ["ez", "evz"], ["motor"],
-                      lambda t, y: -spring * y[0] - damper * y[1] * abs(y[1])),
-        ff.Controller("mass", ["eax"], ["drive"], lambda t, y: -inertia * y[0]),
     )  # fmt: skip
+    if at_once:
+        model.add(
+            ff.Controller("follower", ["ez", "evz"], ["motor"],
+                          lambda t, y: -spring * y[0] - damper * y[1] * abs(y[1])),
+            ff.Controller("mass", ["eax"], ["drive"], lambda t, y: -inertia * y[0]),
+        )  # fmt: skip
     return model
 
 

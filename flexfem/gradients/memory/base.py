@@ -9,7 +9,7 @@ mu of a step, those of s0: ``N_s^T sb - F_s^T (z, mu)``.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -19,7 +19,7 @@ from flexfem.constraints.elements.states import StateStep
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations
 from flexfem.simulation.motion.stepping import Simulation
-from flexfem.system.mechanics import END_POINT, EndPoint
+from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import Shifts
 
 __all__ = ["Memories", "Memory", "StepEnd"]
@@ -36,12 +36,15 @@ class StepEnd:
         shifts: factors of the scheme.
         states: step of the states of force elements.
         mechanics: its equations.
+        imposed: these equations with other outputs of controllers, by their numbers, over the whole
+            step; None where outputs act at its end alone.
     """
 
     number: int
     shifts: Shifts
     states: StateStep
-    mechanics: EndPoint = END_POINT
+    mechanics: Mechanics = END_POINT
+    imposed: Callable[[Mapping[int, FloatArray]], Equations] | None = None
 
 
 class Memory:

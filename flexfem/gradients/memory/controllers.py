@@ -5,6 +5,9 @@ A sampled law carries its outputs, which act until the next sample, and its own 
 one that cannot act implicitly carries the measurements of the last two states, from which it is
 called for the end of a step. Laws are differentiated by central differences of fourth order, which
 are exact for linear ones; their outputs act linearly in the equations of a step.
+
+Where steps depend on both of their ends, the force of an actuator is the mean of those there, and a
+load is that of the middle of a step: outputs at its end are carried as well.
 """
 
 from __future__ import annotations
@@ -19,11 +22,13 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._faults import FAILURES
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.differences import central, suited_step
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations, equations_at, product
 from flexfem.gradients.memory.base import Memory, StepEnd
+from flexfem.gradients.renewals.grid import Grid
+from flexfem.joints.actuator import Actuator
 from flexfem.simulation.control.controls import ContinuousLoop, SampledLoop
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.system import System
@@ -44,15 +49,23 @@ class Controlled(Protocol):
         simulation: its simulation.
         times: of its states, s.
         known: state of the controllers after each step.
+        grid: of all steps.
+        alpha: True if outputs act at the end of each step alone.
     """
 
     simulation: Simulation
     times: FloatArray
     known: list[dict[str, FloatArray]]
+    grid: Grid
 
     @property
     def system(self) -> System:
         """System of the simulation."""
+        ...
+
+    @property
+    def alpha(self) -> bool:
+        """See the class."""
         ...
 
 
@@ -65,12 +78,14 @@ class _Loop:
         inputs: (m,) numbers of its measurements there.
         places: (m,) in the measured columns of the memory.
         numbers: its place in the carried numbers.
+        loads: (p,) outputs on loads, not on actuators.
     """
 
     number: int
     inputs: IntArray
     places: IntArray
     numbers: slice
+    loads: BoolArray
 
 
 @dataclass(frozen=True)
@@ -98,16 +113,18 @@ class ControllerMemory(Memory):
             motion: at its start.
         """
         self._motion, self._comm = motion, motion.system.comm
-        controls = motion.simulation.controls
+        controls, model = motion.simulation.controls, motion.simulation.serial.model
         chosen = [(k, one) for k, one in enumerate(controls.loops) if not one.implicit]
         used = sorted({int(i) for k, _ in chosen for i in controls.inputs[k]})
         self.measured = [controls.measured[i] for i in used]
         self._loops, end = list[_Loop](), 0
         for k, _ in chosen:
             inputs, start = controls.inputs[k], end
-            end += len(_start(motion.simulation, k))
+            end += len(self._at_start(motion.simulation, k))
+            driven = [model.get(name) for name in controls.loops[k].controller.outputs]
+            loads = np.array([not isinstance(one, Actuator) for one in driven])
             places = np.searchsorted(used, inputs)
-            self._loops.append(_Loop(k, inputs, places, slice(start, end)))
+            self._loops.append(_Loop(k, inputs, places, slice(start, end), loads))
         self.owned = np.full(end if self._comm.rank == 0 else 0, True)
         self._known: tuple[int, list[_Linear]] = 0, []
         self._effects: list[Equations] = []
@@ -117,8 +134,20 @@ class ControllerMemory(Memory):
         if self._comm.rank:
             return np.zeros(0)
         return np.concatenate(
-            [np.zeros(0), *(_start(simulation, loop.number) for loop in self._loops)]
+            [np.zeros(0), *(self._at_start(simulation, loop.number) for loop in self._loops)]
         )
+
+    def _at_start(self, simulation: Simulation, number: int) -> FloatArray:
+        """Numbers of a loop at the start."""
+        one, found = simulation.controls.loops[number], list[FloatArray]()
+        if isinstance(one, SampledLoop):
+            found = [one.held, one.memory().ravel()]
+        else:
+            y = one.state()["last"][1:]
+            found = [y, y]
+        if not self._motion.alpha:
+            found.append(one.outputs(simulation.time))
+        return np.concatenate(found)
 
     def take(self, end: StepEnd) -> None:
         """See :class:`Memory`."""
@@ -126,6 +155,15 @@ class ControllerMemory(Memory):
         system, controls = self._motion.system, self._motion.simulation.controls
         t, self._effects = float(self._motion.times[end.number]), []
         acts = t + system.lead  # beside a jump of loads
+
+        def imposed(outputs: Mapping[int, FloatArray]) -> Equations:
+            if end.imposed is not None:
+                return end.imposed(outputs)
+            for number, own in outputs.items():
+                controls.loops[number].impose(acts, own)
+            system.set_time(t)
+            return equations_at(system, end.shifts, end.mechanics)
+
         for loop in self._loops:
             one = controls.loops[loop.number]
             given = one.outputs(acts)
@@ -135,14 +173,11 @@ class ControllerMemory(Memory):
                 for sign in (1.0, -1.0):
                     moved = given.copy()
                     moved[j] += sign * by
-                    one.impose(acts, moved)
-                    system.set_time(t)
-                    found.append(equations_at(system, end.shifts, end.mechanics))
+                    found.append(imposed({loop.number: moved}))
                 blocks = [(a - b) / (2.0 * by) for a, b in zip(*(x[0] for x in found), strict=True)]
                 self._effects.append((blocks, (found[0][1] - found[1][1]) / (2.0 * by)))
             one.impose(acts, given)
-        system.set_time(t)
-        equations_at(system, end.shifts, end.mechanics)
+        imposed({})
 
     def equations(self, change: FloatArray) -> Equations:
         """See :class:`Memory`."""
@@ -206,8 +241,13 @@ class ControllerMemory(Memory):
                 y = self._measurements(end.number, loop) + change[loop.places]
                 if isinstance(one, SampledLoop):
                     parts.append(self._sampled(end.number, loop, one, y))
+                    ended = self._value(end.number - 1, loop, "held")
                 else:
                     parts.append(np.concatenate([y, np.zeros_like(y)]))
+                    t = float(self._motion.times[end.number])
+                    ended = one.call(t, self._extrapolated(end.number, loop, t)[0])
+                if not self._motion.alpha:
+                    parts.append(ended if self._both(end.number) else 0.0 * ended)
             return np.concatenate(parts)
 
         return self._on_first(found, np.zeros(0))
@@ -239,9 +279,13 @@ class ControllerMemory(Memory):
     def _of_sampled(self, step: int, loop: _Loop, one: SampledLoop) -> _Linear:
         """Derivatives of a sampled loop."""
         size, m = loop.numbers.stop - loop.numbers.start, len(loop.inputs)
-        outputs = np.eye(one.count, size)
+        held = np.eye(one.count, size)
+        outputs, numbers = held, np.eye(size)
+        if self._both(step):
+            outputs = self._mean(loop, held, held, size)
+            numbers[-one.count :] = held
         if not self._due(step, loop):
-            return _Linear(outputs, np.eye(size), np.zeros((size, m)))
+            return _Linear(outputs, numbers, np.zeros((size, m)))
         t, before = float(self._motion.times[step]), self._value(step - 1, loop, "law")
         given = np.concatenate([self._measurements(step, loop), before.ravel()])
 
@@ -251,26 +295,52 @@ class ControllerMemory(Memory):
         after = [self._value(step, loop, name).ravel() for name in ("held", "law")]
         by = _law_derivatives(one.owner, t, law, given, np.concatenate(after))
         one.recall(self._value(step, loop, "law"))
-        numbers = np.zeros((size, size))
-        numbers[:, one.count :] = by[:, m:]
-        return _Linear(outputs, numbers, by[:, :m])
+        columns, own = np.zeros((size, m)), len(by)
+        columns[:own], numbers[:own] = by[:, :m], 0.0
+        numbers[:own, one.count : own] = by[:, m:]
+        return _Linear(outputs, numbers, columns)
 
     def _of_continuous(self, step: int, loop: _Loop, one: ContinuousLoop) -> _Linear:
         """Derivatives of a loop that extrapolates its measurements."""
-        m, t = len(loop.inputs), float(self._motion.times[step])
+        m, size = len(loop.inputs), loop.numbers.stop - loop.numbers.start
+        begin, t = (float(self._motion.times[k]) for k in (step - 1, step))
+
+        def outputs_at(t: float) -> FloatArray:
+            y, share = self._extrapolated(step, loop, t)
+            by = _law_derivatives(one.owner, t, lambda y: one.call(t, y), y, one.call(t, y))
+            found = np.zeros((one.count, size))
+            found[:, : 2 * m] = np.hstack([(1.0 + share) * by, -share * by])
+            return found
+
+        outputs, numbers = outputs_at(t), np.zeros((size, size))
+        numbers[2 * m :, 2 * m :] = np.eye(size - 2 * m)
+        if self._both(step):
+            numbers[2 * m :] = outputs
+            outputs = self._mean(loop, outputs_at(0.5 * (begin + t)), outputs, size)
+        after, last = self._value(step, loop, "before"), self._value(step - 1, loop, "last")
+        if len(after):  # of the last state, or of one before it if that is too near
+            first = 0 if after[0] == last[0] else m
+            numbers[m : 2 * m, first : first + m] = np.eye(m)
+        return _Linear(outputs, numbers, np.eye(size, m))
+
+    def _both(self, step: int) -> bool:
+        """True for a step whose equations depend on outputs at both of its ends."""
+        return not self._motion.alpha and self._motion.grid.renewal(step) is None
+
+    def _mean(self, loop: _Loop, middle: FloatArray, end: FloatArray, size: int) -> FloatArray:
+        """Derivatives (p, s) of outputs over a step by those in its middle and at its end."""
+        start = np.eye(size)[size - len(end) :]
+        found: FloatArray = np.where(loop.loads[:, np.newaxis], middle, 0.5 * (start + end))
+        return found
+
+    def _extrapolated(self, step: int, loop: _Loop, t: float) -> tuple[FloatArray, float]:
+        """Measurements (m,) for a time, s, in a step, and their part of the last change."""
         last, before = (self._value(step - 1, loop, name) for name in ("last", "before"))
         share, y = 0.0, last[1:]
         if len(before):
             share = (t - last[0]) / (last[0] - before[0])
             y = y + share * (last[1:] - before[1:])
-        by = _law_derivatives(one.owner, t, lambda y: one.call(t, y), y, one.call(t, y))
-        outputs = np.hstack([(1.0 + share) * by, -share * by])
-        numbers, columns = np.zeros((2 * m, 2 * m)), np.eye(2 * m, m)
-        after = self._value(step, loop, "before")
-        if len(after):  # of the last state, or of one before it if that is too near
-            first = 0 if after[0] == last[0] else m
-            numbers[m:, first : first + m] = np.eye(m)
-        return _Linear(outputs, numbers, columns)
+        return y, share
 
     def _value(self, step: int, loop: _Loop, name: str) -> FloatArray:
         """What a loop knows after a step, copied."""
@@ -306,15 +376,6 @@ class ControllerMemory(Memory):
 def recall(simulation: Simulation, known: Mapping[str, FloatArray]) -> None:
     """Give the controllers of a simulation what they know at a state."""
     simulation.controls.restore({name: values.copy() for name, values in known.items()})
-
-
-def _start(simulation: Simulation, number: int) -> FloatArray:
-    """Numbers of a loop at the start."""
-    one = simulation.controls.loops[number]
-    if isinstance(one, SampledLoop):
-        return np.concatenate([one.held, one.memory().ravel()])
-    y = one.state()["last"][1:]
-    return np.concatenate([y, y])
 
 
 def _called(one: SampledLoop, t: float, y: FloatArray, before: FloatArray) -> FloatArray:

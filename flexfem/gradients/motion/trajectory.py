@@ -347,9 +347,7 @@ class Motion:
         """The end of a step, or of a part of a renewal."""
         if self.grid.renewal(step) is not None:
             return StepEnd(step, AT_STATE, AT_REST)
-        assert isinstance(self.scheme, AlphaSteps)  # others have no memories
-        laws = self.scheme.laws(step)
-        return StepEnd(step, laws.shifts, laws.states, self.scheme.mechanics(step))
+        return self.scheme.end(step)
 
     def follows(self, state: int) -> bool:
         """True if numbers of memories follow from a state, which is no intermediate one."""
@@ -432,8 +430,6 @@ def check_supported_system(motion: Motion) -> None:
     }
     if not motion.alpha:
         found |= {
-            "controllers with the integrator energy_momentum": len(motion.simulation.controls) > 0,
-            "force elements with the integrator energy_momentum": rows.has_elements,
             "events with the integrator energy_momentum": bool(motion.model.events),
             "solids with the integrator energy_momentum and rho_inf below 1": motion.options.rho_inf
             < 1.0

@@ -19,7 +19,7 @@ from flexfem.gradients.equations.linearized import Derivatives, LinearizedStep
 from flexfem.gradients.equations.node_maps import StepMaps
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import Equations
-from flexfem.gradients.memory.base import Memories
+from flexfem.gradients.memory.base import Memories, StepEnd
 from flexfem.gradients.renewals.grid import Grid
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.mechanics import Mechanics
@@ -145,6 +145,7 @@ class States(Protocol):
         grid: of all steps.
         memories: what is carried beside the nodes.
         times: of the states, s.
+        known: state of the controllers after each of them.
     """
 
     simulation: Simulation
@@ -152,6 +153,7 @@ class States(Protocol):
     grid: Grid
     memories: Memories
     times: FloatArray
+    known: list[dict[str, FloatArray]]
 
     def state(self, step: int) -> State:
         """The accepted state after a step."""
@@ -196,6 +198,10 @@ class Steps(Protocol):
 
     def mechanics(self, step: int) -> Mechanics:
         """Equations of a step of the motion."""
+        ...
+
+    def end(self, step: int) -> StepEnd:
+        """The end of a step, for memories."""
         ...
 
     def recall(self, step: int) -> None:

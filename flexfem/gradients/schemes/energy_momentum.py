@@ -20,19 +20,22 @@ With dissipation stresses depend on strains at the start of the last step as wel
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.constraints.elements.states import AT_REST
 from flexfem.core.state import State
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.equations.node_maps import StepMaps, moved, moved_apart
 from flexfem.gradients.equations.step_tangent import STEP, BlockVectors
-from flexfem.gradients.equations.values import Equations
+from flexfem.gradients.equations.values import Equations, equations_at
+from flexfem.gradients.memory.base import StepEnd
+from flexfem.gradients.memory.controllers import recall
 from flexfem.gradients.schemes.base import Ahead, SizeChange, States
 from flexfem.gradients.schemes.energy_nodes import (
     NodeRates,
@@ -315,26 +318,59 @@ class EnergySteps:
         system.constraints.multipliers[:] = motion.system.constraints.multipliers
         return _mechanics(simulation)
 
-    def _place(self, simulation: Simulation, step: int) -> None:
+    def _place(
+        self, simulation: Simulation, step: int, imposed: Mapping[int, FloatArray] | None = None
+    ) -> None:
         """Bring a model from its accepted state to the end of a step of the motion (collective).
 
         Nodes that are fixed in it stay where they are.
+
+        Args:
+            simulation: of the model.
+            step: number of the step.
+            imposed: outputs of controllers, by their numbers, over the whole step; None for those
+                of the model.
         """
         motion, system, mechanics = self._motion, simulation.system, _mechanics(simulation)
         h, before, increments = motion.grid.step(step).h, {}, {}
+        system.reset()
         for part, own in zip(system.parts, motion.system.parts, strict=True):
             name, pair = own.block.name, (own.block, part.block)
             before[name] = moved_apart(*pair, motion.state(step - 1).rows[name]["before"])
             after = moved_apart(*pair, motion.frames(step, name))
             increments[name] = _increments(part.block.frames0, after)
-        system.set_time(begin := float(motion.times[step - 1]))
+        outputs = self._ended(step) | dict(imposed or {})
+        begin, end = (float(motion.times[k]) for k in (step - 1, step))
+        _set_time(simulation, begin, outputs)
         mechanics.resume(system, before, self._last(step))
-        system.set_time(begin + 0.5 * h)
+        recall(simulation, motion.known[step - 1])
+        _set_time(simulation, begin + 0.5 * h, imposed)
         factors = system.factors.copy()
-        system.set_time(float(motion.times[step]))
+        _set_time(simulation, end, imposed)
         mechanics.begin(system, h, factors)
         mechanics.place(increments)
         system.interface.update()
+
+    def _ended(self, step: int) -> dict[int, FloatArray]:
+        """Outputs of controllers, by their numbers, at the end of the step before one."""
+        motion, state = self._motion, step - 1
+        while state and motion.grid.renewal(state) is not None:
+            state -= 1
+        recall(motion.simulation, motion.known[max(state - 1, 0)])
+        t = float(motion.times[state])
+        found = [loop.outputs(t).copy() for loop in motion.simulation.controls.loops]
+        recall(motion.simulation, motion.known[step - 1])
+        return dict(enumerate(found))
+
+    def end(self, step: int) -> StepEnd:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        system, shifts, mechanics = self._motion.system, self.shifts(step), self.mechanics(step)
+
+        def imposed(outputs: Mapping[int, FloatArray]) -> Equations:
+            self._place(self._motion.simulation, step, outputs)
+            return equations_at(system, shifts, mechanics)
+
+        return StepEnd(step, shifts, AT_REST, mechanics, imposed)  # no states of force elements
 
     def tangent(self) -> EnergyTangent:
         """See :class:`flexfem.gradients.schemes.base.Steps`."""
@@ -379,7 +415,6 @@ class EnergySteps:
             block.owned_step[:] = own
             block.spread_step()
             block.frames0[:] = moved(block.frames0, block.step, inertial=block.inertial)
-            block.restore(block.state())
         self._place(self._motion.simulation, step)
 
 
@@ -388,6 +423,13 @@ def _mechanics(simulation: Simulation) -> StepMechanics:
     mechanics = simulation.integrator.mechanics
     assert isinstance(mechanics, StepMechanics)
     return mechanics
+
+
+def _set_time(simulation: Simulation, t: float, imposed: Mapping[int, FloatArray] | None) -> None:
+    """Set loads and drives to a time, s, with outputs of controllers by their numbers."""
+    for number, outputs in (imposed or {}).items():
+        simulation.controls.loops[number].impose(t + simulation.system.lead, outputs)
+    simulation.system.set_time(t)
 
 
 def _increments(before: FloatArray, after: FloatArray) -> FloatArray:

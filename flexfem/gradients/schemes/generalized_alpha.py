@@ -45,6 +45,7 @@ from flexfem.gradients.equations.step_tangent import (
 )
 from flexfem.gradients.equations.unilateral import StateChange
 from flexfem.gradients.equations.values import Equations, copy_state
+from flexfem.gradients.memory.base import StepEnd
 from flexfem.gradients.schemes.base import Ahead, SizeChange, States, StoppedError
 from flexfem.gradients.unilateral.forces import unilateral_forces
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
@@ -258,6 +259,11 @@ class AlphaSteps:
     def mechanics(self, step: int) -> EndPoint:
         """See :class:`flexfem.gradients.schemes.base.Steps`."""
         return alpha_of(self._motion.grid.step(step).scheme).split or END_POINT
+
+    def end(self, step: int) -> StepEnd:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        laws = self.laws(step)
+        return StepEnd(step, laws.shifts, laws.states, self.mechanics(step))
 
     def recall(self, step: int) -> None:
         """See :class:`flexfem.gradients.schemes.base.Steps`."""
