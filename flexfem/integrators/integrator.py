@@ -95,6 +95,10 @@ class Integrator(Protocol):
         """Accept the trial state (collective)."""
         ...
 
+    def renewed(self, system: System) -> None:
+        """Take note of an accepted state that was made consistent, with the loads behind a jump."""
+        return
+
     def begin_parts(self, system: System) -> Integrator:
         """Scheme for parts of a step between jumps and kinks; the first part needs no history."""
         return self

@@ -126,7 +126,7 @@ def test_unsupported_parts(number):
 
 def _of_other_steps():
     stop = ff.Event("stop", BOB, lambda t, bob: bob.position[2] + 9.0, ff.ReleaseJoint("hinge"))
-    yield "events with the integrator energy_momentum", [stop], {}
+    yield "events with the integrator energy_momentum and rho_inf below 1", [stop], {}
     reaction = ff.ReactionProbe("reaction", "hinge", axes="b")
     yield (
         'ReactionProbe "reaction" with the integrator energy_momentum',

@@ -658,6 +658,24 @@ def test_tangent(make, rho_inf):
     np.testing.assert_allclose((found[0][1] - found[1][1]) / (2 * eps), exact, atol=1e-7, rtol=1e-6)
 
 
+@pytest.mark.serial
+def test_forces_behind_a_jump():
+    """The force of an actuator is a mean of both ends of a step, each on its side of a jump."""
+    model, sled = ff.Model("sled"), ff.Marker("sled")
+    force = ff.TimeFunction(lambda t: 3.0 if t < 0.05 else 7.0, [0.05])
+    along = {"axis": (1.0, 0.0, 0.0)}
+    model.add(
+        ff.RigidBody("sled", 2.0, (1.0, 1.0, 1.0)),
+        ff.Prismatic("slide", ff.Ground(), sled, **along),
+        ff.Actuator("push", ff.Ground(), sled, **along, motion="translation", force=force),
+        ff.Probe("motion", sled, ("speed",), lambda t, s: (s.velocity[0],)),
+    )
+    options = RunOptions(dt=0.02, t_end=0.1, integrator="energy_momentum", quiet=True)
+    # a step that begins with the force before the jump gives 0.24
+    speed = ff.simulate(model, options).history["speed"][-1]
+    np.testing.assert_allclose(speed, 0.25, rtol=1e-12)
+
+
 @pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_what_it_does_not_do_is_refused():

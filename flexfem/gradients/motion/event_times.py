@@ -9,8 +9,7 @@ Backwards, with the sums xb of influences of the end of the step and tb of those
 ``xb -= k g_x`` and a gradient loses ``k g_p``, with ``k = (xb D + tb)/(g_x D + g_t)``
 
 (compare Corner, Sandu, Sandu, ACM Trans. Math. Softw. 46 (2020) 13, on jumps of adjoints at
-events). The equations of a step depend on its size at fixed increments n by the rates
-``v(n; h)``, ``w(n; h)``, linearly, and on its time by loads and drives.
+events). The equations of a step depend on its time by loads and drives.
 """
 
 from __future__ import annotations
@@ -25,30 +24,23 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.differences import STENCIL
-from flexfem.gradients.equations.step_tangent import (
-    ACCELERATIONS,
-    VELOCITIES,
-    BlockVectors,
-    joined,
-)
-from flexfem.gradients.equations.values import Equations, equations_at
+from flexfem.gradients.equations.step_tangent import joined
+from flexfem.gradients.equations.values import Equations
 from flexfem.gradients.motion.adjoint import Adjoint, Tangent
 from flexfem.gradients.motion.columns import ColumnDerivatives, Seeds
 from flexfem.gradients.motion.support import check_sliding
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.schemes.base import Recursion, SizeChange
-from flexfem.gradients.schemes.generalized_alpha import alpha_of
-from flexfem.integrators.generalized_alpha import step_laws
 from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
 from flexfem.system.measure.probes import ProbeRecorder
 
-__all__ = ["EventTimes", "along", "by_time", "size_change"]
+__all__ = ["EventTimes", "along", "by_time"]
 
 #: Weights of differences of third order from one side.
 _ONE_SIDE = (-11.0 / 6.0, 3.0, -1.5, 1.0 / 3.0)
-#: Difference of sizes of steps, relative; of times, as parts of ``dt``, the longest first.
-_SIZE, _TIMES = 1e-3, (1e-2, 1e-3, 1e-4)
+#: Differences of times, as parts of ``dt``, the longest first.
+_TIMES = 1e-2, 1e-3, 1e-4
 #: Relative difference of derivatives from both sides, up to which there is no kink between.
 _SMOOTH = 1e-4
 #: Rounding of equations, relative to what they consist of.
@@ -112,41 +104,6 @@ def _row_of(function: Callable[..., float]) -> Callable[..., Sequence[float]]:
     return lambda t, *states: (function(t, *states),)
 
 
-def size_change(motion: Motion, over: Recursion) -> SizeChange:
-    """What the size of a step changes, at whose end it is linearised (collective)."""
-    taken, shifts = motion.grid.step(over.step), motion.scheme.shifts(over.step)
-    laws = np.zeros(10)
-    for place, weight in STENCIL:
-        h = taken.h * (1.0 + place * _SIZE)
-        own = step_laws(alpha_of(taken.scheme).rho_inf, h)
-        plain = own.predict[0]  # whose increments are zero
-        values = np.concatenate([plain[2:], own.rates, own.accept])
-        laws += weight / (_SIZE * taken.h) * values
-    found, velocities, accelerations = [], list[FloatArray](), list[FloatArray]()
-    for part, by in zip(motion.system.parts, over.maps, strict=True):
-        block = part.block
-        state = motion.state(over.step - 1).rows[block.name]
-        own_nodes = np.s_[: block.owned, : block.width]
-        v0, a0, w0, n = (
-            x[own_nodes]
-            for x in (state["velocity"], state["auxiliary"], state["acceleration"], block.increment)
-        )
-        v = laws[0] * v0 + laws[1] * a0 + laws[5] * n
-        w = laws[2] * v0 + laws[3] * a0 + laws[4] * w0 + laws[6] * n
-        a = laws[7] * n + laws[8] * v0 + laws[9] * a0
-        found.append(np.array([by.hold_rates(x) for x in (v, a, w)]))
-        velocities.append(by.by_increment(found[-1][0]) / shifts.velocity)
-        accelerations.append(by.by_increment(found[-1][2]) / shifts.acceleration)
-    nothing = np.zeros(motion.system.constraints.size)
-    tangent = over.linear.tangent
-    by_v = tangent.apply(velocities, nothing, VELOCITIES)
-    by_w = tangent.apply(accelerations, nothing, ACCELERATIONS)
-    # redundant constraints yield to forces, which are those of the step over its scale
-    rows = motion.system.constraints
-    yielding = 2.0 / taken.h * rows.relaxation * rows.multipliers * rows.rigid
-    return SizeChange(found, (_sum(by_v[0], by_w[0]), by_v[1] + by_w[1] - yielding))
-
-
 def by_time(motion: Motion, state: int) -> Equations:
     """Derivatives of the equations at the end of a step, or of a renewal, by time (collective).
 
@@ -176,7 +133,7 @@ def by_time(motion: Motion, state: int) -> Equations:
         )
     system.set_time(float(motion.times[state]))
     if motion.renewal is None:
-        equations_at(system, motion.scheme.shifts(state))
+        motion.scheme.at_time(state, 0.0)
     ends = np.cumsum([a * b for a, b in sizes])
     *blocks, rows = np.split(central, ends)
     return [own.reshape(size) for own, size in zip(blocks, sizes, strict=True)], rows
@@ -191,10 +148,10 @@ def _largest_rate(motion: Motion) -> float:
 
 def _at(motion: Motion, state: int, later: float) -> Equations:
     """The equations with loads and drives of a time (s) beside that of a state (collective)."""
+    if motion.renewal is None:
+        return motion.scheme.at_time(state, later)
     motion.system.set_time(float(motion.times[state]) + later)
-    if motion.renewal is not None:
-        return motion.renewal.equations(motion.system)
-    return equations_at(motion.system, motion.scheme.shifts(state))
+    return motion.renewal.equations(motion.system)
 
 
 class EventTimes:
@@ -220,7 +177,7 @@ class EventTimes:
         grid = self._motion.grid
         if not (grid.free(over.step) or grid.free(over.step - 1)):
             return None
-        self._size = size_change(self._motion, over)
+        self._size = self._motion.scheme.size_change(over)
         return self._size
 
     def renew(self, state: int, adjoints: Sequence[Adjoint]) -> None:
@@ -305,7 +262,3 @@ def along(motion: Motion, seeds: Seeds, tangent: Tangent) -> float:
     one.add(seeds)
     forces = float(one.forces @ (motion.system.constraints.owned * tangent.forces))
     return forces + sum(a.product(b) for a, b in zip(one.carried, tangent.carried, strict=True))
-
-
-def _sum(first: BlockVectors, second: BlockVectors) -> BlockVectors:
-    return [a + b for a, b in zip(first, second, strict=True)]

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -17,6 +17,7 @@ from flexfem.constraints.elements.states import AT_REST
 from flexfem.core.state import State
 from flexfem.core.status import Status
 from flexfem.families.solid.elements import SolidElements
+from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.odd_forces import AT_STATE
 from flexfem.gradients.equations.values import Equations, SystemEquations
 from flexfem.gradients.memory.base import Memories, Memory, StepEnd
@@ -292,6 +293,20 @@ class Motion:
         self.renewal.take()
         self.between = self.renewal
 
+    def set_aside(self, carried: Sequence[Carried]) -> list[FloatArray]:
+        """Take away what is carried in place of acceleration-like variables."""
+        if self.alpha:
+            return []
+        others = [own.a for own in carried]
+        for own in carried:
+            own.a = np.zeros_like(own.a)
+        return others
+
+    def take_up(self, carried: Sequence[Carried], others: Sequence[FloatArray]) -> None:
+        """Return what :meth:`set_aside` has taken away."""
+        for own, other in zip(carried, others, strict=False):
+            own.a = other
+
     def lead_by_size(self, state: int) -> list[FloatArray]:
         """Derivatives of acceleration-like variables by the size of the step before their lead.
 
@@ -388,12 +403,13 @@ class Motion:
         last = [move for move in self.grid.moves if isinstance(move, Step)][-1:]
         acting = [contacts.closed > 0 for contacts in system.contacts]
         found = {
-            "the integrator energy_momentum": not self.alpha,
             "drives whose directions change with time": bool(rows.drives_at(at)[1].any()),
             "internal variables": system.remembering,
             "contacts or stops that are closed": any(acting) or any(one.kicked for one in last),
         }
-        if self.grid.events:  # whose times move steps
+        if not self.alpha:
+            found["contacts or stops that are closed"] |= bool(rows.forces[rows.unilateral].any())
+        if self.grid.events or not self.alpha:  # whose times move steps, or with means of outputs
             elements = [group.law for group in rows.elements.groups]
             loops = self.simulation.controls.loops
             found |= {
@@ -430,7 +446,9 @@ def check_supported_system(motion: Motion) -> None:
     }
     if not motion.alpha:
         found |= {
-            "events with the integrator energy_momentum": bool(motion.model.events),
+            "events with the integrator energy_momentum and rho_inf below 1": motion.options.rho_inf
+            < 1.0
+            and bool(motion.model.events),
             "solids with the integrator energy_momentum and rho_inf below 1": motion.options.rho_inf
             < 1.0
             and any(isinstance(part.elements, SolidElements) for part in system.parts),

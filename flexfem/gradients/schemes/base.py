@@ -204,6 +204,17 @@ class Steps(Protocol):
         """The end of a step, for memories."""
         ...
 
+    def size_change(self, over: Recursion) -> SizeChange:
+        """What the size of a step changes, at whose end it is linearised (collective).
+
+        Its end stays.
+        """
+        ...
+
+    def at_time(self, step: int, later: float) -> Equations:
+        """Equations of a step by ``later``, s, than it was, of the same size (collective)."""
+        ...
+
     def recall(self, step: int) -> None:
         """Tell the integrator what the step before one, to be taken again, has left to it."""
 

@@ -21,13 +21,14 @@ With dissipation stresses depend on strains at the start of the last step as wel
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import ClassVar
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.constraints.elements.states import AT_REST
+from flexfem.core.differences import STENCIL, differenced
 from flexfem.core.state import State
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
@@ -36,7 +37,7 @@ from flexfem.gradients.equations.step_tangent import STEP, BlockVectors
 from flexfem.gradients.equations.values import Equations, equations_at
 from flexfem.gradients.memory.base import StepEnd
 from flexfem.gradients.memory.controllers import recall
-from flexfem.gradients.schemes.base import Ahead, SizeChange, States
+from flexfem.gradients.schemes.base import Ahead, Recursion, SizeChange, States
 from flexfem.gradients.schemes.energy_nodes import (
     NodeRates,
     NodesBefore,
@@ -54,6 +55,8 @@ __all__ = ["EnergyRecursion", "EnergySteps", "RateLaw"]
 
 #: Derivatives by the configuration at the start of a step, beside those of the step.
 _START = STEP + 1
+#: Relative difference of sizes of steps.
+_SIZE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -93,7 +96,7 @@ class EnergyRecursion:
 
     def __init__(
         self, step: int, equations: tuple[LinearizedStep, EnergyTangent], law: RateLaw,
-        ends: Sequence[tuple[NodeRates, NodeRates]],
+        ends: Sequence[tuple[NodeRates, NodeRates]], *, first: bool,
     ) -> None:  # fmt: skip
         """Store a step.
 
@@ -102,11 +105,12 @@ class EnergyRecursion:
             equations: linearised at its end.
             law: of its rates.
             ends: maps of all blocks at both ends.
+            first: True if there is no step before it.
         """
         self.step, self.maps = step, []
         self.linear, self._tangent = equations
         self._law, self._ends = law, ends
-        self._tangent.first = first = step == 1
+        self._tangent.first = first
         self._before = [NodesBefore.of(at.local, law.h) for at, _ in ends] if first else []
 
     @property
@@ -163,7 +167,7 @@ class EnergyRecursion:
         self, carried: Sequence[Carried], changes: Equations,
         size: tuple[SizeChange, float] | None,
     ) -> Ahead:  # fmt: skip
-        """See :class:`flexfem.gradients.schemes.base.Recursion`; sizes of steps are given."""
+        """See :class:`flexfem.gradients.schemes.base.Recursion`."""
         law = self._law
         (by_start, by_rows), before, rates = self._by_start(carried)
         left = [-(a + b) for a, b in zip(changes[0], by_start, strict=True)]
@@ -173,12 +177,20 @@ class EnergyRecursion:
         for k, (own, x) in enumerate(zip(carried, moves, strict=True)):
             r = rates[k] + law.path * crossed(self._paths[k].by_end, x)
             last = _Rates(r, (r - before[k].r) / law.h)
-            after.append(_accepted(x.copy(), own.q, last, self._ends[k][1]))
+            found = _accepted(x.copy(), own.q, last, self._ends[k][1])
+            if size is not None:
+                found.add(Carried(0.0 * x, *size[0].rates[k]), size[1])
+            after.append(found)
         return Ahead(after, multipliers, (moves, moves))
 
     def by_start(self, carried: Sequence[Carried]) -> Equations:
         """Change of the equations by that of the accepted state before the step (collective)."""
         return self._by_start(carried)[0]
+
+    def accepted(self, block: int, last: _Rates) -> Carried:
+        """Changes of the accepted state of a block by those of its rates at fixed positions."""
+        still = np.zeros_like(last.r)
+        return _accepted(still, still, last, self._ends[block][1])
 
     def _by_start(self, carried: Sequence[Carried]) -> tuple[Equations, list[_Rates], BlockVectors]:
         """The same, and changes of rates at the start, and of those at the end with it alone."""
@@ -270,6 +282,21 @@ class _Stored:
         self._simulation.integrator.restore(system, state)
 
 
+@dataclass(frozen=True)
+class _Other:
+    """A step beside one of the motion, to the same positions.
+
+    Attributes:
+        longer: change of its size, s, with the same end.
+        later: change of its time, s.
+        outputs: of controllers, by their numbers, over all of it; others are those of the model.
+    """
+
+    longer: float = 0.0
+    later: float = 0.0
+    outputs: Mapping[int, FloatArray] = field(default_factory=dict)
+
+
 class EnergySteps:
     """See :class:`flexfem.gradients.schemes.base.Steps`."""
 
@@ -296,7 +323,7 @@ class EnergySteps:
 
     def _last(self, step: int) -> float:
         """Size of the step before one, s, infinite for none."""
-        return self._motion.grid.step(step - 1).h if step > 1 else np.inf
+        return float(self._motion.state(step - 1).values["last_h"][0])
 
     def recall(self, step: int) -> None:
         """See :class:`flexfem.gradients.schemes.base.Steps`; it is stored with the states."""
@@ -318,9 +345,7 @@ class EnergySteps:
         system.constraints.multipliers[:] = motion.system.constraints.multipliers
         return _mechanics(simulation)
 
-    def _place(
-        self, simulation: Simulation, step: int, imposed: Mapping[int, FloatArray] | None = None
-    ) -> None:
+    def _place(self, simulation: Simulation, step: int, other: _Other | None = None) -> None:
         """Bring a model from its accepted state to the end of a step of the motion (collective).
 
         Nodes that are fixed in it stay where they are.
@@ -328,28 +353,44 @@ class EnergySteps:
         Args:
             simulation: of the model.
             step: number of the step.
-            imposed: outputs of controllers, by their numbers, over the whole step; None for those
-                of the model.
+            other: a step beside it, if any.
         """
         motion, system, mechanics = self._motion, simulation.system, _mechanics(simulation)
-        h, before, increments = motion.grid.step(step).h, {}, {}
+        other, before, increments = other or _Other(), {}, {}
+        h = motion.grid.step(step).h + other.longer
         system.reset()
         for part, own in zip(system.parts, motion.system.parts, strict=True):
             name, pair = own.block.name, (own.block, part.block)
             before[name] = moved_apart(*pair, motion.state(step - 1).rows[name]["before"])
             after = moved_apart(*pair, motion.frames(step, name))
             increments[name] = _increments(part.block.frames0, after)
-        outputs = self._ended(step) | dict(imposed or {})
-        begin, end = (float(motion.times[k]) for k in (step - 1, step))
-        _set_time(simulation, begin, outputs)
+        ended = self._ended(step) | dict(other.outputs)
+        begin, end = (float(motion.times[k]) + other.later for k in (step - 1, step))
+        lead, system.lead = system.lead, self._lead(step)
+        _set_time(simulation, begin - other.longer, ended)
         mechanics.resume(system, before, self._last(step))
+        system.lead = lead
         recall(simulation, motion.known[step - 1])
-        _set_time(simulation, begin + 0.5 * h, imposed)
+        _set_time(simulation, end - 0.5 * h, other.outputs)
         factors = system.factors.copy()
-        _set_time(simulation, end, imposed)
+        _set_time(simulation, end, other.outputs)
         mechanics.begin(system, h, factors)
         mechanics.place(increments)
         system.interface.update()
+
+    def _at(self, step: int, other: _Other) -> Equations:
+        """Equations at the end of a step beside one of the motion (collective)."""
+        simulation = self._motion.simulation
+        self._place(simulation, step, other)
+        shifts = simulation.integrator.shifts(self._motion.grid.step(step).h + other.longer)
+        return equations_at(simulation.system, shifts, _mechanics(simulation))
+
+    def _lead(self, step: int) -> float:
+        """Time from the start of a step to that of its loads, s, beside a jump."""
+        motion = self._motion
+        before = step > 1 and motion.grid.renewal(step - 1) is None
+        points = motion.simulation.breakpoints
+        return points.lead(float(motion.times[step - 1]), before=before)
 
     def _ended(self, step: int) -> dict[int, FloatArray]:
         """Outputs of controllers, by their numbers, at the end of the step before one."""
@@ -364,13 +405,42 @@ class EnergySteps:
 
     def end(self, step: int) -> StepEnd:
         """See :class:`flexfem.gradients.schemes.base.Steps`."""
-        system, shifts, mechanics = self._motion.system, self.shifts(step), self.mechanics(step)
 
         def imposed(outputs: Mapping[int, FloatArray]) -> Equations:
-            self._place(self._motion.simulation, step, outputs)
-            return equations_at(system, shifts, mechanics)
+            return self._at(step, _Other(outputs=outputs))
 
-        return StepEnd(step, shifts, AT_REST, mechanics, imposed)  # no states of force elements
+        # there are no states of force elements
+        return StepEnd(step, self.shifts(step), AT_REST, self.mechanics(step), imposed)
+
+    def size_change(self, over: Recursion) -> SizeChange:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        motion, system = self._motion, self._motion.system
+        assert isinstance(over, EnergyRecursion)
+        h, mechanics = motion.grid.step(over.step).h, self.mechanics(over.step)
+        weights, found = [weight / (_SIZE * h) for _, weight in STENCIL], list[list[FloatArray]]()
+        for place, _ in STENCIL:
+            longer = place * _SIZE * h
+            blocks, rows = self._at(over.step, _Other(longer=longer))
+            values = [rows, *blocks]
+            for part in system.parts:
+                own = np.s_[: part.block.owned, : part.block.width]
+                state = mechanics.over(part).state
+                rates = state.rates[own].copy()
+                values += [rates, (rates - state.rates0[own]) / (h + longer)]
+            found.append(values)
+        self._at(over.step, _Other())
+        changes = [differenced(weights, every) for every in zip(*found, strict=True)]
+        rows, blocks = changes[0], changes[1 : 1 + len(system.parts)]
+        rated = changes[1 + len(system.parts) :]
+        after = [
+            over.accepted(k, _Rates(r, alpha))
+            for k, (r, alpha) in enumerate(zip(rated[::2], rated[1::2], strict=True))
+        ]
+        return SizeChange([np.array([own.v, own.a, own.w]) for own in after], (blocks, rows))
+
+    def at_time(self, step: int, later: float) -> Equations:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        return self._at(step, _Other(later=later))
 
     def tangent(self) -> EnergyTangent:
         """See :class:`flexfem.gradients.schemes.base.Steps`."""
@@ -389,8 +459,10 @@ class EnergySteps:
                 for k in (step - 1, step)
             )
             ends.append((first, last))
-        law = RateLaw.of(motion.grid.step(step).h, self._last(step), mechanics.chi)
-        return EnergyRecursion(step, (linear, self._tangent), law, ends)
+        before = self._last(step)
+        law = RateLaw.of(motion.grid.step(step).h, before, mechanics.chi)
+        equations = linear, self._tangent
+        return EnergyRecursion(step, equations, law, ends, first=not np.isfinite(before))
 
     def product(
         self, step: int, linear: LinearizedStep, matrix: int, direction: BlockVectors
@@ -425,9 +497,9 @@ def _mechanics(simulation: Simulation) -> StepMechanics:
     return mechanics
 
 
-def _set_time(simulation: Simulation, t: float, imposed: Mapping[int, FloatArray] | None) -> None:
+def _set_time(simulation: Simulation, t: float, imposed: Mapping[int, FloatArray]) -> None:
     """Set loads and drives to a time, s, with outputs of controllers by their numbers."""
-    for number, outputs in (imposed or {}).items():
+    for number, outputs in imposed.items():
         simulation.controls.loops[number].impose(t + simulation.system.lead, outputs)
     simulation.system.set_time(t)
 

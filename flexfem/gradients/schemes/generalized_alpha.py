@@ -31,6 +31,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.core.differences import STENCIL
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
@@ -44,9 +45,9 @@ from flexfem.gradients.equations.step_tangent import (
     StepTangent,
 )
 from flexfem.gradients.equations.unilateral import StateChange
-from flexfem.gradients.equations.values import Equations, copy_state
+from flexfem.gradients.equations.values import Equations, copy_state, equations_at
 from flexfem.gradients.memory.base import StepEnd
-from flexfem.gradients.schemes.base import Ahead, SizeChange, States, StoppedError
+from flexfem.gradients.schemes.base import Ahead, Recursion, SizeChange, States, StoppedError
 from flexfem.gradients.unilateral.forces import unilateral_forces
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.integrators.integrator import Integrator
@@ -55,6 +56,9 @@ from flexfem.system.mechanics import END_POINT, EndPoint
 from flexfem.system.system import Shifts
 
 __all__ = ["AlphaRecursion", "AlphaSteps", "alpha_of"]
+
+#: Relative difference of sizes of steps.
+_SIZE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -265,6 +269,49 @@ class AlphaSteps:
         laws = self.laws(step)
         return StepEnd(step, laws.shifts, laws.states, self.mechanics(step))
 
+    def size_change(self, over: Recursion) -> SizeChange:
+        """See :class:`flexfem.gradients.schemes.base.Steps`.
+
+        Equations depend on the size at fixed increments n by the rates ``v(n; h)``, ``w(n; h)``,
+        linearly.
+        """
+        motion = self._motion
+        taken, shifts = motion.grid.step(over.step), self.shifts(over.step)
+        laws = np.zeros(10)
+        for place, weight in STENCIL:
+            h = taken.h * (1.0 + place * _SIZE)
+            own = step_laws(alpha_of(taken.scheme).rho_inf, h)
+            plain = own.predict[0]  # whose increments are zero
+            values = np.concatenate([plain[2:], own.rates, own.accept])
+            laws += weight / (_SIZE * taken.h) * values
+        found, velocities, accelerations = [], list[FloatArray](), list[FloatArray]()
+        for part, by in zip(motion.system.parts, over.maps, strict=True):
+            block = part.block
+            state = motion.state(over.step - 1).rows[block.name]
+            own_nodes = np.s_[: block.owned, : block.width]
+            names = "velocity", "auxiliary", "acceleration"
+            v0, a0, w0 = (state[name][own_nodes] for name in names)
+            n = block.increment[own_nodes]
+            v = laws[0] * v0 + laws[1] * a0 + laws[5] * n
+            w = laws[2] * v0 + laws[3] * a0 + laws[4] * w0 + laws[6] * n
+            a = laws[7] * n + laws[8] * v0 + laws[9] * a0
+            found.append(np.array([by.hold_rates(x) for x in (v, a, w)]))
+            velocities.append(by.by_increment(found[-1][0]) / shifts.velocity)
+            accelerations.append(by.by_increment(found[-1][2]) / shifts.acceleration)
+        nothing = np.zeros(motion.system.constraints.size)
+        tangent = over.linear.tangent
+        by_v = tangent.apply(velocities, nothing, VELOCITIES)
+        by_w = tangent.apply(accelerations, nothing, ACCELERATIONS)
+        # redundant constraints yield to forces, which are those of the step over its scale
+        rows = motion.system.constraints
+        yielding = 2.0 / taken.h * rows.relaxation * rows.multipliers * rows.rigid
+        return SizeChange(found, (_sum(by_v[0], by_w[0]), by_v[1] + by_w[1] - yielding))
+
+    def at_time(self, step: int, later: float) -> Equations:
+        """See :class:`flexfem.gradients.schemes.base.Steps`."""
+        self._motion.system.set_time(float(self._motion.times[step]) + later)
+        return equations_at(self._motion.system, self.shifts(step))
+
     def recall(self, step: int) -> None:
         """See :class:`flexfem.gradients.schemes.base.Steps`."""
         self._recall(alpha_of(self._motion.grid.step(step).scheme), step)
@@ -365,3 +412,7 @@ def _begin(scheme: GeneralizedAlpha, coefficients: GeneralizedAlpha, h: float) -
     split, one = scheme.split, coefficients
     if split is not None and not split.begin(h, one.weight, one.unseen):
         raise StoppedError("gradient: the masses are singular where an impulse acts")
+
+
+def _sum(first: BlockVectors, second: BlockVectors) -> BlockVectors:
+    return [a + b for a, b in zip(first, second, strict=True)]

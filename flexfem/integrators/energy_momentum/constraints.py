@@ -102,6 +102,10 @@ class StepRows:
         """Store the data of the trial state for the next step."""
         self.evaluate()
         self._last[:] = self._values - self._values0
+        self.renewed()
+
+    def renewed(self) -> None:
+        """Store drives and laws at the accepted state, which are those behind a jump there."""
         self._targets0[:] = self._rows.targets
         self._laws0[:] = self._rows.elastic[:, 1:4].T
 

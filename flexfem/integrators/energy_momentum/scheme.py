@@ -100,6 +100,10 @@ class EnergyMomentum(Integrator):
         """See :meth:`Integrator.restore`."""
         self.mechanics.restore(system, state)
 
+    def renewed(self, system: System) -> None:
+        """See :meth:`Integrator.renewed`."""
+        self.mechanics.rows.renewed()
+
     def shifts(self, h: float) -> Shifts:
         """Factors of the iteration matrix at step size ``h`` (s)."""
         reach = 0.5 * h * (1.0 + self.chi)

@@ -349,6 +349,7 @@ class Simulation:
         system.set_time(system.time)
         system.interface.update()
         status = make_consistent(system, self._tangent, self.options.dt)
+        self._integrator.renewed(system)
         system.lead = 0.0
         return status
 
