@@ -57,8 +57,8 @@ class Gradient:
     Attributes:
         value: of each functional by its name.
         gradient: its derivatives by the parameters' names, of the shapes of arrays.
-        history: columns of the motion or of the load steps, or numbers of the modes, on the first
-            rank.
+        history: columns of the motion or of the load steps, or numbers of the modes or of the
+            linear model, on the first rank.
         wall_seconds_forward, wall_seconds_backward: s.
         factorizations_forward, factorizations_backward: numbers of factorisations of the bodies.
         applications: products with the exact linearised equations backwards.
@@ -203,7 +203,10 @@ def gradient(
     the history on which a number depends; ``buckling:1`` is the first load factor of linearised
     buckling from the first and the last equilibrium. With ``ModeOptions`` the numbers are
     ``frequency:1`` (Hz), ``damping:1`` and so on, about the state of the options; the mean of those
-    that are equal is ``frequency:1-2``.
+    that are equal is ``frequency:1-2``. With ``LinearOptions`` they are gains and phases (rad) of
+    frequency responses from the inputs to the outputs of :func:`linearize`, with all degrees of
+    freedom, ``gain:tip_z/push@12.5`` at 12.5 Hz; these are also the columns, each of one row, of a
+    :class:`Functional`.
 
     Args:
         model: the model; or a function that builds it from numbers with the names in ``wrt``, such
@@ -215,7 +218,7 @@ def gradient(
             "surface.nodes[edge]", "bracket.mesh.nodes[notch]"), or values of the arguments of a
             function by their names: numbers, or arrays of one or two axes, such as one stiffness
             for each element.
-        options: those of the motion, the equilibria or the modes.
+        options: those of the motion, the equilibria, the modes or the linear model.
         ks_rho: of "ks", one over the unit of the column.
         accuracy: relative accuracy of the linearised equations of a step of a motion.
         check: compare with the tangent of a motion along a random direction, which takes as long

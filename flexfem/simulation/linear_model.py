@@ -27,7 +27,7 @@ from flexfem.solvers.modal.reduced_equations import Reduction, reduce_equations
 from flexfem.system.measure.probe_rates import probe_rates
 from flexfem.system.measure.strain_rates import strain_rates
 
-__all__ = ["LARGEST", "LinearModel", "linearize"]
+__all__ = ["LARGEST", "LinearModel", "linearize", "output_names", "output_rates"]
 
 #: Number of unknowns up to which a model may keep all degrees of freedom.
 LARGEST = 600
@@ -108,7 +108,7 @@ def linearize(
         )
     point.check_count("LinearOptions", options.modes)
     status = point.settle(options.spin)
-    outputs = tuple(c for p in model.probes if isinstance(p, _LINEAR) for c in p.columns)
+    outputs = output_names(model)
     if status is not Status.OK:
         nothing = np.zeros((0, 0))
         return LinearModel(
@@ -129,7 +129,7 @@ def linearize(
         if reason != "ok" and point.system.comm.rank == 0:
             warnings.warn(f"linearize: {reason}", RuntimeWarning, stacklevel=2)
     reduction = reduce_equations(point.linearization, len(model.loads), shapes)
-    matrices = _rates(model, point, reduction.basis)
+    matrices = output_rates(model, point, reduction.basis)
     linear = replace(_assemble(model, reduction, outputs, *matrices, reason), state_error=error)
     if options.output is not None:
         arrays = {name: getattr(linear, name) for name in ("A", "B", "C", "D", "y0")}
@@ -138,10 +138,21 @@ def linearize(
     return linear
 
 
-def _rates(
+def output_names(model: Model) -> tuple[str, ...]:
+    """Columns of probes that are outputs of a linear model."""
+    return tuple(c for p in model.probes if isinstance(p, _LINEAR) for c in p.columns)
+
+
+def output_rates(
     model: Model, point: OperatingPoint, motions: FloatArray
 ) -> tuple[FloatArray, FloatArray, FloatArray]:
-    """Outputs and their derivatives by the coordinates and their rates, in the model's order."""
+    """Outputs (p,) and their derivatives (p, k) by k motions and by their rates (collective).
+
+    Args:
+        model: the model.
+        point: in its state.
+        motions: (k, n_local) local twists of this rank's nodes.
+    """
     given = point.system, point.serial, point.linearization.split, motions
     strains, by_shape = strain_rates(*given)
     values, by_q, by_rate = probe_rates(*given)

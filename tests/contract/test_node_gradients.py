@@ -224,7 +224,7 @@ WRONG: list[tuple[str, Callable[[], ff.Model], str, dict[str, Any]]] = [
     ("no line or point 'fre'; there are 'rod, free'", rod, "mesh.nodes[fre]", {}),
     ("has no mesh of shells", rod, "surface.nodes[free]", {}),
     ("Beam \"rod\" has no mesh of its own", rod, "rod.mesh.nodes[free]", {}),
-    ("frequencies and buckling loads have no derivatives by \"surface.nodes[strip_top]\"", strip,
+    ("responses and buckling loads have no derivatives by \"surface.nodes[strip_top]\"", strip,
      "surface.nodes[strip_top]", {"of": "frequency:1", "options": ff.ModeOptions(modes=1)}),
     ("of motions with damping of modes yet",
      lambda: rod(ff.ModalDamping("damping", 0.1)), FREE, {}),

@@ -32,6 +32,21 @@ def free() -> ff.Model:
     return model
 
 
+def driven() -> ff.Model:
+    model, bob = ff.Model("driven"), ff.Marker("bob")
+    model.add(
+        ff.RigidBody("bob", 1.0, (1.0, 1.0, 1.0), position=(1.0, 0.0, 0.0)),
+        ff.Revolute("pin", ff.Ground(), ff.Marker("bob", offset=(-1, 0, 0)), axis=(0, 1, 0)),
+        ff.PrescribedAngle("motor", ff.Ground(), bob, axis=(0, 1, 0)),
+        ff.PositionProbe("tip", bob),
+    )
+    return model
+
+
+def linear(**more) -> ff.LinearOptions:
+    return ff.LinearOptions(**more)
+
+
 def statics(**more) -> ff.StaticOptions:
     return ff.StaticOptions(**STATICS, **more)
 
@@ -65,7 +80,21 @@ WRONG = [
         "of": "frequency:1", "options": modes(), "model": free(), "wrt": ["body.mass"]}),
     ("there is no buckling:1, 0 buckling loads", {
         "of": "buckling:1", "options": statics(t_end=1e-20)}),
-    ("options must be RunOptions, StaticOptions or ModeOptions, got Campbell", {"options": OTHER}),
+    ("StaticOptions, ModeOptions or LinearOptions, got Campbell", {"options": OTHER}),
+    ("numbers are gain:OUTPUT/INPUT@HZ and", {"options": linear()}),
+    ("numbers are gain:OUTPUT/INPUT@HZ and", {"of": "gain:tip_z/push@-1", "options": linear()}),
+    ("numbers are gain:OUTPUT/INPUT@HZ and", {"of": "gain:tip_z/push@x", "options": linear()}),
+    ("linear models have no output \"tip_w\", did you mean", {
+        "of": "gain:tip_w/push@1", "options": linear()}),
+    ("linear models have no input \"pull\"", {"of": "gain:tip_z/pull@1", "options": linear()}),
+    ("linear models reduced to 4 modes have no", {
+        "of": "gain:tip_z/push@1", "options": linear(modes=4)}),
+    ("linear models about a checkpoint's state", {
+        "of": "gain:tip_z/push@1", "options": linear(state="a.h5")}),
+    ("phase:tip_y/push@1\" has no derivative, as push", {
+        "of": "phase:tip_y/push@1", "options": linear()}),
+    ("tip_z/motor@0\" is infinite, as the input of a drive", {
+        "of": "gain:tip_z/motor@0", "options": linear(), "model": driven(), "wrt": ["bob.mass"]}),
     ("check compares adjoint and tangent", {"check": True}),
     ("modes about a checkpoint's state", {"of": "frequency:1", "options": modes(state="a.h5")}),
     ("no derivatives of stops and other unilateral", {"model": rod(STOP)}),

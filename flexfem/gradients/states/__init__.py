@@ -1,2 +1,2 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Gradients of equilibria, natural frequencies and buckling loads, and the function for all."""
+"""Gradients of equilibria, frequencies, responses and buckling loads, and what is common."""

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Numbers of statics and of modes with their derivatives."""
+"""Numbers of statics, of modes and of linear models with their derivatives."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
-from flexfem.analyses.modes import ModeOptions
+from flexfem.analyses.modes import LinearOptions, ModeOptions
 from flexfem.analyses.statics import StaticOptions
 from flexfem.gradients.motion.functionals import Functional, parse
 from flexfem.gradients.motion.parameters import Build, Values
@@ -24,6 +24,7 @@ from flexfem.gradients.states.buckling import BucklingLoads
 from flexfem.gradients.states.modes import Frequencies
 from flexfem.gradients.states.neighbours import by_name, parameters_alone, parameters_of
 from flexfem.gradients.states.path import Equilibria
+from flexfem.gradients.states.responses import Response, Responses
 from flexfem.gradients.states.statics import gradients_of_columns
 from flexfem.model.model import Model
 from flexfem.simulation.equilibria.targets import LOAD
@@ -31,7 +32,7 @@ from flexfem.simulation.equilibria.targets import LOAD
 __all__ = ["Eigenvalue", "Found", "Options", "found_at", "numbers_of"]
 
 #: Options of what has derivatives.
-Options = RunOptions | StaticOptions | ModeOptions
+Options = RunOptions | StaticOptions | ModeOptions | LinearOptions
 #: Kinds of eigenvalues.
 _OF_STATICS, _OF_MODES = ("buckling",), ("frequency", "damping")
 
@@ -59,6 +60,10 @@ class Eigenvalue:
         return float(np.mean([values[number - 1] for number in self.numbers]))
 
 
+#: A number of an analysis.
+Number = Functional | Eigenvalue | Response
+
+
 @dataclass(frozen=True)
 class Found:
     """Numbers with their derivatives.
@@ -80,17 +85,18 @@ class Found:
 
 def numbers_of(
     of: str | Functional | Sequence[str | Functional], ks_rho: float | None, options: Options
-) -> list[Functional | Eigenvalue]:
+) -> list[Number]:
     """The numbers of an analysis by their names.
 
     Raises:
         TypeError: the options are those of another one.
         ValueError: there are none, or one is not of the form of the analysis.
     """
-    if not isinstance(options, RunOptions) and type(options) not in (StaticOptions, ModeOptions):
+    others = StaticOptions, ModeOptions, LinearOptions
+    if not isinstance(options, RunOptions) and type(options) not in others:
         raise TypeError(
-            "gradient: options must be RunOptions, StaticOptions or ModeOptions, got "
-            f"{_checks.show(options)}"
+            "gradient: options must be RunOptions, StaticOptions, ModeOptions or LinearOptions, "
+            f"got {_checks.show(options)}"
         )
     every = [of] if isinstance(of, str | Functional) else list(of)
     if not every:
@@ -98,9 +104,9 @@ def numbers_of(
     return [_number(one, ks_rho, options) for one in every]
 
 
-def _number(
-    one: str | Functional, ks_rho: float | None, options: Options
-) -> Functional | Eigenvalue:  # fmt: skip
+def _number(one: str | Functional, ks_rho: float | None, options: Options) -> Number:
+    if isinstance(options, LinearOptions):
+        return Response.of(one) if isinstance(one, str) else one
     name = one.strip() if isinstance(one, str) else one.name
     kind, _, text = name.partition(":")
     statics, modes = isinstance(options, StaticOptions), isinstance(options, ModeOptions)
@@ -121,10 +127,10 @@ def _number(
 
 
 def found_at(
-    model: Model, numbers: Sequence[Functional | Eigenvalue], wrt: tuple[Build, Values],
-    options: StaticOptions | ModeOptions, comm: MPI.Intracomm,
+    model: Model, numbers: Sequence[Number], wrt: tuple[Build, Values],
+    options: StaticOptions | ModeOptions | LinearOptions, comm: MPI.Intracomm,
 ) -> Found:  # fmt: skip
-    """Numbers of equilibria or of modes with their derivatives (collective).
+    """Numbers of equilibria, modes or linear models with their derivatives (collective).
 
     Args:
         model: at the values of the parameters.
@@ -133,6 +139,9 @@ def found_at(
         options: of the analysis.
         comm: communicator.
     """
+    if isinstance(options, LinearOptions):
+        wanted = [one for one in numbers if not isinstance(one, Eigenvalue)]
+        return _of_linear_model(model, wanted, wrt, options, comm)
     eigenvalues = [one for one in numbers if isinstance(one, Eigenvalue)]
     if isinstance(options, ModeOptions):
         return _of_modes(model, eigenvalues, wrt, options, comm)
@@ -194,3 +203,31 @@ def _of_modes(
     }  # fmt: skip
     gradient = {name: by_name(row, wrt[1]) for name, row in rows.items()}
     return Found(value, gradient, history, middle, (0, 0))
+
+
+def _of_linear_model(
+    model: Model, numbers: Sequence[Functional | Response], wrt: tuple[Build, Values],
+    options: LinearOptions, comm: MPI.Intracomm,
+) -> Found:  # fmt: skip
+    """Frequency responses, and functions of these (collective)."""
+    functionals = [one for one in numbers if isinstance(one, Functional)]
+    every = {one.name: one for one in numbers if isinstance(one, Response)}
+    every |= {name: Response.of(name) for one in functionals for name in one.columns}
+    wanted = list(every.values())
+    responses = Responses(model, options, comm, wanted)
+    middle = time.perf_counter()
+    changes = responses.gradients(parameters_alone(*wrt))
+    value: dict[str, float] = {}
+    rows: dict[str, FloatArray] = {}
+    for one, own, change in zip(wanted, responses.values, changes, strict=True):
+        value[one.name] = one.number(complex(own))
+        rows[one.name] = one.change(complex(own), change)
+    history = {"t": np.zeros(1)} | {name: np.array([own]) for name, own in value.items()}
+    for made in functionals:
+        value[made.name] = made.value(history)
+        slopes = np.asarray(made.derivative(history)).reshape(len(made.columns))
+        rows[made.name] = slopes @ np.array([rows[name] for name in made.columns])
+    chosen = [one.name for one in numbers]
+    gradient = {name: by_name(rows[name], wrt[1]) for name in chosen}
+    kept = {} if comm.rank else history
+    return Found({name: value[name] for name in chosen}, gradient, kept, middle, (0, 0))

@@ -20,6 +20,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem.la.direct import DirectSolver
+from flexfem.solvers.modal.linearization import Matrices
 from flexfem.solvers.modal.shifted_inverse import real_form
 
 __all__ = [
@@ -29,6 +30,8 @@ __all__ = [
     "Vectors",
     "classes_of",
     "equal",
+    "pencil_inverse",
+    "pencil_times",
     "times",
     "vectors_of",
 ]
@@ -37,6 +40,8 @@ ComplexArray = npt.NDArray[np.complex128]
 
 #: Distance of the shift from an eigenvalue, and of eigenvalues that count as equal, relative.
 SHIFT, _EQUAL = 1e-7, 1e-5
+#: Part of a square of an eigenvalue that is round-off.
+_REAL = 1e-9
 #: Sweeps of inverse iteration, each of which gains the digits by which the shift is nearer to this
 #: eigenvalue than to others.
 _SWEEPS = 3
@@ -88,6 +93,34 @@ class Inverse:
         if not self._paired:
             return np.asarray(found, dtype=np.complex128)
         return np.asarray(found[:size] + 1j * found[size:], dtype=np.complex128)
+
+
+def pencil_times(matrices: Matrices, value: complex, x: ComplexArray) -> ComplexArray:
+    """``P(value) x`` with ``P(s) = s^2 M + s C + K`` on this rank's range (collective)."""
+    undamped = value**2 * times(matrices.mass, x) + times(matrices.stiffness, x)
+    found: ComplexArray = undamped + value * times(matrices.damping, x)
+    return found
+
+
+def pencil_inverse(matrices: Matrices, value: complex, *, damped: bool) -> Inverse | None:
+    """Inverse of ``P(value)``, None if it is singular (collective).
+
+    Args:
+        matrices: those of P.
+        value: any number.
+        damped: False if C is zero.
+    """
+    square = value**2
+    real = matrices.stiffness.copy()
+    real.axpy(square.real, matrices.mass)
+    real.axpy(value.real, matrices.damping)
+    imaginary = None
+    if damped or abs(square.imag) > _REAL * abs(square):
+        imaginary = matrices.mass.copy()
+        imaginary.scale(square.imag)
+        imaginary.axpy(value.imag, matrices.damping)
+    inverse = Inverse(real, imaginary)
+    return inverse if inverse.regular else None
 
 
 def equal(values: Sequence[complex] | ComplexArray, number: int) -> tuple[int, ...]:

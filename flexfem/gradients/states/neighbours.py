@@ -174,8 +174,8 @@ def parameters_alone(build: Build, values: Values) -> list[Parameter]:
     for one in parameters_of(build, values):
         if isinstance(one, NodeParameters):
             raise InputError(
-                f'gradient: frequencies and buckling loads have no derivatives by "{one.name}" '
-                "yet; take numbers on which a mesh depends"
+                f"gradient: frequencies, responses and buckling loads have no derivatives by "
+                f'"{one.name}" yet; take numbers on which a mesh depends'
             )
         found.append(one)
     return found
@@ -256,6 +256,6 @@ def check_without_sliders(system: System) -> None:
     """
     if any(system.comm.allgather(bool(system.constraints.lines.joints))):
         raise InputError(
-            "gradient: there are no derivatives of frequencies and buckling loads with sliders on "
-            "lines yet; leave them out"
+            "gradient: there are no derivatives of frequencies, responses and buckling loads with "
+            "sliders on lines yet; leave them out"
         )

@@ -14,10 +14,40 @@ from flexfem.solvers.modal.linearization import Linearization, Matrices
 from flexfem.solvers.modal.mode_errors import ComplexArray
 from flexfem.solvers.modal.steady_rotation import constraint_solver
 
-__all__ = ["Reduction", "reduce_equations"]
+__all__ = ["Inputs", "Reduction", "reduce_equations"]
 
 #: Share of the largest Gram eigenvalue below which real and imaginary parts are dependent.
 _DEPENDENT = 1e-10
+
+
+@dataclass(frozen=True)
+class Inputs:
+    """What acts on the linearised equations from outside, on this rank's range.
+
+    Attributes:
+        actuators: names of the actuators.
+        drives: names of the rows of driven joints.
+        forces: (l + k, n_local) of the loads at amplitude one, then of the actuators at one.
+        targets: (m, rows) ones for the rows of the drives that this rank owns.
+    """
+
+    actuators: tuple[str, ...]
+    drives: tuple[str, ...]
+    forces: FloatArray
+    targets: FloatArray
+
+    @classmethod
+    def of(cls, linearization: Linearization, loads: int) -> "Inputs":
+        """Those at the state of the last evaluation (collective).
+
+        Args:
+            linearization: evaluated at the state.
+            loads: number of loads of the model.
+        """
+        drives, targets = _drives(linearization, rigid=True)
+        actuators, rows = _drives(linearization, rigid=False)
+        forces = [_load_forces(linearization, loads), _actuator_forces(linearization, rows)]
+        return cls(actuators, drives, np.concatenate(forces), targets)
 
 
 @dataclass(frozen=True)
@@ -69,9 +99,8 @@ def reduce_equations(
             motions that the constraints allow, of a model small enough for dense matrices.
     """
     matrices = linearization.matrices()
-    names, targets = _drives(linearization, rigid=True)
-    actuators, rows = _drives(linearization, rigid=False)
-    free, driven = _bases(linearization, matrices, targets, shapes)
+    inputs = Inputs.of(linearization, loads)
+    free, driven = _bases(linearization, matrices, inputs.targets, shapes)
     basis, states = np.concatenate([free, driven]), _unit_states(linearization)
     units = np.ones(linearization.unknowns)
     units[linearization.states_range] = linearization.states.units
@@ -88,13 +117,10 @@ def reduce_equations(
     tested = np.concatenate([free, states * units])
     M, C, K = (comm.allreduce(tested @ product.T, op=MPI.SUM) for product in products)
     M, C = M[:, : len(basis)], C[:, : len(basis)]
-    acting = np.concatenate(
-        [_load_forces(linearization, loads), _actuator_forces(linearization, rows)]
-    )
-    forces = comm.allreduce(free @ acting.T, op=MPI.SUM)
+    forces = comm.allreduce(free @ inputs.forces.T, op=MPI.SUM)
     return Reduction(
         basis, M[:count, :count], C[:count], K[:count], C[count:], K[count:], M[:count, count:],
-        forces, actuators, names,
+        forces, inputs.actuators, inputs.drives,
     )  # fmt: skip
 
 
@@ -126,6 +152,47 @@ def _drives(linearization: Linearization, rigid: bool) -> tuple[tuple[str, ...],
     own = rows.numbers[rows.owned_rows]
     targets = np.array([[float(number == i) for i in own] for *_, number in every])
     return tuple(name for *_, name, _ in every), targets.reshape(len(every), len(own))
+
+
+def _load_forces(linearization: Linearization, loads: int) -> FloatArray:
+    """(l, n_local) forces of each load at amplitude one on this rank's nodes."""
+    system = linearization.system
+    kept = system.factors.copy()
+    forces = np.zeros((loads, linearization.unknowns))
+    for i in range(loads):
+        system.factors[:] = 0.0
+        system.factors[i] = 1.0
+        pieces = []
+        for part in system.parts:
+            part.block.residual[:] = 0.0
+            part.forces.add_residual(part.block, system.factors, -1.0)
+            for inside in part.line_forces:
+                inside.add_residual(part.block, system.factors, -1.0)
+            part.block.add_ghosts()
+            pieces.append(part.block.owned_residual.ravel().copy())
+        forces[i, : linearization.states_range.start] = np.concatenate(pieces)
+    system.factors[:] = kept
+    return forces
+
+
+def _actuator_forces(linearization: Linearization, targets: FloatArray) -> FloatArray:
+    """(k, n_local) forces of each actuator at one on this rank's nodes.
+
+    Args:
+        linearization: evaluated at the state.
+        targets: (k, rows) ones for the rows of each actuator that this rank owns.
+    """
+    system, rows = linearization.system, linearization.system.constraints
+    owned = rows.numbers[rows.owned_rows]
+    forces = np.zeros((len(targets), linearization.unknowns))
+    for i, target in enumerate(targets):
+        number = system.comm.allreduce(int(owned @ target), op=MPI.SUM)
+        for part in system.parts:
+            part.block.residual[:] = 0.0
+        system.add_constraint_forces((rows.numbers == number).astype(np.float64))
+        residuals = [part.block.owned_residual.ravel() for part in system.parts]
+        forces[i, : linearization.states_range.start] = np.concatenate(residuals)
+    return forces
 
 
 def _bases(
@@ -170,47 +237,6 @@ def _driven(
         assert solution is not None  # independent rows have been checked
         rows.append(solution.getArray()[: lin.unknowns].copy())
     return np.array(rows).reshape(len(rows), lin.unknowns)
-
-
-def _load_forces(linearization: Linearization, loads: int) -> FloatArray:
-    """(l, n_local) forces of each load at amplitude one on this rank's nodes."""
-    system = linearization.system
-    kept = system.factors.copy()
-    forces = np.zeros((loads, linearization.unknowns))
-    for i in range(loads):
-        system.factors[:] = 0.0
-        system.factors[i] = 1.0
-        pieces = []
-        for part in system.parts:
-            part.block.residual[:] = 0.0
-            part.forces.add_residual(part.block, system.factors, -1.0)
-            for inside in part.line_forces:
-                inside.add_residual(part.block, system.factors, -1.0)
-            part.block.add_ghosts()
-            pieces.append(part.block.owned_residual.ravel().copy())
-        forces[i, : linearization.states_range.start] = np.concatenate(pieces)
-    system.factors[:] = kept
-    return forces
-
-
-def _actuator_forces(linearization: Linearization, targets: FloatArray) -> FloatArray:
-    """(k, n_local) forces of each actuator at one on this rank's nodes.
-
-    Args:
-        linearization: evaluated at the state.
-        targets: (k, rows) ones for the rows of each actuator that this rank owns.
-    """
-    system, rows = linearization.system, linearization.system.constraints
-    owned = rows.numbers[rows.owned_rows]
-    forces = np.zeros((len(targets), linearization.unknowns))
-    for i, target in enumerate(targets):
-        number = system.comm.allreduce(int(owned @ target), op=MPI.SUM)
-        for part in system.parts:
-            part.block.residual[:] = 0.0
-        system.add_constraint_forces((rows.numbers == number).astype(np.float64))
-        residuals = [part.block.owned_residual.ravel() for part in system.parts]
-        forces[i, : linearization.states_range.start] = np.concatenate(residuals)
-    return forces
 
 
 def null_space(G: FloatArray) -> FloatArray:
