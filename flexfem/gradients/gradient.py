@@ -19,7 +19,7 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.motion.arrays import Known
 from flexfem.gradients.motion.exactness import linearized
-from flexfem.gradients.motion.functionals import Functional
+from flexfem.gradients.motion.functionals import TIME, Functional, change
 from flexfem.gradients.motion.influence import NumberInfluence
 from flexfem.gradients.motion.parameters import Build, Values, along, parameters, plain
 from flexfem.gradients.motion.records import MEMORY, Storage
@@ -306,13 +306,12 @@ def _check(
     """Relative differences between adjoint and tangent along a random direction (collective)."""
     random, functionals = np.random.default_rng(0), results[0]
     along = {name: (one, one.scale * random.standard_normal()) for name, one in numbers.items()}
-    names = sorted({name for one in functionals for name in one.columns})
+    names = sorted({TIME, *(name for one in functionals for name in one.columns)})
     (changes,) = forward(motion, linear, names, [list(along.values())])
     columns = dict(zip(names, changes.T, strict=True))
     history, found = motion.history(), {}
     for one, own in zip(functionals, results[1], strict=True) if history else ():
-        moved = np.array([columns[name] for name in one.columns])
-        expected = float((one.derivative(history) * moved).sum())
+        expected = change(one, history, columns)
         parts = [float(own[name]) * factor for name, (_, factor) in along.items()]
         size = sum(abs(part) for part in parts)
         found[one.name] = float(abs(sum(parts) - expected) / size) if size else abs(expected)

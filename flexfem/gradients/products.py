@@ -21,7 +21,7 @@ from flexfem._types import FloatArray
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.gradients.gradient import SOLVED, Differentiation, made_of
 from flexfem.gradients.motion.exactness import linearized
-from flexfem.gradients.motion.functionals import Functional, parse
+from flexfem.gradients.motion.functionals import TIME, Functional, change, parse
 from flexfem.gradients.motion.influence import NumberInfluence
 from flexfem.gradients.motion.parameters import Build, Values, flat, model_with, named, plain
 from flexfem.gradients.motion.records import Storage
@@ -138,7 +138,7 @@ class ProductsOfMotion:
         columns = [(one,) if isinstance(one, str) else one.columns for one in self._results]
         self._columns = tuple(sorted({name for names in columns for name in names}))
         self._weights: Sequence[FloatArray] = ()
-        total = Functional("weighted sum", self._columns, lambda history: 0.0, self._slopes)
+        total = Functional("weighted sum", self._columns, self._sum, self._slopes)
         self._analysis = Differentiation(build, total, options, comm=comm)
 
     def value(self, values: Values) -> list[FloatArray]:
@@ -170,12 +170,12 @@ class ProductsOfMotion:
         motion = self._motion(values)
         influence = NumberInfluence(motion, along, {"way": np.zeros(())}, "way")
         linear = linearized(motion, SOLVED)
-        (changes,) = forward(motion, linear, self._columns, [[(influence, size)]])
-        columns = dict(zip(self._columns, changes.T, strict=True))
+        names = sorted({TIME, *self._columns})
+        (changes,) = forward(motion, linear, names, [[(influence, size)]])
+        columns = dict(zip(names, changes.T, strict=True))
         history = motion.on_all_ranks(motion.history())
         return [
-            columns[one] if isinstance(one, str) else
-            np.array((one.derivative(history) * [columns[name] for name in one.columns]).sum())
+            columns[one] if isinstance(one, str) else np.array(change(one, history, columns))
             for one in self._results
         ]  # fmt: skip
 
@@ -188,7 +188,21 @@ class ProductsOfMotion:
     def _motion(self, values: Values) -> Motion:
         made = made_of(self._build, values)
         check_columns(made, self._columns)
-        return Motion(made, self._options, self._comm, Storage(), self._columns)
+        motion = Motion(made, self._options, self._comm, Storage(), self._columns)
+        for one, shape in zip(self._results, self.shapes, strict=True):
+            if isinstance(one, str) and shape != motion.rows_at.shape:
+                raise InputError(
+                    f'gradient: column "{one}" has as many rows as steps are taken until an event '
+                    f"ends the motion; take a number such as final:{one}"
+                )
+        return motion
+
+    def _sum(self, history: Mapping[str, FloatArray]) -> float:
+        """The weighted sum."""
+        return sum(
+            float(np.sum(weight * (history[one] if isinstance(one, str) else one.value(history))))
+            for one, weight in zip(self._results, self._weights, strict=True)
+        )
 
     def _slopes(self, history: Mapping[str, FloatArray]) -> FloatArray:
         """Derivatives of the weighted sum by the columns, (columns, rows)."""

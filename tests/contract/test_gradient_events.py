@@ -173,6 +173,68 @@ def test_states_around_events_are_kept():
         assert parts.gradient["mean:tip_z"][name] == pytest.approx(value, rel=1e-8)
 
 
+def stopped(**numbers):
+    """The arms until they are low, and columns that depend on time by themselves."""
+    model, b = arms("none", **numbers), ff.Marker("b")
+    model.add(
+        ff.Event(
+            "low", b, lambda t, s: s.position[2] + numbers["depth"] + 1e-3 * np.sin(200.0 * t),
+            ff.Stop(), **EXACT,
+        ),
+        ff.Probe("late", b, ("late", "press"), lambda t, s: (t * s.position[0], s.acceleration[2])),
+    )  # fmt: skip
+    return model
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("adaptive", [False, True])
+def test_motions_that_an_event_ends(adaptive):
+    """With the time of the last row as given, all are off by a hundredth at least."""
+    of = [f"{kind}:tip_z" for kind in ("final", "integral", "mean", "rms", "max")]
+    of += ["final:t", "integral:late", "final:late", "final:press"]
+    options = ff.RunOptions(
+        dt=4e-3, t_end=0.05, tolerance=1e-13, adaptive=adaptive, error_tolerance=1e-5
+    )
+    found = compare(stopped, VALUES, of, options, 2e-8, step=3e-4)
+    assert found.history["t"][-1] == found.value["final:t"] < 0.012
+    assert len(np.unique(found.history["t"])) == len(found.history["t"])
+
+
+def arrived(action, **numbers):
+    """A rod with a bead on it, until that is somewhere along the rod."""
+    model, bead = body("slider", **numbers), ff.SlidingMarker("slide")
+    model.add(
+        ff.Event(
+            "passed", bead, lambda t, s: s.arc - 0.1215 - 1e-3 * numbers["mass"], action, **EXACT
+        )
+    )
+    return model
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("action", [ff.Stop(), ff.ReleaseJoint("spring")], ids=["stop", "release"])
+def test_events_of_sliders(action):
+    """Without their places in the function's derivatives, all are off by a tenth and more."""
+    options = ff.RunOptions(dt=1e-3, t_end=6e-3, tolerance=1e-13)
+    of = ["final:tip_z", "mean:speed"]
+    compare(partial(arrived, action), NUMBERS, of, options, 1e-7, step=3e-4)
+
+
+@pytest.mark.three_ranks
+def test_ranks_agree_on_the_end():
+    options = ff.RunOptions(dt=4e-3, t_end=0.05, tolerance=1e-13, split_above=1)
+    of = ["final:t", "integral:late"]
+    alone, together = (
+        ff.gradient(stopped, of, VALUES, options, accuracy=1e-13, comm=comm, check=True)
+        for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
+    )
+    assert max(together.check.values()) < 1e-12
+    for name in of:
+        for number, value in alone.gradient[name].items():
+            # a rate that is counted on each rank doubles a part
+            assert together.gradient[name][number] == pytest.approx(value, rel=1e-9)
+
+
 @pytest.mark.three_ranks
 def test_ranks_agree_on_events():
     """The lock of a rod on several ranks, whose time is that of a marker on one of them."""

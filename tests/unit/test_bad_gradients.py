@@ -62,8 +62,8 @@ def test_wrong_arguments(text, given):
 
 def _unsupported():
     yield (
-        'Event "stop" has an action Stop, which has no derivatives yet',
-        [ff.Event("stop", BOB, lambda t, bob: bob.position[2] + 9.0, ff.Stop())],
+        'Event "stop" has an action function, which has no derivatives yet',
+        [ff.Event("stop", BOB, lambda t, bob: bob.position[2] + 9.0, lambda mechanism: None)],
     )
     yield (
         "there are no derivatives of stops that stay closed yet",
@@ -264,12 +264,6 @@ def test_forces_of_joints(what, more):
     ff.gradient(model, "final:tip_z", ["bob.mass"], OPTIONS)
 
 
-def test_sliding_markers():
-    model, section = body("slider", **NUMBERS), ff.SlidingMarker("slide")
-    model.add(ff.Event("passed", section, lambda t, s: s.arc - 0.1203, ff.ReleaseJoint("hinge")))
-    _refused('Event "passed" has a SlidingMarker', model=model, wrt=["bead.mass"])
-
-
 def test_controllers_of_forces():
     control = ff.Controller(
         "grip", ["force_fz"], ["load"], lambda t, y: 0.1 * y[0], sample_time=1e-3
@@ -330,6 +324,8 @@ def test_events():
     _refused("has an action function, which", model=_model(*_falling(lambda mechanism: None)))
     force = ff.PointForce("p", BOB, (0, 9, 0), amplitude=lambda t: abs(t - 1.5e-3))
     _refused("at a kink of a load or drive", model=_model(force, *_falling(release[0])))
+    bent = ff.Probe("bent", BOB, ("bent",), lambda t, bob: (abs(t - 1.5e-3),))
+    _refused("at a kink of a column", model=_model(*_falling(ff.Stop()), bent), of="final:bent")
     holding = _model(*_falling(ff.LockJoint("spring")))
     _refused("an event holds a joint with a force law", model=holding)
 

@@ -10,7 +10,7 @@ larger than those of the motion.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from functools import cached_property
 
 import numpy as np
@@ -31,7 +31,7 @@ from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.measure.probes import ProbeRecorder
 from flexfem.system.system import System
 
-__all__ = ["DirectEffect", "disturb", "force_columns", "free_twists"]
+__all__ = ["DirectEffect", "columns_of", "disturb", "force_columns", "free_twists", "take_rows"]
 
 #: Difference of columns, relative to their size, from which on they depend on the parameter.
 _SEEN = 1e-13
@@ -128,6 +128,15 @@ def _relative(first: FloatArray, second: FloatArray) -> FloatArray:
     both = np.isfinite(first) & np.isfinite(second) & (size > 0.0)
     found: FloatArray = np.abs(first - second)[both] / size[both]
     return found
+
+
+def columns_of(motion: Motion) -> Callable[[Sequence[float]], FloatArray]:
+    """The columns (n, columns) at the present state and some times, zero where not wanted.
+
+    They are zero on other ranks than the first (collective).
+    """
+    columns = _Columns(motion.simulation, motion.wanted)
+    return lambda times: np.nan_to_num(columns.values(times))
 
 
 def free_twists(block: FrameBlock, by: FloatArray) -> FloatArray:

@@ -14,8 +14,9 @@ events). The equations of a step depend on its time by loads and drives.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from copy import copy
+from dataclasses import dataclass
 
 from mpi4py import MPI
 
@@ -28,7 +29,7 @@ from flexfem.gradients.equations.step_tangent import joined
 from flexfem.gradients.equations.values import Equations
 from flexfem.gradients.motion.adjoint import Adjoint, Tangent
 from flexfem.gradients.motion.columns import ColumnDerivatives, Seeds
-from flexfem.gradients.motion.support import check_sliding
+from flexfem.gradients.motion.direct import columns_of
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.schemes.base import Recursion, SizeChange
 from flexfem.model.model import Model
@@ -56,8 +57,6 @@ class _Functions:
         """Find their markers."""
         self._motion = motion
         self.system, self.times = motion.system, motion.times
-        for event in motion.model.events:
-            check_sliding(f'Event "{event.name}"', event.markers)
         self._model = copy(motion.model)
         self._model.probes = [
             Probe(event.name, event.markers, (f"event {k}",), _row_of(event.function))
@@ -104,6 +103,33 @@ def _row_of(function: Callable[..., float]) -> Callable[..., Sequence[float]]:
     return lambda t, *states: (function(t, *states),)
 
 
+@dataclass(frozen=True)
+class _Rates:
+    """Derivatives of values by time.
+
+    Attributes:
+        step: of the differences, s.
+        values: (7, ...) at times around that of a state.
+        central: central differences.
+        apart: differences from one side less those from the other one.
+    """
+
+    step: float
+    values: FloatArray
+    central: FloatArray
+    apart: FloatArray
+
+
+def _rates(motion: Motion, at: Callable[[float], FloatArray]) -> Iterator[_Rates]:
+    """Derivatives by the time (s) after that of a state, over shorter and shorter times."""
+    one_side = np.array(_ONE_SIDE)
+    for part in _TIMES:
+        step = part * motion.options.dt
+        values = np.array([at(k * step) for k in range(-3, 4)])
+        central = np.array([w for _, w in STENCIL]) @ values[[1, 2, 4, 5]] / step
+        yield _Rates(step, values, central, one_side @ (values[3:] + values[3::-1]) / step)
+
+
 def by_time(motion: Motion, state: int) -> Equations:
     """Derivatives of the equations at the end of a step, or of a renewal, by time (collective).
 
@@ -115,16 +141,10 @@ def by_time(motion: Motion, state: int) -> Equations:
     """
     system = motion.system
     sizes = [part.block.owned_step.shape for part in system.parts]
-    for part in _TIMES:
-        step = part * motion.options.dt
-        values = np.array([joined(*_at(motion, state, k * step)) for k in range(-3, 4)])
-        central = np.array([w for _, w in STENCIL]) @ values[[1, 2, 4, 5]] / step
-        after, before = (
-            np.array(_ONE_SIDE) @ values[3:] / step,
-            -(np.array(_ONE_SIDE) @ values[3::-1] / step),
-        )
-        apart, size, scale = motion.largest(after - before, central, values)
-        if apart <= max(_SMOOTH * size, _ROUNDED * max(scale, _largest_rate(motion)) / step):
+    for own in _rates(motion, lambda later: joined(*_at(motion, state, later))):
+        central = own.central
+        apart, size, scale = motion.largest(own.apart, central, own.values)
+        if apart <= max(_SMOOTH * size, _ROUNDED * max(scale, _largest_rate(motion)) / own.step):
             break
     else:
         raise InputError(
@@ -171,6 +191,36 @@ class EventTimes:
         self._rate = self._functions.by_time(state)
         self._adjoint = Adjoint(self._motion)
         self._adjoint.add(self._seeds)
+
+    def rates(self, state: int, columns: Sequence[str]) -> FloatArray:
+        """Derivatives (columns,) of columns by time at a fixed state, on the first rank; else zero.
+
+        They are zero where the time of the state is given (collective).
+
+        Raises:
+            InputError: there is a kink at that time.
+        """
+        motion = self._motion
+        if not motion.grid.free(state):
+            return np.zeros(len(columns))
+        places = [motion.columns.index(name) for name in columns]
+        motion.go_to(state)
+        every, t, system = columns_of(motion), float(motion.times[state]), motion.system
+
+        def at(later: float) -> FloatArray:
+            system.set_time(t + later)
+            return every([t + later])[0, places]
+
+        for own in _rates(motion, at):
+            size = np.abs(own.values).max(axis=0, initial=0.0)
+            smooth = np.maximum(_SMOOTH * np.abs(own.central), _ROUNDED * size / own.step)
+            if not system.comm.allreduce(bool((np.abs(own.apart) > smooth).any()), op=MPI.LOR):
+                system.set_time(t)
+                return own.central
+        raise InputError(
+            f"gradient: an event ends the motion at t = {t:.6g} s, at a kink of a column, which "
+            "has no derivative there"
+        )
 
     def size(self, over: Recursion) -> SizeChange | None:
         """What the size of a step changes, which is linearised at its end; None if it is given."""

@@ -11,9 +11,14 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem._types import FloatArray
+from flexfem.core.differences import STENCIL
 
-__all__ = ["Functional", "misfit", "parse"]
+__all__ = ["TIME", "Functional", "by_last_time", "change", "misfit", "parse"]
 
+#: The times of a history, as a column.
+TIME = "t"
+#: Difference of the last time, as a part of the last step.
+_PART = 1e-2
 #: The kinds of functionals.
 KINDS = ("final", "mean", "integral", "rms", "max", "min", "ks")
 
@@ -77,6 +82,33 @@ def misfit(
     return Functional(
         "misfit", names, lambda history: 0.5 * float((differences(history) ** 2).sum()), derivative
     )
+
+
+def by_last_time(functional: Functional, history: Mapping[str, FloatArray]) -> float:
+    """Derivative of a number by the time of the last row, at fixed values of other columns.
+
+    It is a difference of fourth order, as functionals have none by hand.
+    """
+    t, total = history[TIME], 0.0
+    step = _PART * float(t[-1] - t[-2])
+    for place, weight in STENCIL:
+        moved = t.copy()
+        moved[-1] += place * step
+        total += weight / step * functional.value({**history, TIME: moved})
+    return total
+
+
+def change(
+    functional: Functional, history: Mapping[str, FloatArray], moved: Mapping[str, FloatArray]
+) -> float:
+    """Change of a number with changes (n,) of its columns, and of the last time among them."""
+    nothing = np.zeros(len(history[TIME]))
+    others = {**moved, TIME: nothing}  # as other times count as given
+    rows = np.array([others[name] for name in functional.columns])
+    total = float((functional.derivative(history) * rows).sum())
+    if (last := moved.get(TIME, nothing)[-1]) != 0.0:
+        total += last * by_last_time(functional, history)
+    return total
 
 
 def parse(text: str, ks_rho: float | None = None) -> Functional:

@@ -33,11 +33,12 @@ from flexfem.gradients.equations.values import (
     product,
 )
 from flexfem.gradients.motion.columns import Seeds
-from flexfem.gradients.motion.direct import DirectEffect, force_columns
+from flexfem.gradients.motion.direct import DirectEffect, force_columns, take_rows
 from flexfem.gradients.motion.parameters import Build, Values, plain, refusing
 from flexfem.gradients.motion.trajectory import Motion, StoppedError
 from flexfem.gradients.unilateral.forces import recall_sides
 from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.system import Shifts, System
 
 __all__ = [
@@ -259,7 +260,9 @@ class NumberInfluence:
         number = motion.grid.events[state]
         for one in self._pair:
             copy_state(motion.system, one.system)
-            one.system.time = float(motion.times[state])
+            take_rows(motion, one.system, state)
+            one.system.interface.update()
+            refresh_rows(one.system)  # and sliders' places
             values.append(float(one.events.evaluate()[number]))
         return np.array([(values[0] - values[1]) / (2.0 * self._step)])
 

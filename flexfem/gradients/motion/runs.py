@@ -17,7 +17,7 @@ from flexfem.gradients.motion.adjoint import Adjoint, Tangent
 from flexfem.gradients.motion.arrays import Entry
 from flexfem.gradients.motion.columns import ColumnDerivatives, Seeds, history_weights
 from flexfem.gradients.motion.event_times import EventTimes, along
-from flexfem.gradients.motion.functionals import Functional
+from flexfem.gradients.motion.functionals import TIME, Functional, by_last_time
 from flexfem.gradients.motion.influence import Factors, Influence, NumberInfluence, Sums
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.gradients.schemes.base import Recursion
@@ -44,12 +44,13 @@ def backward(
         functional of the end or of the sum of all columns: the largest of any step over that of the
         last one.
     """
-    names = sorted({name for one in functionals for name in one.columns})
+    names = sorted({name for one in functionals for name in one.columns if name != TIME})
     columns = ColumnDerivatives(motion, names)
     count = len(functionals)
     weights = np.zeros((count, len(names), motion.steps + 1))
+    history = motion.history()
     weights[:, :, motion.rows_at] = history_weights(
-        functionals, names, len(motion.rows_at), motion.history(), motion.system.comm
+        functionals, names, len(motion.rows_at), history, motion.system.comm
     )
     adjoints = [Adjoint(motion) for _ in functionals]
     ending = np.flatnonzero(weights[:, :, -1].any(axis=1) & ~weights[:, :, :-1].any(axis=(1, 2)))
@@ -86,6 +87,10 @@ def backward(
 
     events, impulses = EventTimes(motion), Impulses(motion.system, linear.tangent.forces)
     seed(motion.steps)
+    if motion.grid.free(motion.steps):
+        rates = events.rates(motion.steps, names)
+        for adjoint, one, own in zip(adjoints, functionals, weights[:, :, -1], strict=False):
+            adjoint.time = float(own @ rates) + (by_last_time(one, history) if history else 0.0)
     for step in range(motion.steps, 0, -1):
         if step in motion.grid.events:
             events.reach(step)
@@ -143,10 +148,12 @@ def forward(
     Args:
         motion: the motion.
         linear: its linearised equations.
-        columns: names.
+        columns: names, also that of the times.
         directions: each a list of parameters' influences and changes.
     """
-    derivatives = ColumnDerivatives(motion, columns)
+    names = [name for name in columns if name != TIME]
+    at, first = [columns.index(name) for name in names], motion.system.comm.rank == 0
+    derivatives = ColumnDerivatives(motion, names)
     measured = ColumnDerivatives(motion, motion.measured)
     tangents = [Tangent(motion, *_start(motion, own)) for own in directions]
     found = np.zeros((len(directions), len(motion.rows_at), len(columns)))
@@ -188,15 +195,20 @@ def forward(
         if step not in row_of:
             continue
         motion.go_to(step)
-        row, places = row_of[step], [motion.columns.index(name) for name in columns]
-        seeds = [_seeds(motion, derivatives, step, one) for one in np.eye(len(columns))]
+        row, places = row_of[step], [motion.columns.index(name) for name in names]
+        seeds = [_seeds(motion, derivatives, step, one) for one in np.eye(len(names))]
         for values, direction in zip(found, directions, strict=True):
             for influence, factor in direction:
                 if influence.depends_directly:
-                    values[row] += factor * influence.columns(step)[places]
-                    values[row] -= [factor * influence.followed(step, own) for own in seeds]
+                    values[row, at] += factor * influence.columns(step)[places]
+                    values[row, at] -= [factor * influence.followed(step, own) for own in seeds]
         for values, tangent in zip(found, tangents, strict=True):
-            values[row] += [along(motion, own, tangent) for own in seeds]
+            values[row, at] += [along(motion, own, tangent) for own in seeds]
+        rates = events.rates(step, names)
+        for values, tangent in zip(found, tangents, strict=True):
+            values[row, at] += tangent.time * rates
+            if TIME in columns and first and motion.grid.free(step):
+                values[row, columns.index(TIME)] = tangent.time
     motion.system.comm.Allreduce(MPI.IN_PLACE, found)
     return found
 

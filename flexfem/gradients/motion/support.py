@@ -9,8 +9,9 @@ from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.contact.contacts import Contacts
 from flexfem.control.fmu import FmuLaw
 from flexfem.core.marker import Observed, SlidingMarker
+from flexfem.gradients.motion.functionals import TIME
 from flexfem.model.contact import Contact
-from flexfem.model.event import LockJoint, Rebound, ReleaseJoint
+from flexfem.model.event import LockJoint, Rebound, ReleaseJoint, Stop
 from flexfem.model.model import Model
 from flexfem.model.probes.cable import CableProbe
 from flexfem.model.probes.measured import ReactionProbe
@@ -31,13 +32,15 @@ def differentiable(model: Model) -> list[str]:
 
 
 def check_columns(model: Model, names: Iterable[str]) -> None:
-    """Check that columns have derivatives.
+    """Check that columns have derivatives; times of a motion that an event ends do.
 
     Raises:
         InputError: there is no such column, or it has none.
     """
     probe_of = {column: probe for probe in model.probes for column in probe.columns}
     for name in names:
+        if name == TIME:
+            continue
         probe = probe_of.get(name)
         if probe is None:
             hint = meant(name, probe_of) or f"the history has {', '.join(probe_of) or 'none'}"
@@ -87,7 +90,7 @@ def check_supported(model: Model, options: RunOptions) -> None:
                 )
     for event in model.events:
         for action in event.actions:
-            if not isinstance(action, (LockJoint, Rebound, ReleaseJoint)):
+            if not isinstance(action, (LockJoint, Rebound, ReleaseJoint, Stop)):
                 name = getattr(type(action), "__name__", "function")
                 raise InputError(
                     f'gradient: Event "{event.name}" has an action {name}, which has no '

@@ -182,6 +182,8 @@ class Motion:
         rows_at, values = list[int](), list[FloatArray]()
 
         def record() -> None:
+            if rows_at and rows_at[-1] == len(self.grid.moves):  # an event has ended the motion
+                return
             rows_at.append(len(self.grid.moves))
             self.recorder.record(simulation.time)
             values.extend(found for _, found in self.recorder.flush())
@@ -194,6 +196,8 @@ class Motion:
         for step in range(1, count + 1):
             self._advance(grid.rest(simulation.time, step), grid.time(step))
             record()
+            if simulation.events.stopped_by is not None:
+                break
         self.rows_at: IntArray = np.array(rows_at, dtype=np.int64)
         self.steps, self.times = len(self.grid.moves), np.array(self._records.times)
         self.values = np.zeros((len(rows_at), len(self.columns)))
@@ -426,8 +430,7 @@ class Motion:
         if name := self.not_renewed():
             raise InputError(
                 "gradient: a load jumps, or an event happens, at t = "
-                f"{self.system.time:.6g} s, where accelerations are computed again, which has no "
-                f"derivatives with {name} yet"
+                f"{self.system.time:.6g} s, which has no derivatives with {name} yet"
             )
 
 

@@ -67,7 +67,8 @@ class Grid(Journal):
     Attributes:
         add: called for each new state.
         change: called where the last state changes.
-        allow: called for each state that is made consistent, to refuse it.
+        allow: called for each state that is made consistent or at which an event happens, to
+            refuse it.
         locked: called where joints are switched; refuses it, or returns True if some rows are held
             at new values.
         ahead: part of a whole step by which the acceleration-like variable is ahead of the
@@ -132,6 +133,7 @@ class Grid(Journal):
         if len(events) > 1:
             self.at_once()
         self.events[len(self.moves)] = events[0]
+        self.allow()
 
     def at_once(self) -> None:
         """See :class:`Journal`.
@@ -146,7 +148,6 @@ class Grid(Journal):
 
     def switched(self) -> None:
         """See :class:`Journal`."""
-        self.allow()
         if self.locked():
             self.moves.append(Hold)
             self.add()
