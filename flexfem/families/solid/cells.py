@@ -27,17 +27,18 @@ from flexfem.kernels.driver import CellKernel, Cells, Nodal, add_forces, cell_ke
 from flexfem.kernels.ffcx import Kernel, compile_kernel
 from flexfem.kernels.records import Float2D, Memory, Record
 
-__all__ = ["Kernels", "Motion", "SolidCells", "TimedParameter"]
+__all__ = ["CHUNK", "Kernels", "Motion", "SolidCells", "TimedParameter", "still"]
 
 _NOTHING = np.zeros(1)
 #: Iterations for the stretches across in plane stress, and their last change.
 _THINNINGS, _THINNED = 40, 1e-13
 #: Cells whose matrices are computed together.
-_CHUNK = 2048
+CHUNK = 2048
 #: Forms that are linear in steps, and the names of their columns.
 _LINEAR = {
     "action": "column", "moments_action": "moments_column", "duals_action": "duals_column",
     "pulls_action": "pulls_column", "stiffening": "stiffening_column",
+    "last_action": "last_column",
 }  # fmt: skip
 #: Time of the differences of parameters, s.
 _MOMENT = 1e-6
@@ -46,7 +47,7 @@ _MOMENT = 1e-6
 class Motion(Record):
     """Positions, velocities and steps of both (n, 3) of nodes, inertial axes.
 
-    The other positions are those at the start of a step and of the step before.
+    The other positions are those at the start of a step, and at both ends of the step before.
     """
 
     points: Float2D
@@ -55,12 +56,13 @@ class Motion(Record):
     rate: Float2D
     start: Float2D
     before: Float2D
+    last: Float2D
 
 
 #: Arrays of :class:`Motion` of the forms' coefficients.
 _NODAL = {
     "position": "points", "velocity": "velocity", "step": "step", "rate": "rate",
-    "_start": "start", "_before": "before",
+    "_start": "start", "_before": "before", "_last": "last",
 }  # fmt: skip
 
 
@@ -140,6 +142,12 @@ class Kernels:
         )
         results |= dict.fromkeys(("force_action_of_history", "advanced_by_positions"), nodes)
         return _calls(self.comm, self.forms, results, self.columns)
+
+    @cached_property
+    def lasting(self) -> Mapping[str, CellKernel]:
+        """Kernels of derivatives by the last step (collective the first time)."""
+        count = 3 * _functions(self.forms.kind.degree, self.forms.kind.cell)
+        return _calls(self.comm, self.forms, {"last_action": count}, self.columns)
 
 
 def _functions(degree: int, cell: str) -> int:
@@ -338,7 +346,7 @@ class SolidCells:
         coefficients = kernels.forms.coefficients
         kernel = compile_kernel(kernels.comm, form, tuple(coefficients.values()), batched=True)
         call = cell_kernel(kernel, size, coefficients, {}, kernels.columns)
-        return self._evaluated(call, self._plain, _still(np.zeros((1, 3))))
+        return self._evaluated(call, self._plain, still(np.zeros((1, 3))))
 
     def _evaluated(self, call: CellKernel, cells: Cells, motion: Memory) -> FloatArray:
         """Results (m, s) of a kernel."""
@@ -420,13 +428,13 @@ class SolidCells:
 
     def energy_at(self, points: FloatArray) -> float:
         """Energy of all cells at positions (n, 3), J."""
-        motion = _still(points)
+        motion = still(points)
         self.settle(motion)
         return float(self.energies(motion).sum())
 
     def force_at(self, points: FloatArray) -> FloatArray:
         """Elastic forces on the nodes (n, 3) at positions, N."""
-        motion, forces = _still(points), np.zeros_like(points)
+        motion, forces = still(points), np.zeros_like(points)
         self.settle(motion)
         self.add_forces(motion, forces)
         return forces
@@ -544,7 +552,7 @@ class SolidCells:
         Column after column, as changes of the forces along unit steps: these cost about what a
         kernel of whole matrices does, whose compilation takes five times as long.
         """
-        own = self._own[first : first + _CHUNK].copy()
+        own = self._own[first : first + CHUNK].copy()
         width, thin = 3 * self.nodes.shape[1], self.kind.plane == "stress"
         fields = self._slopes.shape[1] if thin else 2 * self.kernels.dilatation
         # behind the steps of the nodes those of fields in the cells, which follow from them
@@ -595,7 +603,7 @@ class SolidCells:
 
     def chunks(self) -> Sequence[int]:
         """First cells of those whose matrices are computed together."""
-        return range(0, len(self.nodes), _CHUNK)
+        return range(0, len(self.nodes), CHUNK)
 
     def fields(self, motion: Memory) -> FloatArray:
         """Fields (m, j, 13) at the nodes of degree p - 1; see ``forms.FIELDS``."""
@@ -627,7 +635,7 @@ class SolidCells:
         return ratio
 
 
-def _still(points: FloatArray) -> Memory:
+def still(points: FloatArray) -> Memory:
     """Positions (n, 3) of nodes at rest."""
     rest = np.zeros_like(points)
     memory: Memory = Motion(
@@ -637,5 +645,6 @@ def _still(points: FloatArray) -> Memory:
         rate=rest,
         start=rest,
         before=rest,
+        last=rest,
     ).memory
     return memory

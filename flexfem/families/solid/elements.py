@@ -76,7 +76,7 @@ class SolidElements(StresslessElements):
         self.pairs = NodePairs(len(block.frames), [g.nodes for g in groups])
         count = len(block.frames)
         self._points, self._vectors = np.empty((count, 3)), np.empty((count, 3))
-        names = "points", "velocity", "step", "rate", "start", "before"
+        names = "points", "velocity", "step", "rate", "start", "before", "last"
         arrays = [self._points, *(np.zeros((count, 3)) for _ in names[1:])]
         self._motion = Motion(**dict(zip(names, arrays, strict=True)))
         self.mass = self._masses(np.ones(len(self.body), dtype=np.bool_))

@@ -43,10 +43,10 @@ class SolidStepForms(SolidForms):
     The coefficients are those of :class:`SolidForms` and, with names that no parameter has,
     ``_start``, the positions at the start of the step, ``_start_dilatation`` and ``_per_step``,
     1/h; ``position`` and ``dilatation`` are at the end. With numerical dissipation there are
-    ``_before``, at the start of the last step, ``_before_dilatation``, ``_half``, half the
-    dissipation, ``_share`` of the last change, and moduli of the law at rest, ``_shear`` and
-    ``_bulk``, Pa. :attr:`force` and :attr:`duals` are means over the step, :attr:`moments` those of
-    the end.
+    ``_before`` and ``_last``, at the start and the end of the last step, ``_before_dilatation`` and
+    ``_last_dilatation``, ``_half``, half the dissipation, ``_share`` of the last change, and moduli
+    of the law at rest, ``_shear`` and ``_bulk``, Pa. :attr:`force` and :attr:`duals` are means over
+    the step, :attr:`moments` those of the end.
     """
 
     def __init__(
@@ -58,7 +58,7 @@ class SolidStepForms(SolidForms):
         names = ["_per_step", *(("_half", "_share", "_shear", "_bulk") if dissipates else ())]
         for name in names:
             self.coefficients[name] = ufl.Coefficient(self._space("DG", 0))
-        for name in ("_start", *(("_before",) if dissipates else ())):
+        for name in ("_start", *(("_before", "_last") if dissipates else ())):
             self.coefficients[name] = ufl.Coefficient(self._vectors)
             if kind.dilatation >= 0:
                 space = self.coefficients["dilatation"].ufl_function_space()
@@ -144,14 +144,15 @@ class SolidStepForms(SolidForms):
         The strains e are Green's and theta, their moduli S constant: with any others the sum that
         never grows would not be one (``integrators.energy_momentum.scheme``).
         """
-        given, (F0, theta) = self.coefficients, self._ends[0]
-        before = self.gradient(given["_before"])
-        last = given["_share"] * (F0.T * F0 - before.T * before)
+        given = self.coefficients
+        before, after = (self.gradient(given[name]) for name in ("_before", "_last"))
+        last = given["_share"] * (after.T * after - before.T * before)
         second = (self._strain - last) / 2.0
         stress = 2.0 * given["_shear"] * ufl.dev(second)
-        if theta is None:
+        if self.kind.dilatation < 0:
             return given["_half"] * (stress + given["_bulk"] * ufl.tr(second) * ufl.Identity(3)), 0
-        swelled = swelling - given["_share"] * (theta - given["_before_dilatation"])
+        swelled = given["_last_dilatation"] - given["_before_dilatation"]
+        swelled = swelling - given["_share"] * swelled
         return given["_half"] * stress, given["_half"] * given["_bulk"] * swelled
 
     @cached_property
@@ -178,6 +179,11 @@ class SolidStepForms(SolidForms):
         change = self.coefficients["position"] - self.coefficients["_start"]
         rate = ufl.variable(self.coefficients["_per_step"] * self.gradient(change, rate=True))
         return ufl.diff(self.law.dissipation(middle, rate, LawParameters(self._values)), rate)
+
+    @cached_property
+    def last_action(self) -> Any:
+        """Change of the forces along a step of the positions at the end of the last step."""
+        return self._change(self.force, ("_last", "step"))
 
     @cached_property
     def loss(self) -> Any:

@@ -20,10 +20,11 @@ from flexfem.families.common.corotating_loops import (
     turn_blocks,
 )
 from flexfem.families.common.node_pairs import NodePairs
-from flexfem.families.solid.cells import Kernels, Motion, SolidCells
+from flexfem.families.solid.cells import CHUNK, Kernels, Motion, SolidCells, still
 from flexfem.families.solid.step_forms import SolidStepForms
 from flexfem.kernels.driver import Cells
 from flexfem.kernels.records import Memory
+from flexfem.lie import se3
 
 __all__ = ["SolidSteps"]
 
@@ -46,16 +47,47 @@ class _StepCells(SolidCells):
             self.data("_shear")[:], self.data("_bulk")[:] = cells.rest_moduli.T[:, :, np.newaxis]
 
     def begin(self, which: str, motion: Memory) -> None:
-        """Take the dilatation at the positions as that at the "_start" or "_before" it."""
+        """Take the dilatation at the positions as that at another place, see ``step_forms``."""
         if self.kernels.dilatation and len(self.nodes):
             moments = self._evaluated(self.kernels.calls["moments"], self._plain, motion)
             self.data(f"{which}_dilatation")[:] = self._projected(moments)
 
-    def set_law(self, law: FloatArray, share: float) -> None:
-        """Set the law of the step, see ``StepNodes``, and the share of the last change."""
+    def set_law(self, law: FloatArray, share: float | None = None) -> None:
+        """Set the law of the step, see ``StepNodes``, and the share of the last change, if any."""
         self.data("_per_step")[:] = law[1]
         if "_half" in self.kernels.columns:
-            self.data("_half")[:], self.data("_share")[:] = law[0], share
+            self.data("_half")[:] = law[0]
+            if share is not None:
+                self.data("_share")[:] = share
+
+    def reverse(self) -> None:
+        """Exchange the dilatations at both ends of the last step."""
+        if self.kernels.dilatation:
+            ends = [self.data(f"{which}_dilatation") for which in ("_before", "_last")]
+            ends[0][:], ends[1][:] = ends[1].copy(), ends[0].copy()
+
+    def by_last(self, motion: Memory, last: FloatArray, first: int, scale: float) -> FloatArray:
+        """``scale`` times derivatives (r, 3 k, 3 k) of the forces of some settled cells.
+
+        They are those by positions ``last`` (n, 3) of the nodes at the end of the last step, which
+        the motion has as well.
+        """
+        own = self._own[first : first + CHUNK].copy()
+        width, few = 3 * self.nodes.shape[1], self.kernels.dilatation
+        steps = np.zeros((width, 2 * width + 2 * few))
+        steps[:, :width] = scale * np.eye(width)
+        cells = self._cells(own, first, steps)
+        found = self._columns(self.kernels.lasting["last_column"], cells, motion)
+        if few:  # multipliers change by the dilatation, of which their projections are linear
+            calls, multipliers = self.kernels.calls, np.zeros((few, 2 * width + 2 * few))
+            multipliers[:, -few:] = np.eye(few)
+            by = self._columns(calls["column"], self._cells(own, first, multipliers), motion)
+            swelled = self._columns(calls["moments_column"], cells, still(last))
+            rows, names = np.s_[first : first + len(own)], ("_half", "_share", "_bulk")
+            factors = np.prod([self.data(name)[rows, 0] for name in names], axis=0)
+            swelled = self._projection[rows] @ swelled
+            found -= by @ (factors[:, np.newaxis, np.newaxis] * swelled)
+        return found
 
     def _swelling(self, cells: Cells, motion: Memory, by_multiplier: FloatArray) -> FloatArray:
         """See :class:`SolidCells`; forces over a step are no derivatives of the moments."""
@@ -92,7 +124,7 @@ class SolidSteps:
         self._pairs, self._mass = pairs, mass
         count = mass.shape[0]
         self.centres = np.zeros((count, 3))
-        names = "points", "velocity", "step", "rate", "start", "before"
+        names = "points", "velocity", "step", "rate", "start", "before", "last"
         self._motion = Motion(**{name: np.zeros((count, 3)) for name in names})
         self._dissipates = dissipates
 
@@ -100,6 +132,7 @@ class SolidSteps:
         """See :class:`flexfem.layout.elements.StepForces`."""
         if self._dissipates:
             self._start("_before", before, self._motion.before)
+            self._start("_last", state.frames0, self._motion.last)
         self._start("_start", state.frames0, self._motion.start)
         for group in self._groups:
             group.set_law(state.law, share)
@@ -107,16 +140,39 @@ class SolidSteps:
     def by_last(
         self, state: StepNodes, before: FloatArray, share: float, scale: float
     ) -> tuple[FloatArray, FloatArray]:
-        """See :class:`flexfem.layout.elements.StepForces`; without dissipation there are none."""
-        assert not self._dissipates
-        nothing = np.zeros((len(self._pairs.rows), 3, 3))
-        return nothing, nothing
+        """See :class:`flexfem.layout.elements.StepForces`.
+
+        Forces depend on differences of strains at both ends of the last step.
+        """
+        self._settle(state)
+        by_end = self._by_last(state, state.frames0, scale)
+        by_start = self._by_last(state, before, -scale)
+        positions_into(state.frames0, self._motion.last)
+        return by_end, by_start
+
+    def _by_last(self, state: StepNodes, frames: FloatArray, scale: float) -> FloatArray:
+        """Blocks (k, 3, 3) of derivatives by twists at the end (n, 12) of the last step."""
+        pairs, last = self._pairs, self._motion.last
+        blocks = np.zeros((len(pairs.rows), 3, 3))
+        positions_into(frames, last)
+        for group, index in zip(self._groups, pairs.index, strict=True):
+            for first in group.chunks():
+                own = group.by_last(self._motion.memory, last, first, scale)
+                add_blocks(own, index, first, blocks)
+        turns = se3.rotation(state.frames)[pairs.rows].swapaxes(1, 2)
+        found: FloatArray = turns @ blocks @ se3.rotation(frames)[pairs.columns]
+        return found
 
     def exchange(self, state: StepNodes) -> None:
         """See :class:`flexfem.layout.elements.StepForces`."""
         self._start("_start", state.frames0, self._motion.start)
+        motion = self._motion
+        if self._dissipates:
+            motion.before[:], motion.last[:] = motion.last.copy(), motion.before.copy()
         for group in self._groups:
-            group.set_law(state.law, 1.0)
+            if self._dissipates:
+                group.reverse()
+            group.set_law(state.law)
 
     def _start(self, which: str, frames: FloatArray, points: FloatArray) -> None:
         """Take positions at the start of this step or of the last one."""

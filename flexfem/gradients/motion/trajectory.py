@@ -16,7 +16,6 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.constraints.elements.states import AT_REST
 from flexfem.core.state import State
 from flexfem.core.status import Status
-from flexfem.families.solid.elements import SolidElements
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.odd_forces import AT_STATE
 from flexfem.gradients.equations.values import Equations, SystemEquations
@@ -452,9 +451,6 @@ def check_supported_system(motion: Motion) -> None:
             "events with the integrator energy_momentum and rho_inf below 1": motion.options.rho_inf
             < 1.0
             and bool(motion.model.events),
-            "solids with the integrator energy_momentum and rho_inf below 1": motion.options.rho_inf
-            < 1.0
-            and any(isinstance(part.elements, SolidElements) for part in system.parts),
         }
     if rows.split:
         found |= {
