@@ -29,17 +29,23 @@ def steps(dt, count, rho_inf) -> ff.RunOptions:
     return ff.RunOptions(dt=dt, t_end=count * dt, rho_inf=rho_inf, **STEPS)
 
 
-def pressed(*, pressure, pull, youngs=5e6) -> ff.Model:
+def pressed(degree, formulation, *, pressure, pull, youngs=5e6) -> ff.Model:
     """A bar of rubber under a pressure, and a beam with a load along it."""
     rubber = ff.laws.NeoHookean(youngs / 2.6, youngs / 1.2)
-    mesh = ff.SolidMesh.box((0.3, 0.03, 0.02), (2, 1, 1)).with_surfaces(
+    mesh = ff.SolidMesh.box((0.3, 0.03, 0.02), (1, 1, 1)).with_surfaces(
         left=lambda x: x[:, 0] == 0.0, top=lambda x: x[:, 2] > 0.0199
     )
     lines = ff.LineMesh.straight({"rod": [(0.3, 0.0, 0.0), (0.6, 0.0, 0.0)]}, elements=2)
     model = ff.Model("pressed", mesh=lines)
     model.add(
         ff.Solid(
-            "bar", rubber, mesh, density=1100.0, fixed={"left": "xyz"}, formulation="dilatation"
+            "bar",
+            rubber,
+            mesh,
+            density=1100.0,
+            degree=degree,
+            formulation=formulation,
+            fixed={"left": "xyz"},
         ),
         ff.SurfacePressure("air", "bar", "top", pressure),
         ff.Beam("rod", ff.Section.rectangle(0.03, 0.02, ff.Material(youngs, 0.3, 1100.0))),
@@ -69,8 +75,10 @@ MOTIONS = {
     "mechanism": (mechanism, PARTS, ["final:p_x", "mean:own"], steps(2e-3, 5, 0.6), 1e-3),
     "beam": (partial(body, "damped"), NUMBERS, ["final:tip_z", "mean:speed"],
              steps(1e-3, 5, 0.6), 1e-3),
-    "solid": (pressed, {"pressure": 300.0, "pull": 20.0}, ["final:tip_z"], steps(1e-3, 3, 0.6),
-              1e-3),
+    "solid": (partial(pressed, 1, "displacement"), {"pressure": 300.0, "pull": 20.0},
+              ["final:tip_z"], steps(1e-3, 3, 0.6), 1e-3),
+    "dilatation": (partial(pressed, 2, "dilatation"), {"pressure": 300.0, "pull": 20.0},
+                   ["final:tip_z"], steps(1e-3, 3, 0.6), 1e-3),
     "controlled": (controlled, ARMS, ["final:tip_x", "mean:tip_z"], steps(4e-3, 5, 0.6), 1e-3),
     "jump": (partial(switched, "damped", 0.0023), NUMBERS, ["final:tip_z", "final:lifted"],
              steps(1e-3, 4, 0.6), 1e-3),
@@ -86,7 +94,10 @@ MOTIONS = {
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("name", MOTIONS)
+@pytest.mark.parametrize(
+    "name",
+    [pytest.param(one, marks=[pytest.mark.slow] * (one == "dilatation")) for one in MOTIONS],
+)
 def test_against_differences(name):
     build, numbers, of, options, step = MOTIONS[name]
     found = ff.gradient(build, of, numbers, options, accuracy=1e-13, check=True)
