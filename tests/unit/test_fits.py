@@ -216,6 +216,7 @@ def test_the_end_of_a_fit_does_not_depend_on_units():
     assert found.values["damping"] == pytest.approx(15.0, rel=1e-7)
 
 
+@pytest.mark.slow_on_ranks
 def test_identified_parameters_lie_within_their_errors():
     """Damping and stiffness of a noisy measurement, and the noise itself."""
     truth = {"damping": 15.0, "stiffness": 380.0}

@@ -72,6 +72,7 @@ def test_blade_of_uniform_stress(shared_tmp_path: Path) -> None:
     assert float(stresses[-1]) == pytest.approx(2e8, rel=1e-6)
 
 
+@pytest.mark.slow
 def test_profile_of_a_flexure(shared_tmp_path: Path) -> None:
     """Less stress at the same turn; the round notch turns as by Paros' and Weisbord's formula."""
     outcome = load_case("design_of_a_flexure").run(

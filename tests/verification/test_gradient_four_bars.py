@@ -76,7 +76,7 @@ def compared(elements: int, options: ff.RunOptions, accuracy: float) -> None:
         assert by[name] == pytest.approx(slope, rel=accuracy)
 
 
-@pytest.mark.three_ranks
+@pytest.mark.slow_on_ranks
 def test_gradient_by_widths_of_bars() -> None:
     """The first half second with coarse bars; the same on any number of ranks."""
     options = ff.RunOptions(dt=0.02, t_end=0.5, tolerance=1e-12, quiet=True)
