@@ -62,6 +62,7 @@ class Gradient:
         wall_seconds_forward, wall_seconds_backward: s.
         factorizations_forward, factorizations_backward: numbers of factorisations of the bodies.
         applications: products with the exact linearised equations backwards.
+        steps_repeated: steps that were taken again, as not all states fit in the memory.
         check: relative difference of the derivatives along a random direction of the numbers among
             the parameters, between adjoint and tangent, for each functional; empty if not checked.
         growth: largest adjoint of any step over that of the last one: motions in which it grows by
@@ -78,6 +79,7 @@ class Gradient:
     factorizations_forward: int
     factorizations_backward: int
     applications: int
+    steps_repeated: int
     growth: float
     check: Mapping[str, float]
     warnings: tuple[str, ...] = ()
@@ -130,7 +132,7 @@ class Differentiation:
             wall_seconds_backward=time.perf_counter() - found.middle,
             factorizations_forward=found.factorizations[0],
             factorizations_backward=found.factorizations[1],
-            applications=0, growth=1.0, check={}, at=plain(values),
+            applications=0, steps_repeated=0, growth=1.0, check={}, at=plain(values),
         )  # fmt: skip
 
     def value(self, values: Values) -> Mapping[str, float]:
@@ -172,6 +174,7 @@ class Differentiation:
             factorizations_forward=done,
             factorizations_backward=linear.factorizations,
             applications=linear.applications,
+            steps_repeated=motion.steps_repeated,
             growth=growth,
             warnings=(_CHAOTIC.format(growth),) if growth > _GROWTH else (),
             at=plain(values),

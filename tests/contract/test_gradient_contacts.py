@@ -181,6 +181,19 @@ def test_impulses_in_joints():
 
 
 @pytest.mark.serial
+def test_impulses_of_steps_that_are_taken_again():
+    """What accelerations of damped bodies lack behind an impulse is found at accepted states."""
+    options = ff.RunOptions(dt=2e-4, t_end=2.4e-3, tolerance=1e-13)
+    whole, few = (
+        ff.gradient(rod, "mean:q_z", ROD, options, memory=memory) for memory in (2e9, 2e4)
+    )
+    assert few.steps_repeated > 12
+    for name, value in whole.gradient["mean:q_z"].items():
+        # found at the end of a step before it is accepted, states are off by 1e-2 of velocities
+        assert few.gradient["mean:q_z"][name] == pytest.approx(value, rel=1e-6)
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("law", ["barrier", "penalty"])
 def test_shells_on_obstacles(law):
     options = ff.RunOptions(dt=2e-4, t_end=5e-3, tolerance=1e-13)
@@ -219,7 +232,7 @@ def test_stops_among_others():
         (balls, BALLS, "final:p_z", 5e-4, 12),
         pytest.param(rod, ROD, "mean:q_z", 2e-4, 15, marks=pytest.mark.three_ranks),
         (partial(sheet, "penalty"), SHEET, "final:q_z", 2e-4, 22),
-        (equipped, EQUIPPED, "final:p_z", 5e-4, 33),
+        pytest.param(equipped, EQUIPPED, "final:p_z", 5e-4, 33, marks=pytest.mark.slow_on_ranks),
     ],
 )
 def test_ranks_agree(build, numbers, of, dt, steps):

@@ -51,7 +51,7 @@ WRONG = [
     ('"bob.name" is no real number', {"wrt": ["bob.name"]}),
     ("integrator must be 'generalized_alpha' or 'energy_momentum', got 'stabilized_index2'", {
         "options": ff.RunOptions(dt=1e-3, t_end=3e-3, integrator="stabilized_index2")}),
-    ("the states of 3 steps need", {"memory": 10.0}),
+    ("4 states of the motion need", {"memory": 10.0}),
 ]  # fmt: skip
 
 

@@ -35,7 +35,8 @@ analysis or its adjoint failed, 2 wrong input, or something in the model has no 
 #: What is written.
 _NAMES = (
     "at", "value", "gradient", "check", "wall_seconds_forward", "wall_seconds_backward",
-    "factorizations_forward", "factorizations_backward", "growth", "warnings",
+    "factorizations_forward", "factorizations_backward", "steps_repeated",
+    "growth", "warnings",
 )  # fmt: skip
 
 

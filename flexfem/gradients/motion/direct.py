@@ -231,7 +231,8 @@ def disturb(motion: Motion) -> None:
         block = part.block
         # the same on all ranks
         noise = random.standard_normal((block.size_global, 3, 6))[block.global_ids]
-        block.step[:] = 1e-3 * noise[:, 0]
+        block.step[:] = 0.0
+        block.step[:, : block.width] = 1e-3 * noise[:, 0, : block.width]
         if block.dirichlet is not None:
             block.step[:, : block.width][block.dirichlet] = 0.0
         block.correct(1.0)

@@ -4,8 +4,9 @@
 Those that do not fit go to a file. Without a folder for it those at the starts of about
 ``sqrt(steps)`` blocks are kept, and the states within a block are computed again when they are
 needed: going back once costs one motion more, and ``3 sqrt(steps)`` states. Blocks grow where there
-are more steps than expected. Binomial schedules (Griewank, Walther, ACM Trans. Math. Softw. 26
-(2000) 19-45) need fewer states, and 2.5 to 3.5 motions.
+are more steps than expected, or where fewer states fit. In a block that does not fit as a whole,
+snapshots are where the binomial schedule of Griewank and Walther (ACM Trans. Math. Softw. 26 (2000)
+19-45) has them: three states suffice for any motion, and steps are computed again several times.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ import tempfile
 import weakref
 from collections.abc import Callable
 from dataclasses import dataclass
+from itertools import takewhile
 from math import ceil, sqrt
 from os import SEEK_END
 from pathlib import Path
@@ -23,6 +25,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
+from flexfem._packages import require
 from flexfem._types import FloatArray
 from flexfem.core.state import State
 from flexfem.gradients.schemes.base import Stored
@@ -31,6 +34,9 @@ __all__ = ["MEMORY", "Records", "Storage"]
 
 #: Largest number of bytes for states on each rank.
 MEMORY = 2e9
+#: Fewest states: a start, both ends of a step, and the state before while they are computed again.
+_FEWEST = 4
+_SCHEDULES = "checkpoint_schedules"
 
 
 @dataclass(frozen=True)
@@ -52,6 +58,7 @@ class Records:
 
     Attributes:
         times: of the states, s.
+        repeated: steps that were taken again.
     """
 
     def __init__(
@@ -67,25 +74,31 @@ class Records:
 
         Raises:
             InputError: the memory does not suffice, or the folder cannot be written.
+            InstallationError: there are no binomial schedules, which few states need.
         """
         self._stored, self._advance = stored, advance
         self._size = stored.comm.allreduce(_bytes(stored.state()), op=MPI.MAX)
         self._memory, self._file = storage.memory, _file(stored.comm, storage.scratch)
         fit = (steps + 1) * self._size <= self._memory or self._file is not None
         self._length = 1 if fit else ceil(sqrt(steps))
-        self._check(steps)
+        self._check()
         self.times: list[float] = []
+        self.repeated = 0
         self._starts: dict[int, State] = {}
         self._kept: set[int] = set()
-        self._near: dict[int, dict[int, State]] = {}
+        self._snapshots: dict[int, State] = {}
+        self._near: dict[int, State] = {}
 
-    def _check(self, steps: int) -> None:
-        """Raise if blocks of these steps need too much."""
-        if self._length > 1 and (least := 3 * self._length * self._size) > self._memory:
+    def _check(self) -> None:
+        """Raise if the fewest states need too much, or a schedule of them is missing."""
+        if self._length > 1 and (least := _FEWEST * self._size) > self._memory:
             raise InputError(
-                f"gradient: the states of {steps} steps need {least / 1e9:.2g} GB of memory on a "
-                f"rank, got {self._memory / 1e9:.2g} GB"
+                f"gradient: {_FEWEST} states of the motion need {least / 1e9:.2g} GB of memory on "
+                f"a rank, got {self._memory / 1e9:.2g} GB"
             )
+        # besides the starts, a third of them, and what is at hand
+        if self._length > 1 and self._length + _FEWEST > self._memory / self._size / 1.5:
+            require(_SCHEDULES)
 
     def add(self, state: State, time: float, *, keep: bool = False) -> None:
         """Add the state after the next step.
@@ -96,7 +109,7 @@ class Records:
             keep: True for one that is not computed again, whatever the memory.
 
         Raises:
-            InputError: the memory does not suffice.
+            InputError, InstallationError: see above.
         """
         step = len(self.times)
         self.times.append(time)
@@ -113,7 +126,7 @@ class Records:
             most if self._length == 1 else most / 3.0
         ):
             self._length *= 2
-            self._check(step)
+            self._check()
             self._starts = {
                 k: one
                 for k, one in self._starts.items()
@@ -129,32 +142,68 @@ class Records:
             self._file.write(last, state)
 
     def load(self, *steps: int) -> None:
-        """Make states available, those of few blocks at a time (collective).
+        """Make the states from the first of some steps to the last available (collective).
 
-        It is at another state after it.
+        The motion is at another state after it.
         """
-        if self._length == 1:
+        first, last = min(steps), max(steps)
+        wanted = range(first, last + 1)
+        if self._length == 1 or not (missing := [k for k in wanted if not self._has(k)]):
             return
-        blocks = {step - step % self._length for step in steps}
-        for block in sorted(blocks - self._near.keys()):
-            for other in self._near.keys() - blocks:
-                del self._near[other]
-            self._stored.restore(self._starts[block])
-            self._near[block] = own = {block: self._starts[block]}
-            for step in range(block + 1, min(block + self._length, len(self.times))):
-                if step in self._kept:
-                    self._stored.restore(self._starts[step])
-                else:
-                    self._advance(step)
-                own[step] = _copied(self._stored.state())
+        # going back, what lies behind is not needed any more; nor, forwards, are blocks before
+        start = max(k for k in self._starts if k <= first)
+        self._near = {k: one for k, one in self._near.items() if k in wanted or k == first - 1}
+        self._snapshots = {k: one for k, one in self._snapshots.items() if start <= k <= last}
+        self._pass(max(k for k in range(start, first + 1) if self._has(k)), missing[-1], first)
+
+    def _pass(self, begin: int, end: int, first: int) -> None:
+        """Take steps again; states from the first on stay at hand, and snapshots on the way."""
+        self._stored.restore(self.state(begin))
+        self._near[begin] = self.state(begin)
+        room = int(self._memory / self._size) - len(self._starts.keys() - self._kept)
+        room -= _FEWEST - 1
+        kept = begin in self._starts or begin in self._snapshots
+        free = max(1, room - len(self._snapshots) + kept)
+        done = begin
+        for stretch in _stretches(end - begin, free):
+            if done not in self._starts and len(self._snapshots) < room:
+                self._snapshots[done] = self._near[done]
+            for step in range(done + 1, done + stretch + 1):
+                self._take(step)
+                if step - 1 < first:  # which the step needed
+                    del self._near[step - 1]
+            done += stretch
+
+    def _take(self, step: int) -> None:
+        """Go on by one step, whose end is at hand then."""
+        if step in self._starts:  # between jumps, whatever the memory
+            self._stored.restore(self._starts[step])
+        else:
+            self._advance(step)
+            self.repeated += 1
+        self._near[step] = _copied(self._stored.state())
+
+    def _has(self, step: int) -> bool:
+        """Whether a state is available."""
+        return step in self._starts or step in self._snapshots or step in self._near
 
     def state(self, step: int) -> State:
         """The state after a step, which is available."""
-        if step in self._starts:
-            return self._starts[step]
-        if self._file is not None:
-            return self._file.read(step)
-        return self._near[step - step % self._length][step]
+        for states in (self._starts, self._snapshots, self._near):
+            if step in states:
+                return states[step]
+        assert self._file is not None
+        return self._file.read(step)
+
+
+def _stretches(steps: int, snapshots: int) -> list[int]:
+    """Numbers of steps after each of which a snapshot is best, on the way back over all of them."""
+    if snapshots >= steps:
+        return [1] * steps
+    library = require(_SCHEDULES)
+    moves = iter(library.MultistageCheckpointSchedule(steps, snapshots, 0))
+    forward = takewhile(lambda move: isinstance(move, library.Forward), moves)
+    return [move.n1 - move.n0 for move in forward]
 
 
 class _StateFile:

@@ -156,6 +156,11 @@ class Motion:
         return self.simulation.policy
 
     @property
+    def steps_repeated(self) -> int:
+        """Number of steps that were taken again, for states that did not fit in the memory."""
+        return self._records.repeated
+
+    @property
     def tangent(self) -> TangentSolver:
         """Solver of the exact matrix."""
         return self.simulation.tangent
@@ -247,6 +252,7 @@ class Motion:
     def _repeat(self, step: int) -> None:
         """Take a step again from the state before it."""
         taken, end = self.grid.step(step), float(self.times[step])
+        self.system.reset()  # what accelerations lack is found there
         recall(self.simulation, self.known[step - 1])
         self.scheme.recall(step)
         status = self.simulation.repeat(taken.scheme, taken.h, end)
@@ -265,7 +271,7 @@ class Motion:
     def go_to(self, step: int) -> None:
         """Return to the accepted state after a step (collective)."""
         self.equations = None
-        self._records.load(step)
+        self._load(step)
         self._set_lead(step, before=False)
         recall(self.simulation, self.known[step])
         self.scheme.stored.restore(self._records.state(step))
@@ -274,7 +280,7 @@ class Motion:
     def go_to_end(self, step: int) -> None:
         """Return to the trial state at the end of a step (collective)."""
         self.equations = None
-        self._records.load(step - 1, step)
+        self._load(step - 1, step)
         if renewal := self.grid.renewal(step):
             self._go_to_renewal(step, renewal)
             return
@@ -282,6 +288,11 @@ class Motion:
         self.go_to(step - 1)
         self._set_lead(step, before=True)
         self.scheme.recover(step)
+
+    def _load(self, *steps: int) -> None:
+        """Make states available, and those that they follow from (collective)."""
+        leads = [self.grid.leads[step] for step in steps if step in self.grid.leads]
+        self._records.load(*steps, *(lead.before for lead in leads))
 
     def _go_to_renewal(self, step: int, renewal: type[Renewal]) -> None:
         """Linearise a part of a renewal at its end."""
