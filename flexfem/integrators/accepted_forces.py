@@ -90,7 +90,7 @@ class AcceptedForces:
         rows.multipliers[:], velocities = rows.forces, face.velocities.copy()
         drives = self.drives()
         self._evaluate()
-        right, gradients = self._out_of_balance(), rows.gradients_of(rigid)
+        right, gradients = self.out_of_balance(), rows.gradients_of(rigid)
         if self._turning:
             self._project(-(rows.rates() + drives.first) * rigid, gradients, right)
         gaps = drives.second + 2.0 * drives.of_rates(rows)
@@ -139,7 +139,7 @@ class AcceptedForces:
         system.interface.update_steps()
         system.interface.velocities += system.interface.steps
 
-    def _out_of_balance(self) -> list[FloatArray]:
+    def out_of_balance(self) -> list[FloatArray]:
         """Residuals (n_owned, width) of blocks, zero if equilibrium is that of the step's end."""
         system, rows = self._system, self._system.constraints
         for part in system.parts:

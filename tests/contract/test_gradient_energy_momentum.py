@@ -15,6 +15,7 @@ import flexfem as ff
 from tests.contract.gradient_examples import NUMBERS, PARTS, body, mechanism
 from tests.contract.test_gradient_contacts import balls, rod
 from tests.contract.test_gradient_events import VALUES, arms
+from tests.contract.test_gradient_forces import loaded
 from tests.contract.test_gradient_memories import ARM, arm
 from tests.contract.test_gradient_steps import switched
 from tests.contract.test_gradients import errors
@@ -75,6 +76,8 @@ MOTIONS = {
     "mechanism": (mechanism, PARTS, ["final:p_x", "mean:own"], steps(2e-3, 5, 0.6), 1e-3),
     "beam": (partial(body, "damped"), NUMBERS, ["final:tip_z", "mean:speed"],
              steps(1e-3, 5, 0.6), 1e-3),
+    "forces": (partial(loaded, partial(body, "damped"), "hinge"), NUMBERS,
+               ["mean:of_hinge_fz", "final:of_hinge_fx"], steps(1e-3, 4, 0.6), 1e-3),
     "solid": (partial(pressed, 1, "displacement"), {"pressure": 300.0, "pull": 20.0},
               ["final:tip_z"], steps(1e-3, 3, 0.6), 1e-3),
     "dilatation": (partial(pressed, 2, "dilatation"), {"pressure": 300.0, "pull": 20.0},
@@ -147,7 +150,7 @@ def test_states_that_are_computed_again():
 
 
 @pytest.mark.three_ranks
-@pytest.mark.parametrize("name", ["beam", "controlled", "rebound", "friction"])
+@pytest.mark.parametrize("name", ["beam", "controlled", "forces", "rebound", "friction"])
 def test_ranks(name):
     """Ghosts or points of other ranks that are left out are wrong in the first digit."""
     build, numbers, of, options, _ = MOTIONS[name]

@@ -128,9 +128,10 @@ def _of_other_steps():
     stop = ff.Event("stop", BOB, lambda t, bob: bob.position[2] + 9.0, ff.ReleaseJoint("hinge"))
     yield "events with the integrator energy_momentum and rho_inf below 1", [stop], {}
     reaction = ff.ReactionProbe("reaction", "hinge", axes="b")
+    plane = ff.RigidPlane(ff.Ground((0.0, 0.0, -9.0)))
     yield (
-        'ReactionProbe "reaction" with the integrator energy_momentum',
-        [reaction],
+        "derivatives of forces of joints with contacts with the integrator energy_momentum",
+        [reaction, ff.Contact("floor", "rod", surfaces=plane, radius=0.01, law="barrier")],
         {"of": "final:reaction_fx"},
     )
 

@@ -17,6 +17,10 @@ derivative of ``f . lambda`` takes two solves with the same matrix, whatever the
 
 where X is the influence of x on the second equations with the factors z and s. What is left are
 the derivatives of all equations, each times its factor, by q, v and w.
+
+Multipliers that are means over steps leave ``R = M w + f(q, v) + G^T lambda_0``, which the second
+equations have besides: ``lambda`` does not depend on ``lambda_0`` then, and on w by the change of
+masses alone.
 """
 
 from __future__ import annotations
@@ -29,9 +33,15 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
+from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import transposed
+from flexfem.gradients.equations.odd_forces import AT_STATE
 from flexfem.gradients.equations.step_tangent import (
+    ACCELERATIONS,
+    POSITIONS,
+    VELOCITIES,
     BlockVectors,
+    StepTangent,
     forces_at_interface,
     forces_on_blocks,
     put_steps,
@@ -108,6 +118,8 @@ class ForceDerivatives:
                 "force elements": rows.has_elements,
                 "controllers": controlled,
                 "redundant constraints": rows.relaxation != 0.0,
+                "contacts with the integrator energy_momentum": rows.mean_forces
+                and bool(system.contacts),
             }
         for name, present in found.items():
             if system.comm.allreduce(present, op=MPI.LOR):
@@ -124,7 +136,7 @@ class ForceDerivatives:
         """
         rows = self._system.constraints
         rigid = self._system.comm.allreduce(bool(rows.rigid.any()), op=MPI.LOR)
-        if self._accepted is None or rows.consistent or not rigid:
+        if self._accepted is None or rows.consistent or not (rigid or rows.mean_forces):
             nothing = [np.zeros_like(part.block.owned_step) for part in self._system.parts]
             return StateSums((nothing, nothing, nothing), factors)
         velocities = self._system.interface.velocities.copy()
@@ -166,7 +178,28 @@ class ForceDerivatives:
             v = v - forces_at_interface(system, one.gradients, k)
         by_v = [a + b for a, b in zip(forces_on_blocks(system, v), slowed, strict=True)]
         motion = forces_on_blocks(system, q), by_v, forces_on_blocks(system, w)
-        return StateSums(motion, np.where(laws, moves, factors))
+        if not rows.mean_forces:
+            return StateSums(motion, np.where(laws, moves, factors))
+        left = self._out_of_balance(z)
+        by_q, by_v, by_w = (
+            [a - b for a, b in zip(*pair, strict=True)] for pair in zip(motion, left, strict=True)
+        )
+        return StateSums((by_q, by_v, by_w), np.zeros(rows.size))
+
+    def _out_of_balance(self, z: BlockVectors) -> tuple[BlockVectors, BlockVectors, BlockVectors]:
+        """Factors z times derivatives of R by twists, velocities and their rates."""
+        system, rows = self._system, self._system.constraints
+        system.interface.update()
+        rows.multipliers[:] = rows.forces
+        tangent, nothing = StepTangent(system), np.zeros(rows.size)
+        tangent.take(AT_STATE)
+        by_q, by_v, by_w = (
+            tangent.apply_transposed(z, nothing, matrix)[0]
+            for matrix in (POSITIONS, VELOCITIES, ACCELERATIONS)
+        )
+        for part, *sums in zip(system.parts, by_q, by_v, by_w, strict=True):
+            _keep_local_rates(part.block, *sums)
+        return by_q, by_v, by_w
 
     def _take(self, accepted: AcceptedForces) -> _Taken:
         """Solve the equations; rows are left evaluated at v' with the reported forces."""
@@ -178,13 +211,14 @@ class ForceDerivatives:
         rigid, gradients = rows.rigid, rows.gradients_of(rows.rigid)
         self._prepare(accepted, gradients)
         x, e = [np.zeros_like(p.block.owned_step) for p in system.parts], np.zeros(rows.size)
-        right = [np.zeros_like(own) for own in x]
+        right = accepted.out_of_balance()
         if self._turning:
             rates = -(rows.rates() + drives.first) * rigid
             moved, e = self._solve(accepted, gradients, None, rates)
             pairs = zip(system.parts, moved, strict=True)
             x = [own if part.elements is None else 0.0 * own for part, own in pairs]
-            right = [-own for own in self._gyroscopic(x, forwards=True)]
+            slowed = self._gyroscopic(x, forwards=True)
+            right = [a - b for a, b in zip(right, slowed, strict=True)]
             put_steps(system, x)
             face.velocities += face.steps
         rows.multipliers[:] = forces
@@ -293,3 +327,25 @@ class ForceDerivatives:
                 matrices = matrices.transpose(0, 2, 1)
             np.add.at(out, at, transposed(matrices, steps[k][at]))
         return found
+
+
+def _keep_local_rates(block: FrameBlock, q: FloatArray, v: FloatArray, w: FloatArray) -> None:
+    """Turn derivatives at fixed rates in inertial axes to those at fixed local ones, in place.
+
+    With local velocities V, ``R^T dv = dV + theta x V`` and ``R^T dw = d(V' + omega x V) + theta x
+    (V' + omega x V)``.
+
+    Args:
+        block: of the nodes, whose rates may be those in inertial axes.
+        q: (n, w) derivatives by local twists; v, w: by rates, in the axes of the nodes.
+        v: see above.
+        w: see above.
+    """
+    if not block.inertial or block.width < 6:
+        return
+    own = np.s_[: block.owned]
+    velocity, omega = block.velocity[own, :3], block.velocity[own, 3:]
+    acceleration = block.acceleration[own, :3] + np.cross(omega, velocity)
+    q[:, 3:] += np.cross(velocity, v[:, :3]) + np.cross(acceleration, w[:, :3])
+    v[:, :3] += np.cross(w[:, :3], omega)
+    v[:, 3:] += np.cross(velocity, w[:, :3])

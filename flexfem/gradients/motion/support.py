@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """What can be differentiated: everything else is refused by name."""
 
-from collections.abc import Iterable, Set
+from collections.abc import Iterable
 
 from flexfem._checks import InputError
 from flexfem.analyses.dynamics import RunOptions
@@ -18,7 +18,7 @@ from flexfem.model.probes.measured import ReactionProbe
 from flexfem.options import meant
 
 __all__ = [
-    "check_columns", "check_contacts", "check_mean_forces", "check_sliding", "check_supported",
+    "check_columns", "check_contacts", "check_sliding", "check_supported",
     "differentiable",
 ]  # fmt: skip
 
@@ -49,21 +49,6 @@ def check_columns(model: Model, names: Iterable[str]) -> None:
             raise InputError(
                 f'gradient: column "{name}" of {type(probe).__name__} "{probe.name}" has no '
                 "derivatives yet"
-            )
-
-
-def check_mean_forces(model: Model, wanted: Set[str]) -> None:
-    """Refuse forces of joints that are means over steps.
-
-    Raises:
-        InputError: there are some among the columns that are wanted.
-    """
-    for probe in model.probes:
-        forces = isinstance(probe, (ReactionProbe, CableProbe))
-        if forces and not wanted.isdisjoint(probe.columns):
-            raise InputError(
-                f"gradient: there are no derivatives of columns of {type(probe).__name__} "
-                f'"{probe.name}" with the integrator energy_momentum yet; leave them out'
             )
 
 

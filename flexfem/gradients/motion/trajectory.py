@@ -26,7 +26,6 @@ from flexfem.gradients.memory.histories import HistoryMemory
 from flexfem.gradients.motion.records import Records, Storage
 from flexfem.gradients.motion.support import (
     check_contacts,
-    check_mean_forces,
     check_supported,
     differentiable,
 )
@@ -115,8 +114,6 @@ class Motion:
         self.measured = [name for one in self.memories.parts for name in one.measured]
         every = differentiable(model) if wanted is None else wanted
         self.wanted = {*every, *self.measured}
-        if not self.alpha:
-            check_mean_forces(model, self.wanted)
         self._run(TimeGrid.of(options.dt, options.t_end), storage)
 
     def _memories(self) -> list[Memory]:
