@@ -173,3 +173,27 @@ def test_smooth_maximum_lies_between_mean_and_maximum():
     least, middle, near, most = MPI.COMM_WORLD.bcast(found)
     # a sum in place of the mean lies above the largest value by log(4)/rho
     assert least < middle < near < most < near + 1.5e-3
+
+
+def falling(gain, height):
+    """A weight whose way below a height counts."""
+    model = ff.Model("weight")
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.RigidBody("bob", 1.0, (0.1, 0.1, 0.1)),
+        ff.Probe(
+            "below", ff.Marker("bob"), ("way",),
+            lambda t, bob: (gain * max(0.0, -height - bob.position[2]),),
+        ),
+    )  # fmt: skip
+    return model
+
+
+@pytest.mark.serial
+def test_functions_that_use_a_number_at_some_states_alone():
+    options = ff.RunOptions(dt=1e-2, t_end=0.2, tolerance=1e-13)
+    of, numbers = "final:way", {"gain": 2.0, "height": 0.1}
+    found = ff.gradient(falling, of, numbers, options)
+    # compared at one state alone, near the start, the functions are those of another gain
+    way = found.value[of] / 2.0
+    assert found.gradient[of] == pytest.approx({"gain": way, "height": -2.0}, rel=1e-8)

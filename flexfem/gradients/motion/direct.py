@@ -11,7 +11,9 @@ larger than those of the motion.
 from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
-from functools import cached_property
+from functools import cached_property, partial
+from inspect import getclosurevars
+from types import FunctionType
 
 import numpy as np
 
@@ -22,6 +24,7 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import moved, start_moves
 from flexfem.gradients.equations.values import copy_state
 from flexfem.gradients.motion.trajectory import Motion
+from flexfem.model.probes.aggregate import AggregateProbe
 from flexfem.model.probes.base import AnyProbe, Probe
 from flexfem.model.probes.cable import CableProbe
 from flexfem.model.probes.measured import EnergyProbe, ReactionProbe
@@ -42,7 +45,8 @@ class DirectEffect:
 
     Attributes:
         present: True if they differ from those of the motion at a fixed state, or may do so:
-            forces of joints depend on masses and drives at any time.
+            forces of joints depend on masses and drives at any time, and functions with other
+            numbers inside may use them at some states alone.
     """
 
     def __init__(
@@ -66,7 +70,7 @@ class DirectEffect:
             [start_moves(a.block, b.block) for a, b in zip(parts, one.system.parts, strict=True)]
             for one in others
         ]
-        self.present = own.forces
+        self.present = own.forces or any(own.computed_otherwise(one) for one in self._others)
         if self.present:
             return
         motion.go_to(0)
@@ -164,6 +168,20 @@ class _Columns:
         }
         self.forces = force_columns(simulation, wanted)
 
+    def computed_otherwise(self, other: _Columns) -> bool:
+        """True if a function of a probe is not that of another model, or has other numbers."""
+        pairs = zip(self._functions(), other._functions(), strict=True)
+        return not all(_alike(first, second) for first, second in pairs)
+
+    def _functions(self) -> list[Callable[..., object]]:
+        """Functions of the probes, in the order of the model."""
+        probes = self.simulation.serial.model.probes
+        return [
+            probe.function
+            for probe in probes
+            if isinstance(probe, (Probe, AggregateProbe)) and probe.name in self._names
+        ]
+
     def values(self, times: Sequence[float] | FloatArray) -> FloatArray:
         """All columns (n, columns) at the present state and some times (collective).
 
@@ -195,6 +213,31 @@ class _Columns:
             if isinstance(sensor, Aggregate):
                 found += [part.values() for part in sensor.nodal]
         return np.concatenate(found)
+
+
+def _alike(first: object, second: object) -> bool:
+    """True if functions, or what is inside them, give the same for the same arguments."""
+    if first is second:
+        return True
+    if type(first) is not type(second):
+        return False
+    if isinstance(first, partial) and isinstance(second, partial):
+        inside = [(one.func, one.args, one.keywords) for one in (first, second)]
+        return _alike(*inside)
+    if isinstance(first, FunctionType) and isinstance(second, FunctionType):
+        inside = [
+            (one.__defaults__, one.__kwdefaults__, *getclosurevars(one).nonlocals.values())
+            for one in (first, second)
+        ]
+        return first.__code__ == second.__code__ and _alike(*inside)
+    if isinstance(first, (tuple, list)) and isinstance(second, (tuple, list)):
+        pairs = zip(first, second, strict=False)
+        return len(first) == len(second) and all(_alike(a, b) for a, b in pairs)
+    if isinstance(first, dict) and isinstance(second, dict):
+        return first.keys() == second.keys() and all(_alike(first[k], second[k]) for k in first)
+    if isinstance(first, np.ndarray) and isinstance(second, np.ndarray):
+        return np.array_equal(first, second)
+    return isinstance(first, (int, float, str)) and first == second
 
 
 def force_columns(simulation: Simulation, wanted: Collection[str]) -> bool:
