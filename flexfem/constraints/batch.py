@@ -553,11 +553,19 @@ class Constraints(NumberedRows):
         change = self.side_changes(twists)
         return self.of_rows(change if sides is None else change * sides)
 
+    def value_changes(self, twists: FloatArray) -> FloatArray:
+        """(r,) change of ``values`` along local twists (n_nodes, 6) at fixed multipliers."""
+        return self.of_rows(self._side_changes(twists, self.step_jacobian))
+
     def side_changes(self, twists: FloatArray) -> FloatArray:
         """(t, 2) change of every term by the motion of each of its sides, see :meth:`changes`."""
+        return self._side_changes(twists, self.force_jacobian)
+
+    def _side_changes(self, twists: FloatArray, gradient: FloatArray) -> FloatArray:
+        """The same with any gradient (t, 2, 6)."""
         self._padded[:-1] = twists
         sides = self._padded.take(self.term_nodes, axis=0)
-        change: FloatArray = np.einsum("tsi,tsi->ts", self.force_jacobian, sides)
+        change: FloatArray = np.einsum("tsi,tsi->ts", gradient, sides)
         return change
 
     def of_rows(self, sides: FloatArray) -> FloatArray:

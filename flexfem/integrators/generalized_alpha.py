@@ -146,8 +146,8 @@ class GeneralizedAlpha(Integrator):
         """
         return TURN_LIMIT * (1.0 - self.rho_inf)
 
-    def _equations(self, h: float) -> Equations:
-        """Return the equations solved at the end of a step of size ``h`` (s)."""
+    def _equations(self, h: float, tolerance: float) -> Equations:
+        """Return the equations solved at the end of a step of size ``h`` (s), to a tolerance."""
         return self._mechanics
 
     @property
@@ -159,7 +159,7 @@ class GeneralizedAlpha(Integrator):
         laws, start, split = step_laws(self.rho_inf, h), system.time, self.split
         if split is not None and not split.begin(h, self.weight, self.unseen):
             return Status.SINGULAR
-        equations = self._equations(h)
+        equations = self._equations(h, policy.tolerance)
         system.set_time(start + h)
         status = Status.DIVERGED
         for restart in predictions(system, partial(predict_step, system, laws, split)):
@@ -192,7 +192,7 @@ class GeneralizedAlpha(Integrator):
             part.block.jump_to_step(laws.accept, constant * h * h)
         shifts = laws.shifts
         END_POINT.multiply_mass(system, shifts.acceleration * shifts.scale)
-        if not policy.again(np.zeros(system.constraints.size)):
+        if not policy.again(np.zeros(system.constraints.size))[0]:
             return inf
         return system.largest_step()
 

@@ -8,23 +8,27 @@ the end of every step, since positions have an additional increment ``p`` beside
 one. Multipliers are of second order from the first step on in every group, where index 3 shows
 first order at first on R^3 x SO(3).
 
-The increment is ``p = A^-1 G^T mu`` with the iteration matrix ``A``, which is close to the mass
-matrix for rigid bodies and gives smooth corrections of flexible ones. A Newton iteration solves
-twice with one matrix: for the dynamics with the rates of the rows, divided by ``dv/dn`` so that
-their derivatives are G as the step shrinks; then for ``p`` with the residuals of the rows. ``p`` is
-of third order in the step; different matrices (``frozen``, ``updated``) change it by a part of
-that.
+The increment satisfies ``A p + G^T mu = 0`` with the exact derivatives ``A`` of the equations by
+increments at the end of the step: it changes the forces of all bodies by forces of joints alone.
+For rigid bodies ``A`` is close to the mass matrix; of flexible ones that alone would move single
+nodes against the elements around them, and disturb accelerations by ``p/h^2``. ``p`` is of third
+order in the step, and a part of the solution like all others, whatever matrices have been computed.
+A Newton iteration solves twice with one matrix: for the dynamics with the rates of the rows,
+divided by ``dv/dn`` so that their derivatives are G as the step shrinks; then for the change of
+``p`` with the residuals of its equation and of the rows.
 """
 
 from dataclasses import dataclass, replace
+
+from mpi4py import MPI
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.differences import STENCIL
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
-from flexfem.solvers.newton.iteration import Equations, SolveAgain
-from flexfem.system.mechanics import END_POINT, Correction, EndPoint
+from flexfem.solvers.newton.iteration import Equations
+from flexfem.system.mechanics import END_POINT, Correction, EndPoint, SolveAgain
 from flexfem.system.system import Shifts, System
 
 __all__ = ["StabilizedIndex2"]
@@ -37,23 +41,34 @@ _SPAN = 1.0 / 16.0
 class StabilizedIndex2(GeneralizedAlpha):
     """Coefficients of the scheme, those of generalized-alpha."""
 
-    def _equations(self, h: float) -> Equations:
-        return _PositionsAndRates(_SPAN * h, self._mechanics)
+    def _equations(self, h: float, tolerance: float) -> Equations:
+        return _PositionsAndRates(_SPAN * h, self._mechanics, tolerance)
 
 
 class _PositionsAndRates:
     """Equations of motion, and constraints on positions and velocities."""
 
-    def __init__(self, span: float, mechanics: EndPoint) -> None:
-        """Store the equations of motion, and ``span`` (s), over which drives are differentiated."""
-        self._span, self._mechanics = span, mechanics
+    def __init__(self, span: float, mechanics: EndPoint, tolerance: float) -> None:
+        """Store the equations of motion.
+
+        Args:
+            span: time over which drives are differentiated, s.
+            mechanics: the equations of motion.
+            tolerance: p up to this, m or rad, is not corrected for errors of the matrix.
+        """
+        self._span, self._mechanics, self._tolerance = span, mechanics, tolerance
+        self._shifts: Shifts | None = None
         self._gaps: FloatArray = np.zeros(0)
+        self._multipliers: FloatArray = np.zeros(0)
+        # largest entries of all changes of p in this step, summed up
+        self._way = 0.0
 
     def evaluate(self, system: System, shifts: Shifts) -> None:
         """See :class:`Equations`."""
         self._mechanics.evaluate(system, shifts)
         by_time = self._by_time(system, shifts)
         self._gaps = system.constraints.use_rates(shifts.velocity, by_time)
+        self._shifts = shifts
 
     def _by_time(self, system: System, shifts: Shifts) -> FloatArray:
         """Rates of all rows (r,) at fixed positions."""
@@ -75,8 +90,36 @@ class _PositionsAndRates:
         system.interface.update_steps()
         rows = system.constraints
         gaps = self._gaps - rows.rigid * rows.changes(system.interface.steps)
+        success, change = again(gaps + self._put_defects(system))
+        self._multipliers = self._multipliers - change
+        shift = system.shift(-1.0)
+        self._way += shift
+        largest = float(np.max([moved.largest, shift]))
+        return Correction(success, replace(moved, largest=largest))
+
+    def _put_defects(self, system: System) -> FloatArray:
+        """Set the residuals to those of the equation of p (collective).
+
+        Returns:
+            Those of the rows of force laws, which change along p as well (r,).
+        """
+        rows = system.constraints
         for part in system.parts:
             part.block.residual[:] = 0.0
-        success = again(gaps)
-        largest = float(np.max([moved.largest, system.shift(-1.0)]))
-        return Correction(success, replace(moved, largest=largest))
+        if not any(part.block.shifted for part in system.parts):
+            self._way, self._multipliers = 0.0, np.zeros(rows.size)
+        if not system.comm.allreduce(self._way, op=MPI.MAX) > self._tolerance:
+            return np.zeros(rows.size)
+        assert self._shifts is not None
+        for part in system.parts:
+            part.block.put_shifts()
+        for contacts in system.contacts:
+            if not contacts.evaluated:
+                contacts.evaluate()
+        hessians = self._mechanics.hessians(system, rows.multipliers)
+        self._mechanics.subtract_tangent(system, self._shifts, hessians)
+        for part in system.parts:
+            np.negative(part.block.residual, out=part.block.residual)
+        system.add_constraint_forces(self._multipliers)
+        changes = rows.value_changes(system.interface.steps) - rows.yielding(self._multipliers)
+        return np.where(rows.rigid, 0.0, changes)

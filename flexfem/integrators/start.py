@@ -150,7 +150,7 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
         for part, first, last in zip(system.parts, given, found, strict=True):
             part.block.owned_step[:] = first - last
         END_POINT.multiply_mass(system, 1.0)
-        if not tangent.again(values):
+        if not tangent.again(values)[0]:
             return False
         found = [last + step for last, step in zip(found, _steps(system), strict=True)]
     for part, last in zip(system.parts, found, strict=True):

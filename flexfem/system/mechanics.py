@@ -19,10 +19,15 @@ from flexfem.layout.tangent_request import Strains, TangentRequest
 from flexfem.system.moving_apart import Moved, move_apart
 from flexfem.system.system import MASS, BlockPart, PartStrains, Shifts, System
 
-__all__ = ["END_POINT", "VISCOUS", "Correction", "EndPoint", "KeptAction", "Mechanics"]
+__all__ = [
+    "END_POINT", "VISCOUS", "Correction", "EndPoint", "KeptAction", "Mechanics", "SolveAgain",
+]  # fmt: skip
 
 #: Adds a factor times a kept matrix of a part times its steps to its residual; False without one.
 KeptAction = Callable[[BlockPart, float], bool]
+#: Solves for the steps of blocks (stored there) and multipliers (returned, with success) with the
+#: matrix of the last iteration, given the blocks' residuals (stored there) and values of rows (r,).
+SolveAgain = Callable[[FloatArray], tuple[bool, FloatArray]]
 
 
 @dataclass(frozen=True)
@@ -54,7 +59,7 @@ class Mechanics(ABC):
             strains: strains of each part whose stresses are used; None for the present ones.
         """
 
-    def correct(self, system: System, again: Callable[[FloatArray], bool] | None) -> Correction:
+    def correct(self, system: System, again: SolveAgain | None) -> Correction:
         """Subtract the blocks' steps (collective)."""
         return Correction(True, Moved(self.move(system, -1.0)))
 
@@ -181,7 +186,7 @@ class EndPoint(Mechanics):
         """Equations and gradients of all rows at the interface's state."""
         system.constraints.evaluate(shifts.dynamics)
 
-    def correct(self, system: System, again: Callable[[FloatArray], bool] | None) -> Correction:
+    def correct(self, system: System, again: SolveAgain | None) -> Correction:
         """See :class:`Mechanics`."""
         if not system.contacts:
             return Correction(True, Moved(self.move(system, -1.0)))

@@ -17,6 +17,7 @@ from flexfem.core.nodes.frame_kernels import (
     orthonormalise,
     predict,
     shift,
+    shifts,
     slow,
     to_inertial,
 )
@@ -53,6 +54,7 @@ class FrameBlock:
         start_frames: (n, 12) frames at t = 0.
         residual, step: (n, 6) right-hand side and Newton step; views into vectors with ghosts. Of
             nodes with three unknowns the last three components have no meaning.
+        shifted: True if :meth:`shift` has moved nodes in this step, on any rank.
         nodes: these arrays and those of the integrator, as compiled loops take them.
         node_ids: (n,) index of each node in the model's input order.
         offset: first global node of this rank.
@@ -103,6 +105,7 @@ class FrameBlock:
         self._velocity_base, self._acceleration_base = np.zeros((count, 6)), np.zeros((count, 6))
         # part of the increments that is not integrated from rates, see shift()
         self._offset: FloatArray | None = None
+        self.shifted = False
         self._rates = np.zeros(2)
         self._residual, self._step = la.vector(index_map, 6), la.vector(index_map, 6)
         self.residual: FloatArray = self._residual.array.reshape(-1, 6)
@@ -166,6 +169,7 @@ class FrameBlock:
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step; see ``frame_kernels.predict``."""
         self._rates[:] = rates
+        self.shifted = False
         if self._offset is not None:
             self._offset[:] = 0.0
         predict(self.nodes.memory, law)
@@ -191,8 +195,17 @@ class FrameBlock:
         """
         self.spread_step()
         self._have_offset()
+        self.shifted = True
         largest: float = shift(self.nodes.memory, sign)
         return largest
+
+    def put_shifts(self) -> None:
+        """Write all motions by :meth:`shift` in this step to the steps, as local twists.
+
+        They are those at the trial state, whatever it was when the nodes were moved.
+        """
+        self._have_offset()
+        shifts(self.nodes.memory)
 
     def _have_offset(self) -> None:
         if self._offset is None:

@@ -8,7 +8,12 @@ from flexfem.core.nodes.prediction import Misses
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 from flexfem.kernels.records import Float1D, Float2D, Int1D, Memory, Record, unpack
 from flexfem.lie import so3
-from flexfem.lie.se3 import inverse_tangent_apply, inverse_tangent_into, retract_into
+from flexfem.lie.se3 import (
+    inverse_tangent_apply,
+    inverse_tangent_into,
+    retract_into,
+    tangent_apply,
+)
 
 __all__ = [
     "Nodes",
@@ -18,6 +23,7 @@ __all__ = [
     "orthonormalise",
     "predict",
     "shift",
+    "shifts",
     "slow",
     "step_changes",
     "step_rates",
@@ -283,6 +289,23 @@ def shift(memory: Memory, sign: float) -> float:
         largest = _larger(largest, step[i])
         _configure(nodes, T, i)
     return largest
+
+
+@kernel
+def shifts(memory: Memory) -> None:
+    """Write the offsets, as local twists at the trial state, to the steps."""
+    nodes, T = unpack(Nodes, memory), np.empty(9)
+    for i in range(nodes.step.shape[0]):
+        n, offset, step, H = nodes.increment[i], nodes.offset[i], nodes.step[i], nodes.frames[i]
+        if not nodes.inertial:
+            tangent_apply(n, offset, step)
+            continue
+        so3.tangent_into(n[3:], T)
+        for k in range(3):
+            step[k], step[3 + k] = 0.0, 0.0
+            for m in range(3):
+                step[k] += H[3 + 3 * m + k] * offset[m]
+                step[3 + k] += T[3 * k + m] * offset[3 + m]
 
 
 @inlined

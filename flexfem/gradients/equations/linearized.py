@@ -8,27 +8,24 @@ same contraction, so that backwards no factorisation is needed where none was fo
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from functools import partial
 from typing import Protocol
 
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.gradients.equations.iterations import Operator, iterated
 from flexfem.gradients.equations.step_tangent import STEP, BlockVectors, joined
 from flexfem.gradients.equations.unilateral import Unilateral
 from flexfem.solvers.frozen.policy import FrozenPolicy
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.frozen.transposed import TransposedSolver
 from flexfem.solvers.frozen.vectors import StepVectors
-from flexfem.solvers.linear.gmres import minimal_residual
 from flexfem.solvers.newton.policy import Policy
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import Shifts, System
 
 __all__ = ["Derivatives", "LinearizedStep", "UnsolvedError"]
-
-#: Applications of the operator before GMRES begins again, and how often it does.
-_MOST, _ROUNDS = 40, 5
-
 
 #: Newton step at a recovered solution, m or rad, up to which it is one.
 _MISSED = 1e-6
@@ -166,17 +163,12 @@ class LinearizedStep:
         tangent, given = self.tangent, blocks
         if transposed:
             blocks = tangent.turned_transposed([own.copy() for own in given])
-        right = blocks, rows, accuracy or self._accuracy
-        found = self._iterate(right, guess, transposed=transposed)
-        if found is None:
-            shifts = self._frozen.shifts
-            assert shifts is not None
-            self.factor(shifts)
-            self._prepare(shifts)
-            found = self._iterate(right, None, transposed=transposed)
-        if found is None:
-            raise UnsolvedError("gradient: the linearised equations of a step could not be solved")
-        solution, missed = found
+        operator = Operator(
+            self._action(transposed=transposed),
+            partial(self.preconditioned, transposed=transposed), self.products,
+        )  # fmt: skip
+        solution, left = self.solved(operator, joined(blocks, rows), guess, accuracy)
+        missed = self.parts(left)[0]
         if not transposed:
             return joined(tangent.turned(self.parts(solution)[0]), self.parts(solution)[1]), missed
         if tangent.turning:
@@ -184,48 +176,40 @@ class LinearizedStep:
             missed = [a - b for a, b in zip(given, forces, strict=True)]
         return solution, missed
 
-    def _iterate(
-        self, right: tuple[BlockVectors, FloatArray, float], guess: FloatArray | None, *,
-        transposed: bool,
-    ) -> tuple[FloatArray, BlockVectors] | None:  # fmt: skip
-        """The same with the present factors; None without success."""
-        blocks, rows, accuracy = right
-        vectors, act = self._vectors, self._action(transposed=transposed)
-        left = joined(blocks, rows)
-        first = self._preconditioned(left, transposed=transposed)
-        (square,) = vectors.squares(first)
-        solution = first if guess is None or self._frozen.exact else guess
-        goal = accuracy * np.sqrt(square)
-        left = left - act(solution)
-        for _ in range(_ROUNDS):
-            missed = self._preconditioned(left, transposed=transposed)
-            (square,) = vectors.squares(missed)
-            size = float(np.sqrt(square))
-            if not np.isfinite(size):
-                return None
-            if size <= goal:
-                # the norm is that of the blocks: what is missed along the rows may be large
-                return solution + missed, self.parts(left - act(missed))[0]
-            more, image = self._improvement(act, missed, (size, goal), transposed=transposed)
-            solution, left = solution + more, left - image
-        return None
-
-    def _improvement(
-        self, act: Callable[[FloatArray], FloatArray], missed: FloatArray,
-        sizes: tuple[float, float], *, transposed: bool,
+    def solved(
+        self, operator: Operator, right: FloatArray, guess: FloatArray | None,
+        accuracy: float | None,
     ) -> tuple[FloatArray, FloatArray]:  # fmt: skip
-        """What to add to a solution that misses a vector of some size by GMRES, and its image."""
-        basis: list[FloatArray] = []
-        images: list[FloatArray] = []
+        """Solve equations that are preconditioned by the frozen operator (collective).
 
-        def apply(vector: FloatArray) -> FloatArray:
-            basis.append(vector)
-            images.append(act(vector))
-            return self._preconditioned(images[-1], transposed=transposed)
+        Args:
+            operator: of the equations.
+            right: their right-hand sides.
+            guess: a vector to begin with.
+            accuracy: see :meth:`solve`.
 
-        products = self._vectors.products
-        more, _ = minimal_residual(apply, missed, sizes[0], products, sizes[1], _MOST)
-        return more, products(np.array(basis), more) @ np.array(images)
+        Returns:
+            The solution and what it misses of the right-hand sides.
+
+        Raises:
+            UnsolvedError: see :meth:`solve`.
+        """
+        accuracy = accuracy or self._accuracy
+        found = iterated(operator, right, accuracy, None if self._frozen.exact else guess)
+        if found is None:
+            shifts = self._frozen.shifts
+            assert shifts is not None
+            self.factor(shifts)
+            self._prepare(shifts)
+            found = iterated(operator, right, accuracy, None)
+        if found is None:
+            raise UnsolvedError("gradient: the linearised equations of a step could not be solved")
+        return found
+
+    @property
+    def products(self) -> Callable[[FloatArray, FloatArray], FloatArray]:
+        """Inner products of vectors, see :class:`Operator`."""
+        return self._vectors.products
 
     def _action(self, *, transposed: bool) -> Callable[[FloatArray], FloatArray]:
         """The operator on vectors, counted."""
@@ -242,7 +226,7 @@ class LinearizedStep:
 
         return counted
 
-    def _preconditioned(self, vector: FloatArray, *, transposed: bool) -> FloatArray:
+    def preconditioned(self, vector: FloatArray, *, transposed: bool) -> FloatArray:
         """Solve with the frozen operator, forwards or transposed."""
         blocks, rows = self.parts(vector)
         for part, values in zip(self._system.parts, blocks, strict=True):
@@ -250,8 +234,8 @@ class LinearizedStep:
             part.block.owned_residual[:] = values
         if transposed:
             return self._vectors.collect(-self._transposed.solve(rows))
-        self._frozen.again(rows)
-        return self._vectors.collect(self._frozen.correction)
+        _, multipliers = self._frozen.again(rows)
+        return self._vectors.collect(-multipliers)
 
     def parts(self, vector: FloatArray) -> tuple[BlockVectors, FloatArray]:
         """Views of the parts of a vector: those of blocks, and that of the rows (r,)."""

@@ -293,10 +293,10 @@ class ForceDerivatives:
                 part.block.owned_residual[:] = blocks[k]
         own = rows.step_jacobian.copy()
         rows.step_jacobian[:] = gradients
-        accepted.masses.again(values)
+        _, multipliers = accepted.masses.again(values)
         rows.step_jacobian[:] = own
         steps = [part.block.owned_step.copy() for part in system.parts]
-        return steps, -accepted.masses.correction
+        return steps, multipliers
 
     def _turned(self, factors: FloatArray, steps: FloatArray) -> FloatArray:
         """Derivatives (n, 6) of ``factors . G steps`` by the interface nodes with fixed steps."""

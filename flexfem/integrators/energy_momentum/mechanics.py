@@ -33,7 +33,7 @@ from flexfem.layout.elements import StepForces, SteppedElements
 from flexfem.layout.node_loads import NodeForces
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.lie import se3
-from flexfem.system.mechanics import Correction, Mechanics
+from flexfem.system.mechanics import Correction, Mechanics, SolveAgain
 from flexfem.system.moving_apart import move_apart, predict_apart
 from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
@@ -429,7 +429,7 @@ class StepMechanics(Mechanics):
         self._rows.evaluate()
         system.add_constraint_forces(system.constraints.multipliers)
 
-    def correct(self, system: System, again: Callable[[FloatArray], bool] | None) -> Correction:
+    def correct(self, system: System, again: SolveAgain | None) -> Correction:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
         return Correction(True, move_apart(system, lambda: self.move(system, -1.0)))
 

@@ -135,8 +135,8 @@ class Impulse:
             return multipliers
         for _ in range(_SWEEPS):
             before = [part.block.owned_step.copy() for part in system.parts]
-            kept.again(self._defects(right, multipliers))
-            multipliers = multipliers + kept.correction
+            _, change = kept.again(self._defects(right, multipliers))
+            multipliers = multipliers - change
             correction = system.largest_step()
             for part, steps in zip(system.parts, before, strict=True):
                 part.block.owned_step[:] += steps

@@ -15,11 +15,10 @@ from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.newton.iteration import (
     Equations,
     NewtonOptions,
-    SolveAgain,
     iterate,
 )
 from flexfem.solvers.newton.policy import UpdatedPolicy
-from flexfem.system.mechanics import END_POINT, Mechanics
+from flexfem.system.mechanics import END_POINT, Mechanics, SolveAgain
 from flexfem.system.system import PartStrains, Shifts, System
 
 __all__ = ["AutoPolicy", "FrozenPolicy"]
@@ -195,7 +194,7 @@ class FrozenPolicy:
         self._again = self._fallback.again
         return self._fallback.solve(shifts, restart, equations)
 
-    def again(self, values: FloatArray) -> bool:
+    def again(self, values: FloatArray) -> tuple[bool, FloatArray]:
         """See :class:`Policy`."""
         return self._again(values)
 

@@ -86,7 +86,6 @@ class FrozenSolver:
         shifts: factors of the scheme of the factors in use, None before the first factorisation.
         keepable: True if factors of the multipliers' system may serve several iterations.
         rigid, bodies: rigid bodies, and all of them.
-        correction: (r,) of the multipliers, of the last solve.
         secants: acceleration of the iteration of a step.
     """
 
@@ -109,7 +108,7 @@ class FrozenSolver:
         ]
         # right-hand side, residual, and local node of each interface node, of every part
         self._loads = [(g.own.right, g.part.block.residual, g.part.interface_nodes) for g in groups]
-        self._nothing = self.correction = np.zeros(0)
+        self._nothing = np.zeros(0)
         self.bodies: list[RigidBodies | FlexibleBodies] = [*self.rigid, *self._flexible]
         self._vectors = StepVectors(system)
         self._refinement = Refinement(system, mechanics, self._vectors)
@@ -345,14 +344,13 @@ class FrozenSolver:
             bodies_at_rest.group.part.block.step[:] = 0.0
         return True, -correction
 
-    def again(self, values: FloatArray) -> bool:
-        """Blocks' steps for their residuals and given row values (r,), after :meth:`step`."""
+    def again(self, values: FloatArray) -> tuple[bool, FloatArray]:
+        """Steps as of :meth:`step` for the blocks' residuals and given row values (r,)."""
         for contacts in self.system.contacts:
             if self._stiff.active and not contacts.evaluated and self.shifts is not None:
                 contacts.evaluate()  # other pairs are near since
                 self._stiff.take(contacts.rows(), self.shifts, self._compliances)
-        self.correction = self._with_springs(self._solve(values))
-        return True
+        return True, -self._with_springs(self._solve(values))
 
     def prepare(self, shifts: Shifts) -> bool:
         """Invert the rigid bodies, assemble and factorise the multipliers' system (collective).

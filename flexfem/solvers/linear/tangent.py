@@ -296,9 +296,10 @@ class TangentSolver:
         success = self.solve(blocks, self.system.constraints.values)
         return success, self.multiplier_step
 
-    def again(self, values: FloatArray) -> bool:
-        """Blocks' steps for their residuals and given row values (r,), with the last factors."""
-        return self.solve([p.block.owned_residual for p in self.system.parts], values)
+    def again(self, values: FloatArray) -> tuple[bool, FloatArray]:
+        """Steps as of :meth:`step` for given row values (r,), with the last factors."""
+        success = self.solve([p.block.owned_residual for p in self.system.parts], values)
+        return success, self.multiplier_step
 
 
 def with_contacts(

@@ -13,7 +13,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
 from flexfem.solvers.linear.schur_kernels import largest_entry
-from flexfem.system.mechanics import END_POINT, Correction
+from flexfem.system.mechanics import END_POINT, Correction, SolveAgain
 from flexfem.system.moving_apart import Moved
 from flexfem.system.system import PartStrains, Shifts, System
 
@@ -22,7 +22,6 @@ __all__ = [
     "LinearStep",
     "NewtonOptions",
     "Observer",
-    "SolveAgain",
     "iterate",
 ]
 
@@ -32,8 +31,6 @@ LinearStep = Callable[[Shifts, PartStrains], tuple[bool, FloatArray]]
 #: Called after an iteration with its number, its size and that of its motion alone, m or rad, its
 #: contraction, the part of it that has been taken, and the strains of the next.
 Observer = Callable[[int, float, float, float, float, PartStrains], None]
-#: Solves with the matrix of the last step, given the blocks' residuals (stored there) and rows.
-SolveAgain = Callable[[FloatArray], bool]
 
 #: Steps growing by more than this beyond both before them mean divergence: one may be small because
 #: it was not solved for accurately.

@@ -40,8 +40,8 @@ class Policy(Protocol):
         """
         ...
 
-    def again(self, values: FloatArray) -> bool:
-        """Blocks' steps for their residuals and row values (r,), with the matrix used last."""
+    def again(self, values: FloatArray) -> tuple[bool, FloatArray]:
+        """Solve with the matrix used last, see ``SolveAgain``."""
         ...
 
     def state(self) -> State:
@@ -85,7 +85,7 @@ class UpdatedPolicy:
     def _fresh_step(self, shifts: Shifts, strains: PartStrains) -> tuple[bool, FloatArray]:
         return self._tangent.step(shifts, strains, self._mechanics)
 
-    def again(self, values: FloatArray) -> bool:
+    def again(self, values: FloatArray) -> tuple[bool, FloatArray]:
         """See :class:`Policy`."""
         return self._tangent.again(values)
 
