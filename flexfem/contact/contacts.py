@@ -38,10 +38,12 @@ class Contacts:
     Attributes:
         groups: the contacts in the order of the model.
         carriers: of their points; frames: of rigid surfaces of simple shapes.
-        time: time of the trial state, s.
+        time, accepted: times of the trial state and of the accepted one, s.
         stiffness: force per penetration and area of each, N/m^3; zero, where it is not given, until
             the first step.
         kinds: kinds of the blocks on which contacts act, ascending.
+        points: positions of all points at the last evaluation, (n, 3), m.
+        lagging: True if friction or damping act on contacts of the accepted state.
         evaluated: True if the forces are those of the trial state.
         cut: True if the last correction was not taken as a whole.
         rubs: False: matrices have what there is of friction.
@@ -70,14 +72,16 @@ class Contacts:
         self._ranks = _triangle_ranks(points, self.carriers.home, element_ranks)
         moving = self.frames.kind[self.frames.moving].tolist()
         self.kinds = sorted({*carrying, *moving})
-        self._points, self._forces = points.start.copy(), np.zeros((count, 3))
+        self.points, self._forces = points.start.copy(), np.zeros((count, 3))
         self._steps = np.zeros((count, 3))
         self._rows = NormalRows(self.carriers, self.frames)
         own = self.carriers.home == comm.rank
         self.groups = [ContactGroup.of(one, own) for one in described]
-        given = [group.surfaces.contact.stiffness or 0.0 for group in self.groups]
+        every = [group.surfaces.contact for group in self.groups]
+        self.lagging = any(one.friction > 0.0 or one.damping > 0.0 for one in every)
+        given = [one.stiffness or 0.0 for one in every]
         self.set_stiffness(np.array(given))
-        self.time = self._accepted = 0.0
+        self.time = self.accepted = 0.0
         self.evaluated = self.cut = False
         self._entries: tuple[float, dict[tuple[int, int], Triplets]] | None = None
         self.update()
@@ -125,14 +129,14 @@ class Contacts:
 
     def update(self) -> None:
         """Update the neighbour lists for the accepted positions (collective)."""
-        self.carriers.place(self._points, ghosts=True)
+        self.carriers.place(self.points, ghosts=True)
         self.frames.update()
         passes = self.triangles()
-        moved = [made.moved(self._points) for made, _ in passes]
+        moved = [made.moved(self.points) for made, _ in passes]
         if self._comm.allreduce(any(moved), op=MPI.LOR):
             self._search()
         for made, _ in passes:
-            made.settle(self._points)
+            made.settle(self.points)
         self.evaluated = False
 
     def _search(self) -> None:
@@ -146,19 +150,19 @@ class Contacts:
                 for (made, _), c in zip(passes, chosen, strict=True)
             ]
             self.carriers.ask(np.unique(np.concatenate(wanted)))
-            self.carriers.bring(self._points)
+            self.carriers.bring(self.points)
         for (made, _), triangles in zip(passes, chosen, strict=True):
-            made.search(self._points, triangles)
+            made.search(self.points, triangles)
 
     def _nearby(self, made: TriangleContact, one: ContactPass) -> IntArray:
         """Master triangles near the slaves of this rank, ascending (collective)."""
         mine = one.chosen[self._ranks[one.chosen] == self._comm.rank]
         triangles, thickness = made.masters.triangles[mine], made.masters.thickness[mine]
         low, high = np.empty((len(mine), 3)), np.empty((len(mine), 3))
-        triangle_boxes(self._points, triangles, thickness + made.skin, low, high)
+        triangle_boxes(self.points, triangles, thickness + made.skin, low, high)
         box = np.array([[np.inf] * 3, [-np.inf] * 3])
         if len(made.slaves.nodes):
-            at, reach = self._points[made.slaves.nodes], made.slaves.offsets[:, np.newaxis]
+            at, reach = self.points[made.slaves.nodes], made.slaves.offsets[:, np.newaxis]
             box[:] = (at - reach).min(0), (at + reach).max(0)
         boxes = np.empty((self._comm.size, 2, 3))
         self._comm.Allgather(box, boxes)
@@ -167,13 +171,13 @@ class Contacts:
 
     def evaluate(self) -> None:
         """Find the contacts at the trial state (collective)."""
-        self.carriers.place(self._points)
+        self.carriers.place(self.points)
         self.frames.update()
-        h = self.time - self._accepted
+        h = self.time - self.accepted
         for made, _ in self.triangles():
-            made.evaluate(self._points, h)
+            made.evaluate(self.points, h)
         for _, rigid, number in self.rigid():
-            rigid.evaluate(self._points, self.frames.frames[number], h)
+            rigid.evaluate(self.points, self.frames.frames[number], h)
         self.evaluated, self._entries = True, None
 
     def refresh(self) -> None:
@@ -183,12 +187,12 @@ class Contacts:
 
     def accept(self) -> None:
         """End a step (collective)."""
-        if any(g.surfaces.contact.friction or g.surfaces.contact.damping for g in self.groups):
+        if self.lagging:
             self.evaluate()
             for group in self.groups:
                 for made in group.every:
-                    made.accept(self._points)
-        self._accepted = self.time
+                    made.accept(self.points)
+        self.accepted = self.time
         self.update()
 
     def collect(self, scale: float) -> None:
@@ -260,17 +264,17 @@ class Contacts:
         Those are slaves within the skin of a rigid surface, or with candidates (collective). For
         rotations it is that of the arms, N m.
         """
-        self.carriers.place(self._points)
+        self.carriers.place(self.points)
         self.frames.update()
         return stiffness_nearby(
-            self.groups, self._points, self.carriers, self.frames, kind
+            self.groups, self.points, self.carriers, self.frames, kind
         )  # fmt: skip
 
     def numberings(self) -> dict[str, Numbering]:
         """Numberings of the rows of :meth:`state`."""
         here = self.carriers.here
         owned = np.ones(len(here), dtype=np.bool_)
-        return {"contacts": Numbering(here, owned, len(self._points))}
+        return {"contacts": Numbering(here, owned, len(self.points))}
 
     def state(self) -> State:
         """Stiffness, and the history of the points here (collective)."""
@@ -279,7 +283,7 @@ class Contacts:
         rows: dict[str, FloatArray] = {}
         for name, made, _ in self._named():
             if isinstance(made, TriangleContact):
-                memory = made.memory(self._points)
+                memory = made.memory(self.points)
             else:
                 memory = made.memory()
             rows[name] = np.zeros((len(self.carriers.here), memory.shape[1]))
@@ -289,7 +293,7 @@ class Contacts:
     def doubts(self, state: State) -> str:
         """Return this rank's objection to its rows; empty if there is none."""
         found = (
-            made.doubts(state.rows["contacts"][name][self._at(made)], len(self._points))
+            made.doubts(state.rows["contacts"][name][self._at(made)], len(self.points))
             for name, made, _ in self._named()
             if isinstance(made, TriangleContact)
         )
@@ -299,13 +303,13 @@ class Contacts:
         """Restore the return value of :meth:`state`, after the blocks have (collective)."""
         self.set_stiffness(state.values["contact_stiffness"].copy())
         self.update()
-        self._accepted = self.time
+        self.accepted = self.time
         for name, made, number in self._named():
             memory = state.rows["contacts"][name][self._at(made)]
             if isinstance(made, TriangleContact):
-                made.recall(self._points, memory)
+                made.recall(self.points, memory)
             else:
-                made.recall(self._points, self.frames.frames[number], memory)
+                made.recall(self.points, self.frames.frames[number], memory)
 
     def _named(self) -> Iterator[tuple[str, TriangleContact | RigidContact, int]]:
         """All contacts with unique names, and the numbers of rigid surfaces."""

@@ -42,14 +42,30 @@ SPEED = ff.Probe(
             falling(law="barrier", friction=0.3),
         ),
         (
-            'Contact "landing": friction of a penalty has no',
+            "there are no derivatives of impulses with friction or damping of penalties yet",
             "p_z",
-            falling(law="penalty", friction=0.3),
+            falling(
+                ff.RigidBody("bob", 1.0, (1.0, 1.0, 1.0)),
+                ff.LimitStop(
+                    "end", ff.Ground(), ff.Marker("bob"), axis=(1, 0, 0), upper=9.0, stiffness=10.0
+                ),
+                law="penalty",
+                friction=0.3,
+            ),
         ),
         (
-            'Contact "landing": damping of a penalty has no',
+            "which has no derivatives with damping of contacts by the penalty yet",
             "p_z",
-            falling(law="penalty", damping=1e-3),
+            falling(
+                ff.Event(
+                    "late",
+                    ff.Marker("sheet", "sheet_bottom_left"),
+                    lambda t, s: t - 1e-3,
+                    ff.Stop(),
+                ),
+                law="penalty",
+                damping=1e-3,
+            ),
         ),
         (
             "there are no derivatives of impulses with damping of modes yet",

@@ -59,7 +59,12 @@ class ClosedContacts:
         pushes: Normal forces, shape (c,), newtons.
         pulls: Tangential forces on the residual of the slave, shape (c, 3), newtons.
         stiffness: Normal stiffness, shape (c,), N/m.
+        numbers: Coefficient of friction, and over the normal stiffness the tangential one and the
+            damping divided by the step, shape (3,).
+        slips: Relative displacements at the trial state, shape (c, 3), m.
         forces, tangents: At the trial state, shapes (c, 3) and (c, 3, 3).
+        origins: Number of the contact of the step before that gave each its tangential force, -1
+            for none, shape (c,).
         lost: Energy dissipated in all accepted steps, J.
     """
 
@@ -72,14 +77,17 @@ class ClosedContacts:
     lost: float = 0.0
     forces: FloatArray = field(init=False)
     tangents: FloatArray = field(init=False)
-    _slips: FloatArray = field(init=False)
+    origins: IntArray = field(init=False)
+    slips: FloatArray = field(init=False)
+    numbers: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         """Allocate forces and tangents."""
         count = len(self.slaves)
         self.forces, self.tangents = np.zeros((count, 3)), np.zeros((count, 3, 3))
-        self._slips = np.zeros((count, 3))
-        self._numbers = np.array([self.law.friction, self._stick, 0.0])
+        self.origins = np.full(count, -1)
+        self.slips = np.zeros((count, 3))
+        self.numbers = np.array([self.law.friction, self._stick, 0.0])
 
     @classmethod
     def none(cls, law: ContactLaw) -> Self:
@@ -89,10 +97,10 @@ class ClosedContacts:
 
     def evaluate(self, slips: FloatArray, h: float) -> None:
         """Forces and tangents for relative displacements (c, 3), m, in a step of ``h`` seconds."""
-        self._numbers[2] = self.law.damping / h if h > 0.0 else 0.0
-        self._slips = slips
+        self.numbers[2] = self.law.damping / h if h > 0.0 else 0.0
+        self.slips = slips
         friction_forces(
-            slips, self.normals, self.pushes, self.pulls, self.stiffness, self._numbers,
+            slips, self.normals, self.pushes, self.pulls, self.stiffness, self.numbers,
             self.forces, self.tangents,
         )  # fmt: skip
 
@@ -113,18 +121,19 @@ class ClosedContacts:
         """
         sticking = self._sticking()
         lost = self.lost + friction_losses(
-            self._slips, self.normals, self.pulls, sticking, self.forces
+            self.slips, self.normals, self.pulls, sticking, self.forces
         )
-        pulls = np.zeros((len(slaves), 3))
+        pulls, origins = np.zeros((len(slaves), 3)), np.full(len(slaves), -1)
         before = 0.0
         if self.law.friction > 0.0:
             tangential = self.forces - self.normals * np.sum(
                 self.forces * self.normals, axis=1, keepdims=True
             )
-            _carry(self.slaves, self.normals, tangential, slaves, normals, pulls)
+            _carry(self.slaves, self.normals, tangential, slaves, normals, pulls, origins)
             before = float(0.5 * ((tangential**2).sum(1) / sticking).sum())
         made = ClosedContacts(self.law, slaves, normals, pushes, pulls, stiffness, lost)
         made.lost += before - made.stored
+        made.origins = origins
         return made
 
     def packed(self, count: int, extra: FloatArray) -> FloatArray:
@@ -166,9 +175,12 @@ class ClosedContacts:
 @kernel
 def _carry(
     old_slaves: IntArray, old_normals: FloatArray, old_pulls: FloatArray, slaves: IntArray,
-    normals: FloatArray, pulls: FloatArray,
+    normals: FloatArray, pulls: FloatArray, origins: IntArray,
 ) -> None:  # fmt: skip
-    """Assign to each contact the tangential force of its slave in the most similar contact."""
+    """Assign to each contact the tangential force of its slave in the most similar contact.
+
+    The numbers of these are ``origins``.
+    """
     for c in range(len(slaves)):
         first, last = np.searchsorted(old_slaves, slaves[c]), old_slaves.size
         best, one = 0.5, -1
@@ -180,6 +192,7 @@ def _carry(
                 along += old_normals[o, a] * normals[c, a]
             if along > best:
                 best, one = along, o
+        origins[c] = one
         if one < 0:
             continue
         along = size = turned = 0.0

@@ -10,7 +10,7 @@ from flexfem.contact.law.closed_contacts import ClosedContacts, ContactLaw
 from flexfem.contact.law.data import FORCE, NORMAL, PLACE, RIGID_FIELDS, Found, Slaves
 from flexfem.contact.law.stiffening import stiffen
 from flexfem.contact.obstacles import shapes as rigid
-from flexfem.contact.obstacles.contacts import ObstacleContacts
+from flexfem.contact.obstacles.contacts import Lagged, ObstacleContacts
 
 __all__ = ["RigidContact", "Shape"]
 
@@ -37,6 +37,7 @@ class RigidContact(ObstacleContacts):
         slaves, shape: Nodes and surface.
         found: Contacts at the trial state.
         closed: Closed contacts, on which friction and damping act.
+        lagged: Where they were.
         stiffer: Largest slope of the force over that at contact, see ``stiffening``.
     """
 
@@ -53,7 +54,7 @@ class RigidContact(ObstacleContacts):
         )
         self._law = ContactLaw() if law is None else law
         self.closed = ClosedContacts.none(self._law)
-        self._arms, self._start = np.zeros((0, 3)), np.zeros((0, 3))
+        self.lagged = Lagged.none(1, 3)
 
     def distances(self, points: FloatArray, frame: FloatArray) -> FloatArray:
         """Gaps of all slaves (s,), m."""
@@ -69,34 +70,46 @@ class RigidContact(ObstacleContacts):
         )
         stiffen(self.found.memory, self.stiffer)
         if len(self.closed.slaves):
-            places = frame[:3] + self._arms @ frame[3:].reshape(3, 3).T
-            nodes = self.slaves.nodes[self.closed.slaves]
-            self.closed.evaluate(points[nodes] - places - self._start, h)
+            nodes, arms, start = self.lagged
+            self.closed.evaluate(self._beside(points, nodes, arms) - start, h)
 
     def accept(self, points: FloatArray) -> None:
         """End a step: friction now acts on the contacts of the last evaluation."""
-        if self._law.elastic:
-            return
+        if not self._law.elastic:
+            self.closed, self.lagged = self.following(points)
+
+    def following(self, points: FloatArray) -> tuple[ClosedContacts, Lagged]:
+        """The contacts on which friction acts in the next step, from those of the last evaluation.
+
+        Returns:
+            See the attributes ``closed`` and ``lagged``.
+        """
         c, slaves, R = self.contacts, self.ends[:, 0], self._rotation
         stiffness = self.slaves.stiffness[slaves]
         normals = c[:, NORMAL : NORMAL + 3] @ R.T
-        self.closed = self.closed.follow(
-            slaves.copy(), normals, -stiffness * c[:, FORCE], stiffness
-        )
-        self._arms = c[:, PLACE : PLACE + 3].copy()
-        places = self._surface.frame[:3] + self._arms @ R.T
-        self._start = points[self.slaves.nodes[slaves]] - places
+        closed = self.closed.follow(slaves.copy(), normals, -stiffness * c[:, FORCE], stiffness)
+        arms = c[:, PLACE : PLACE + 3].copy()
+        return closed, self._lagged(points, slaves, arms)
 
     def memory(self) -> FloatArray:
         """State of the closed contacts, a row for each slave."""
-        return self.closed.packed(len(self.slaves.nodes), self._arms)
+        return self.closed.packed(len(self.slaves.nodes), self.lagged.places)
 
     def recall(self, points: FloatArray, frame: FloatArray, memory: FloatArray) -> None:
         """Restore the return value of :meth:`memory`, at the same positions."""
         self._surface.frame[:] = frame
-        self.closed, self._arms = ClosedContacts.unpacked(self._law, memory, self.slaves.stiffness)
-        places = frame[:3] + self._arms @ self._rotation.T
-        self._start = points[self.slaves.nodes[self.closed.slaves]] - places
+        self.closed, arms = ClosedContacts.unpacked(self._law, memory, self.slaves.stiffness)
+        self.lagged = self._lagged(points, self.closed.slaves, arms)
+
+    def _lagged(self, points: FloatArray, slaves: IntArray, arms: FloatArray) -> Lagged:
+        """Where contacts of slaves are, by their places in the axes of the surface."""
+        nodes = self.slaves.nodes[slaves][:, np.newaxis]
+        return Lagged(nodes, arms, self._beside(points, nodes, arms))
+
+    def _beside(self, points: FloatArray, nodes: IntArray, arms: FloatArray) -> FloatArray:
+        """Positions (c, 3) of nodes (c, 1) relative to places in the axes of the surface."""
+        places = self._surface.frame[:3] + arms @ self._rotation.T
+        return points[nodes[:, 0]] - places
 
     @property
     def _rotation(self) -> FloatArray:
@@ -130,7 +143,7 @@ class RigidContact(ObstacleContacts):
         slaves, surface, found = self.slaves.memory, self._surface.memory, self.found.memory
         rigid.add_rigid_actions(slaves, surface, found, scale, steps, twist, residual, wrench)
         if len(self.closed.slaves):
-            moved = (twist[:3] - _cross(self._arms) @ twist[3:]) @ self._rotation.T
+            moved = (twist[:3] - _cross(self.lagged.places) @ twist[3:]) @ self._rotation.T
             slips = steps[self.slaves.nodes[self.closed.slaves]] - moved
             forces = np.einsum("cij,cj->ci", self.closed.tangents, slips)
             self._add_closed(scale * forces, residual, wrench)
@@ -153,9 +166,9 @@ class RigidContact(ObstacleContacts):
 
     def _closed_blocks(self) -> FloatArray:
         """Tangents (c, 9, 9) of friction and damping."""
-        count, R = len(self._arms), self._rotation
+        count, R = len(self.closed.slaves), self._rotation
         J = np.zeros((count, 3, 9))
-        arms, forces = _cross(self._arms), _cross(self.closed.forces @ R)
+        arms, forces = _cross(self.lagged.places), _cross(self.closed.forces @ R)
         J[:, :, :3], J[:, :, 3:6], J[:, :, 6:] = np.eye(3), -R, R @ arms
         blocks = J.swapaxes(1, 2) @ self.closed.tangents @ J
         blocks[:, 3:6, 6:] -= forces
@@ -170,7 +183,7 @@ class RigidContact(ObstacleContacts):
     def _add_reaction(self, forces: FloatArray, wrench: FloatArray) -> None:
         """Subtract forces (c, 3) at the arms, in the axes of the frame, from its wrench."""
         wrench[:3] -= forces.sum(0)
-        wrench[3:] -= np.einsum("cab,cb->a", _cross(self._arms), forces)
+        wrench[3:] -= np.einsum("cab,cb->a", _cross(self.lagged.places), forces)
 
 
 def _cross(vectors: FloatArray) -> FloatArray:

@@ -24,7 +24,7 @@ from flexfem.contact.law.data import (
     Slaves,
 )
 from flexfem.contact.law.stiffening import stiffen
-from flexfem.contact.obstacles.contacts import ObstacleContacts
+from flexfem.contact.obstacles.contacts import Lagged, ObstacleContacts
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.records import Memory, unpack
 
@@ -45,6 +45,7 @@ class TriangleContact(ObstacleContacts):
         found: Contacts at the trial state.
         version: Number of the present list of candidates.
         closed: Closed contacts, on which friction and damping act.
+        lagged: Where they were.
         stiffer: Largest slope of the force over that at contact, see ``stiffening``.
     """
 
@@ -76,8 +77,7 @@ class TriangleContact(ObstacleContacts):
         self._before: FloatArray | None = None
         self._law = ContactLaw() if law is None else law
         self.closed = ClosedContacts.none(self._law)
-        self._closed_nodes, self._closed_weights = np.zeros((0, 4), np.int64), np.zeros((0, 4))
-        self._start = np.zeros((0, 3))
+        self.lagged = Lagged.none(4, 4)
 
     def update(self, points: FloatArray) -> bool:
         """Update for an accepted state; returns True if the candidates are new."""
@@ -142,24 +142,28 @@ class TriangleContact(ObstacleContacts):
         find_contacts(points, self.slaves.memory, masters, candidates, self.found.memory)
         stiffen(self.found.memory, self.stiffer)
         if len(self.closed.slaves):
-            slips = np.empty((len(self.closed.slaves), 3))
-            _slips_into(points - self._start, self._closed_nodes, self._closed_weights, slips)
-            self.closed.evaluate(slips, h)
+            nodes, weights, start = self.lagged
+            self.closed.evaluate(_sums(points, nodes, weights) - start, h)
 
     def accept(self, points: FloatArray) -> None:
         """End a step: friction now acts on the contacts of the last evaluation."""
-        if self._law.elastic:
-            return
+        if not self._law.elastic:
+            self.closed, self.lagged = self.following(points)
+
+    def following(self, points: FloatArray) -> tuple[ClosedContacts, Lagged]:
+        """The contacts on which friction acts in the next step, from those of the last evaluation.
+
+        Returns:
+            See the attributes ``closed`` and ``lagged``.
+        """
         c, (slaves, triangles) = self.contacts, self.ends.T
         stiffness = self.slaves.stiffness[slaves]
-        self.closed = self.closed.follow(
+        closed = self.closed.follow(
             slaves.copy(), c[:, NORMAL : NORMAL + 3].copy(), -stiffness * c[:, FORCE], stiffness
         )
-        self._closed_nodes = np.column_stack(
-            [self.slaves.nodes[slaves], self.masters.triangles[triangles]]
-        )
-        self._closed_weights = np.column_stack([np.ones(len(c)), -c[:, AREAS : AREAS + 3]])
-        self._start = points.copy()
+        nodes = np.column_stack([self.slaves.nodes[slaves], self.masters.triangles[triangles]])
+        weights = np.column_stack([np.ones(len(c)), -c[:, AREAS : AREAS + 3]])
+        return closed, Lagged(nodes, weights, _sums(points, nodes, weights))
 
     def memory(self, points: FloatArray) -> FloatArray:
         """State of the contact besides the accepted positions, a row for each slave.
@@ -173,7 +177,8 @@ class TriangleContact(ObstacleContacts):
         fresh, c.sides = c.sides, kept
         rows = np.full((len(self.slaves.nodes), 2 * _THROUGH), -1.0)
         _pack_sides(c.memory, fresh, rows)
-        extra = np.concatenate([self._closed_nodes[:, 1:], self._closed_weights[:, 1:]], axis=1)
+        nodes, weights, _ = self.lagged
+        extra = np.concatenate([nodes[:, 1:], weights[:, 1:]], axis=1)
         return np.concatenate([rows, self.closed.packed(len(rows), extra)], axis=1)
 
     def doubts(self, memory: FloatArray, count: int) -> str:
@@ -191,10 +196,10 @@ class TriangleContact(ObstacleContacts):
         sides, closed = np.split(memory, [2 * _THROUGH], axis=1)
         _unpack_sides(self.candidates.memory, sides)
         self.closed, extra = ClosedContacts.unpacked(self._law, closed, self.slaves.stiffness)
-        nodes = self.slaves.nodes[self.closed.slaves]
-        self._closed_nodes = np.column_stack([nodes, extra[:, :3].astype(np.int64)])
-        self._closed_weights = np.column_stack([np.ones(len(nodes)), extra[:, 3:]])
-        self._start = points.copy()
+        slaves = self.slaves.nodes[self.closed.slaves]
+        nodes = np.column_stack([slaves, extra[:, :3].astype(np.int64)])
+        weights = np.column_stack([np.ones(len(slaves)), extra[:, 3:]])
+        self.lagged = Lagged(nodes, weights, _sums(points, nodes, weights))
 
     @property
     def forces(self) -> FloatArray:
@@ -208,17 +213,16 @@ class TriangleContact(ObstacleContacts):
         slaves, masters, found = self.slaves.memory, self.masters.memory, self.found.memory
         penalty.add_forces(slaves, masters, found, scale, residual)
         if len(self.closed.slaves):
-            _spread(self.closed.forces, self._closed_nodes, self._closed_weights, scale, residual)
+            _spread(self.closed.forces, *self.lagged[:2], scale, residual)
 
     def add_actions(self, steps: FloatArray, residual: FloatArray, scale: float = 1.0) -> None:
         """Add ``scale`` times the tangent applied to steps (n, 3) to the residual (n, 3)."""
         slaves, masters, found = self.slaves.memory, self.masters.memory, self.found.memory
         penalty.add_actions(slaves, masters, found, scale, steps, residual)
         if len(self.closed.slaves):
-            slips = np.empty((len(self.closed.slaves), 3))
-            _slips_into(steps, self._closed_nodes, self._closed_weights, slips)
+            slips = _sums(steps, *self.lagged[:2])
             forces = np.einsum("cij,cj->ci", self.closed.tangents, slips)
-            _spread(forces, self._closed_nodes, self._closed_weights, scale, residual)
+            _spread(forces, *self.lagged[:2], scale, residual)
 
     def blocks(self, scale: float = 1.0) -> tuple[IntArray, FloatArray]:
         """Nodes (c, 4), slave first, and ``scale`` times the tangents (c, 12, 12)."""
@@ -228,9 +232,16 @@ class TriangleContact(ObstacleContacts):
         penalty.blocks_into(slaves, masters, found, scale, nodes, blocks)
         if not len(closed):
             return nodes, blocks
-        w = self._closed_weights
+        of_closed, w, _ = self.lagged
         rest = scale * np.einsum("cp,cq,cab->cpaqb", w, w, closed).reshape(-1, 12, 12)
-        return np.concatenate([nodes, self._closed_nodes]), np.concatenate([blocks, rest])
+        return np.concatenate([nodes, of_closed]), np.concatenate([blocks, rest])
+
+
+def _sums(values: FloatArray, nodes: IntArray, weights: FloatArray) -> FloatArray:
+    """Weighted sums (c, 3) of values (n, 3) at nodes (c, 4)."""
+    found = np.empty((len(nodes), 3))
+    _slips_into(values, nodes, weights, found)
+    return found
 
 
 @kernel

@@ -114,12 +114,6 @@ def check_contacts(every: Iterable[Contacts | BarrierContacts]) -> None:
                     _refuse(own.contact, "restitution")
                 if own.rubs and contacts.spins.tilted:
                     _refuse(own.contact, "friction on surfaces whose nodes have no rotations")
-            continue
-        for group in contacts.groups:
-            contact = group.surfaces.contact
-            for name in ("friction", "damping"):
-                if getattr(contact, name) > 0.0:
-                    _refuse(contact, f"{name} of a penalty")
 
 
 def _refuse(contact: Contact, what: str) -> None:

@@ -23,6 +23,7 @@ from flexfem.gradients.memory.base import Memories, Memory, StepEnd
 from flexfem.gradients.memory.controllers import ControllerMemory, recall
 from flexfem.gradients.memory.elements import ElementMemory
 from flexfem.gradients.memory.histories import HistoryMemory
+from flexfem.gradients.memory.lagged_contacts import LaggedMemory, lagging
 from flexfem.gradients.motion.records import Records, Storage
 from flexfem.gradients.motion.support import (
     check_contacts,
@@ -125,6 +126,8 @@ class Motion:
             found.append(ControllerMemory(self))
         if self.system.comm.allreduce(self.system.remembering, op=MPI.LOR):
             found.append(HistoryMemory(self.system, self.state))
+        if lagging(self.system):
+            found.append(LaggedMemory(self.system))
         return found
 
     @property
@@ -424,6 +427,11 @@ class Motion:
             elements = [group.law for group in rows.elements.groups]
             loops = self.simulation.controls.loops
             found |= {
+                "damping of contacts by the penalty": any(
+                    group.surfaces.contact.damping > 0.0
+                    for contacts in lagging(system)
+                    for group in contacts.groups
+                ),
                 "states of Force": any(law.states or law.explicit for law in elements),
                 "continuous controllers that follow accepted states": any(
                     isinstance(loop, ContinuousLoop) and not loop.implicit for loop in loops
@@ -469,6 +477,7 @@ def check_supported_system(motion: Motion) -> None:
             ),
             "impulses with sliders on lines": bool(rows.lines.joints),
             "impulses with internal variables": system.remembering,
+            "impulses with friction or damping of penalties": bool(lagging(system)),
         }
     for name, present in found.items():
         if comm.allreduce(present, op=MPI.LOR):

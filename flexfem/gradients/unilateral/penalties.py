@@ -1,5 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Derivatives of penalties of contacts at the end of a step: frictionless ones have no memory."""
+"""Derivatives of penalties of contacts at the end of a step.
+
+What friction and damping remember of its start is a memory, see ``memory.lagged_contacts``.
+"""
 
 from __future__ import annotations
 
@@ -9,6 +12,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.contact.carriers import CarriedPoints
 from flexfem.contact.contacts import Contacts
 from flexfem.gradients.equations.unilateral import StateChange, StateFactors
+from flexfem.gradients.unilateral.contact_moves import ContactMoves
 from flexfem.system.system import Shifts, System
 
 __all__ = ["Penalties"]
@@ -20,18 +24,16 @@ class Penalties:
     def __init__(self, system: System, contacts: Contacts) -> None:
         """Store the contacts of a system."""
         self._contacts, self._scale = contacts, 0.0
-        self._rows = system.constraints.size
-        self._steps, self._forces = np.zeros((2, len(contacts.carriers.home), 3))
-        self._triangles: list[tuple[IntArray, FloatArray]] = []
-        self._surfaces: list[tuple[IntArray, FloatArray, int]] = []
+        self._rows, self._moves = system.constraints.size, ContactMoves(contacts)
+        self._blocks: list[tuple[IntArray, FloatArray, int | None]] = []
 
     def take(self, shifts: Shifts) -> None:
         """See ``Unilateral``."""
-        self._scale = shifts.scale
-        self._triangles = [made.blocks(shifts.scale) for made, _ in self._contacts.triangles()]
-        self._surfaces = [
-            (*made.blocks(shifts.scale), number) for _, made, number in self._contacts.rigid()
-        ]
+        self._scale, contacts = shifts.scale, self._contacts
+        self._blocks = [(*made.blocks(shifts.scale), None) for made, _ in contacts.triangles()]
+        for _, made, number in contacts.rigid():
+            nodes, blocks = made.blocks(shifts.scale)
+            self._blocks.append((nodes[:, np.newaxis], blocks, number))
 
     def add(self) -> None:
         """See ``Unilateral``."""
@@ -51,26 +53,16 @@ class Penalties:
 
     def _multiply(self, *, transposed: bool) -> None:
         """Add products with the blocks' steps to their residuals."""
-        carriers, frames, steps = self._contacts.carriers, self._contacts.frames, self._steps
-        carriers.move(steps)
-        twists, subscripts = frames.twists(), "cba,cb->ca" if transposed else "cab,cb->ca"
-        self._forces[:] = frames.wrenches[:] = 0.0
-        for nodes, blocks in self._triangles:
-            own = steps[nodes].reshape(len(nodes), 3 * nodes.shape[1])
-            found = np.einsum(subscripts, blocks, own)
-            np.add.at(self._forces, nodes, found.reshape(*nodes.shape, 3))
-        for nodes, blocks, number in self._surfaces:
-            twist = np.tile(twists[number], (len(nodes), 1))
-            found = np.einsum(subscripts, blocks, np.concatenate([steps[nodes], twist], axis=1))
-            np.add.at(self._forces, nodes, found[:, :3])
-            frames.wrenches[number] += found[:, 3:].sum(axis=0)
-        carriers.gather(self._forces)
-        frames.gather()
+        moves, subscripts = self._moves, "cba,cb->ca" if transposed else "cab,cb->ca"
+        moves.take()
+        moves.clear()
+        for nodes, blocks, surface in self._blocks:
+            moves.add(nodes, surface, np.einsum(subscripts, blocks, moves.of(nodes, surface)))
+        moves.gather()
         for kind in self._contacts.kinds:
-            if kind in carriers.by_kind:
-                carriers.add_forces(kind, self._forces)
-                self._turn(carriers.by_kind[kind], transposed=transposed)
-            frames.add_wrenches(kind)
+            moves.hand_out(kind)
+            if kind in self._contacts.carriers.by_kind:
+                self._turn(self._contacts.carriers.by_kind[kind], transposed=transposed)
 
     def _turn(self, own: CarriedPoints, *, transposed: bool) -> None:
         """Add the change of the loads as their nodes turn."""
