@@ -61,6 +61,87 @@ def test_motors_bearings_and_springs():
     compare(motor, MOTOR, of, options, 1e-6)
 
 
+HOIST = {"stiffness": 300.0, "mass": 1.2, "gain": 400.0, "damping": 3.0}
+
+
+def hoist(*, stiffness, mass, gain, damping):
+    """A load on a cable over a pulley, which a sampled controller moves along a rail."""
+    model, pulley, bob = ff.Model("hoist"), ff.Marker("pulley"), ff.Marker("bob")
+    rail = {"axis": (1.0, 0.0, 0.0)}
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.RigidBody("pulley", 0.5, (0.01, 0.02, 0.015), position=(0.5, 0.0, 0.0)),
+        ff.RigidBody(
+            "bob", mass, (0.1, 0.2, 0.15), position=(0.6, 0.2, -1.0), velocity=(0.3, 0.1, 0.0)
+        ),
+        ff.Prismatic("rail", ff.Ground(), pulley, **rail),
+        ff.Actuator("motor", ff.Ground(), pulley, motion="translation", **rail),
+        ff.Cable(
+            "rope",
+            [
+                ff.Marker("bob", offset=(0.05, 0.0, 0.1)),
+                ff.Eyelet(ff.Marker("pulley", offset=(0.02, 0.01, 0.0))),
+                ff.Ground((-0.3, 0.1, 0.2)),
+            ],
+            stiffness=stiffness, damping=damping, preload=9.0, tension_only=False,
+        ),
+        ff.Probe("ahead", bob, ("ahead", "speed"), lambda t, s: (s.position[0], s.velocity[0])),
+        ff.Controller(
+            "servo", ["ahead", "speed"], ["motor"],
+            lambda t, y: gain * (y[0] - 0.5) + 0.1 * gain * y[1], sample_time=4e-3,
+        ),
+        ff.CableProbe("pull", "rope"),
+        ff.ReactionProbe("of_rail", "rail"),
+        ff.ReactionProbe("of_motor", "motor"),
+    )  # fmt: skip
+    return model
+
+
+OF_HOIST = ["final:pull_tension", "mean:pull_stretch", "mean:of_rail_fz", "mean:of_motor_fx"]
+
+
+@pytest.mark.serial
+def test_cables_and_controllers():
+    """A sampled force is that of the step, not of the sample at its end: 1e-1 and more without."""
+    options = ff.RunOptions(dt=2e-3, t_end=0.014, tolerance=1e-13)
+    compare(hoist, HOIST, OF_HOIST, options, 1e-7)
+
+
+def linkage(*, mass, swing, gravity):
+    """A crank, a coupler and a rocker on four parallel hinges, two of whose constraints agree."""
+    model, across = ff.Model("linkage"), {"axis": (0.0, 1.0, 0.0)}
+    model.add(ff.Gravity((0.0, 0.3, -gravity)))
+    ends = {}
+    for name, place, half in (
+        ("crank", (0.0, 0.0, 0.5), (0.0, 0.0, 0.5)), ("coupler", (0.5, 0.0, 1.0), (0.5, 0.0, 0.0)),
+        ("rocker", (1.0, 0.0, 0.5), (0.0, 0.0, 0.5)),
+    ):  # fmt: skip
+        model.add(ff.RigidBody(name, mass, (0.1, 0.12, 0.14), position=place))
+        ends[name] = [ff.Marker(name, offset=s * np.array(half)) for s in (-1.0, 1.0)]
+    foot, top = ends["crank"]
+    model.add(
+        ff.Revolute("first", ff.Ground(), foot, **across),
+        ff.Revolute("second", top, ends["coupler"][0], **across),
+        ff.Revolute("third", ends["coupler"][1], ends["rocker"][1], **across),
+        ff.Revolute("fourth", ff.Ground((1.0, 0.0, 0.0)), ends["rocker"][0], **across),
+        ff.PrescribedAngle(
+            "motor", ff.Ground(), foot, **across, angle=lambda t: swing * (1.0 - np.cos(9.0 * t))
+        ),
+        *(ff.ReactionProbe(f"of_{name}", name) for name in ("motor", "second", "fourth")),
+    )
+    return model
+
+
+@pytest.mark.serial
+def test_redundant_constraints():
+    """Forces across the plane are those of least norm: multipliers of the step alone 1e-4."""
+    options = ff.RunOptions(
+        dt=2e-3, t_end=0.01, tolerance=1e-13, redundant_constraints="least_norm"
+    )
+    of = ["final:of_motor_my", "mean:of_fourth_fx", "final:of_fourth_mx", "final:of_second_fy"]
+    compare(linkage, {"mass": 2.0, "swing": 0.7, "gravity": 9.81}, of, options, 1e-6)
+
+
 #: Some of the numbers of bodies, and the others.
 SOME = {name: NUMBERS[name] for name in ("youngs", "mass")}
 OTHERS = {name: value for name, value in NUMBERS.items() if name not in SOME}
@@ -154,13 +235,18 @@ def test_equilibria():
 @pytest.mark.three_ranks
 @pytest.mark.parametrize(
     ("build", "numbers", "joint"),
-    [(partial(jointed, "Pulley"), THROWN, "joint"), (slid, NUMBERS, "slide")],
-)
+    [
+        (partial(jointed, "Pulley"), THROWN, "joint"), (slid, NUMBERS, "slide"),
+        (hoist, HOIST, None),
+    ],
+)  # fmt: skip
 def test_ranks_agree_on_forces(build, numbers, joint):
-    """Joints of three bodies on three ranks, and of a bead and a rod."""
+    """Joints of three bodies on three ranks, of a bead and a rod, a cable and a controller."""
     options = ff.RunOptions(dt=1e-3, t_end=4e-3, tolerance=1e-13, split_above=1)
-    of, build = [f"mean:of_{joint}_fz"], partial(loaded, build, joint)
-    of += ["mean:turning"] if joint == "slide" else [f"final:of_{joint}_fx"]
+    of = OF_HOIST
+    if joint is not None:
+        of, build = [f"mean:of_{joint}_fz"], partial(loaded, build, joint)
+        of += ["mean:turning"] if joint == "slide" else [f"final:of_{joint}_fx"]
     alone, together = (
         ff.gradient(build, of, numbers, options, accuracy=1e-13, comm=comm)
         for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)

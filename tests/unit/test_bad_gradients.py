@@ -240,16 +240,11 @@ def _without_forces():
     yield "friction", [hinge, ff.JointFriction("rub", hinge, coefficient=0.1, radius=0.1)]
     pushed = ff.Force("pushed", [BOB], lambda t, ends, z: -ends.velocities)
     yield "force elements", [pushed]
-    load = ff.PointForce("load", BOB, (0.0, 0.0, 1.0))
-    hold = ff.Controller("hold", ["tip_z"], ["load"], lambda t, y: -y)
-    yield "controllers", [load, hold]
     touching = ff.LimitStop("end", ff.Ground(), BOB, axis=(1, 0, 0), upper=9.0, stiffness=10.0)
     yield "impulses of contacts, stops or slack springs", [touching]
 
 
-@pytest.mark.parametrize(
-    ("what", "more"), [*_without_forces()], ids=["rub", "law", "control", "slack"]
-)
+@pytest.mark.parametrize(("what", "more"), [*_without_forces()], ids=["rub", "law", "slack"])
 def test_forces_of_joints(what, more):
     """Another column of the same model has derivatives."""
     model = _model(*more, ff.ReactionProbe("force", "spring"))

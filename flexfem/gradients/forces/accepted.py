@@ -9,7 +9,9 @@ At an accepted state with positions q, local velocities v, accelerations w and m
 
 where ``G_r`` are the gradients of the rows that are constraint equations, L are the force laws of
 the others, b and c rates of drives; x and the gyroscopic terms ``C(v) x`` are those of rigid bodies
-alone. Masses M are those of the start in the nodes' own axes, and do not change with q. The
+alone. Forces that depend on no motion, as those of actuators, are those of the step. Redundant
+constraints have ``- r e`` and ``- r d`` with their compliance r in the equations, as have all
+solutions. Masses M are those of the start in the nodes' own axes, and do not change with q. The
 derivative of ``f . lambda`` takes two solves with the same matrix, whatever the number of forces:
 
 ``M z + G_r^T s_r = 0``, ``G_r z = f_r``, ``s_l = (G_l z - f_l) / compliance``,
@@ -33,6 +35,8 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
+from flexfem.constraints.batch import Constraints
+from flexfem.core.laws import LawKind
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import transposed
 from flexfem.gradients.equations.odd_forces import AT_STATE
@@ -52,10 +56,21 @@ from flexfem.integrators.drive_rates import DriveRates
 from flexfem.system.mechanics import END_POINT
 from flexfem.system.system import GYROSCOPIC, MASS, System
 
-__all__ = ["ForceDerivatives", "StateSums"]
+__all__ = ["ForceDerivatives", "StateSums", "hold_applied"]
 
 #: Factors with which rows are evaluated at a state, not as part of a time step.
 _UNSCALED = np.array([1.0, 1.0])
+
+
+def hold_applied(rows: Constraints) -> None:
+    """Give rows whose forces depend on no motion, as those of actuators, the forces of the step.
+
+    Outputs of controllers act on them, which depend on earlier states. Means over steps are others.
+    """
+    if rows.mean_forces:
+        return
+    applied = (rows.elastic[:, 0] == LawKind.SPRING) & ~rows.elastic[:, 1:3].any(axis=1)
+    rows.elastic[applied, 3] = rows.forces[applied]
 
 
 @dataclass(frozen=True)
@@ -103,7 +118,7 @@ class ForceDerivatives:
         Args:
             system: the system.
             accepted: the computation, None where multipliers are reported.
-            controlled: True if there are controllers, whose outputs laws may follow.
+            controlled: True if there are controllers, on which forces of actuators depend.
 
         Raises:
             InputError: forces have no derivatives.
@@ -116,11 +131,15 @@ class ForceDerivatives:
                 "impulses of contacts, stops or slack springs": rows.split,
                 "friction": bool(len(rows.coupled) or rows.frictional.any()),
                 "force elements": rows.has_elements,
-                "controllers": controlled,
-                "redundant constraints": rows.relaxation != 0.0,
-                "contacts with the integrator energy_momentum": rows.mean_forces
-                and bool(system.contacts),
             }
+            if rows.mean_forces:
+                found |= {
+                    f"{name} with the integrator energy_momentum": present
+                    for name, present in (
+                        ("contacts", bool(system.contacts)), ("controllers", controlled),
+                        ("redundant constraints", rows.relaxation != 0.0),
+                    )
+                }  # fmt: skip
         for name, present in found.items():
             if system.comm.allreduce(present, op=MPI.LOR):
                 raise InputError(
@@ -150,7 +169,8 @@ class ForceDerivatives:
         z, s = self._solve(accepted, one.gradients, None, factors * one.rigid)
         put_steps(system, z)
         steps = system.interface.steps.copy()
-        laws = ~one.rigid & (rows.compliance > 0.0)
+        # forces that depend on no motion are those of the step
+        laws = ~one.rigid & (rows.compliance > 0.0) & rows.slopes.any(axis=1)
         moves = rows.changes(steps)
         s = s * one.rigid
         s[laws] = (moves[laws] - factors[laws]) / rows.compliance[laws]

@@ -19,7 +19,11 @@ __all__ = ["ForceColumns"]
 
 
 class ForceColumns:
-    """The columns of a probe of a joint, on all ranks that have the joint."""
+    """The columns of a probe of a joint, on all ranks that have the joint.
+
+    Attributes:
+        forced: number of the first ones, which depend on forces.
+    """
 
     def __init__(self, owner: str, system: System, sensor: RowSensor) -> None:
         """Find its rows and nodes.
@@ -28,6 +32,7 @@ class ForceColumns:
             InputError: it joins lines.
         """
         self._owner, self._system, self._sensor = owner, system, sensor
+        self.forced = sensor.forced
         rows = system.constraints
         lines = any(rows.joints[k].joint.joins_lines for k in sensor.joints)
         if system.comm.allreduce(lines, op=MPI.LOR):

@@ -57,7 +57,7 @@ class BodyDerivatives:
 
     def __init__(
         self, owner: str, system: System, meter: EnergyMeter | MomentumMeter,
-        bodies: Sequence[str] | None, *, controlled: bool,
+        bodies: Sequence[str] | None,
     ) -> None:  # fmt: skip
         """Find the nodes of the bodies (collective).
 
@@ -66,10 +66,8 @@ class BodyDerivatives:
             system: the system.
             meter: of some bodies.
             bodies: their names, None for all.
-            controlled: True if there are controllers, whose outputs springs may follow.
         """
         self._owner, self._system, self._meter = owner, system, meter
-        self._controlled = controlled
         self._chosen: list[BoolArray] = []
         for part in system.parts:
             names = [body.name for body in part.family.bodies]
@@ -185,7 +183,6 @@ class BodyDerivatives:
         found = {
             "contacts": bool(system.contacts),
             "internal variables": system.remembering,
-            "controllers": self._controlled,
         }
         for name, present in found.items():
             if system.comm.allreduce(present, op=MPI.LOR):

@@ -25,7 +25,7 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_functions import NodeFunctions
 from flexfem.gradients.equations.node_maps import rotations, transposed
 from flexfem.gradients.equations.step_tangent import BlockVectors, forces_on_blocks
-from flexfem.gradients.forces.accepted import ForceDerivatives
+from flexfem.gradients.forces.accepted import ForceDerivatives, hold_applied
 from flexfem.gradients.forces.columns import ForceColumns
 from flexfem.gradients.forces.energies import BodyDerivatives
 from flexfem.gradients.forces.sliders import SlidingMarkers
@@ -152,10 +152,7 @@ class ColumnDerivatives:
                     assert isinstance(probe, (EnergyProbe, MomentumProbe))
                     if isinstance(probe, EnergyProbe) and states.accepted is None:
                         _check_at_rest(probe, columns)
-                    bodies = BodyDerivatives(
-                        _owner(probe), states.system, sensor, probe.bodies,
-                        controlled=bool(states.model.controllers),
-                    )  # fmt: skip
+                    bodies = BodyDerivatives(_owner(probe), states.system, sensor, probe.bodies)
                     self._bodies.append((bodies, len(probe.columns), own))
                 elif isinstance(sensor, RowSensor):
                     joint = ForceColumns(_owner(probe), states.system, sensor)
@@ -166,7 +163,7 @@ class ColumnDerivatives:
         self._count = at
         markers = [marker for probe in states.model.probes for marker in probe.markers]
         self._sliding = SlidingMarkers(states.system, markers)
-        if self._joints:
+        if any(k < joint.forced for joint, _, own in self._joints for k, _ in own):
             self._forces = ForceDerivatives(
                 states.system, states.accepted, controlled=bool(states.model.controllers)
             )
@@ -225,6 +222,7 @@ class ColumnDerivatives:
     def _add_forces(self, weights: FloatArray, sums: _Sums) -> FloatArray:
         """Add derivatives of columns of joints; returns those by multipliers (r,) (collective)."""
         system, factors = self._states.system, np.zeros(self._states.system.constraints.size)
+        hold_applied(system.constraints)
         forces = system.reported_forces()
         for joint, width, own in self._joints:
             twists, by_forces = joint.back(_spread(weights, width, own), forces)

@@ -23,6 +23,7 @@ from flexfem.core.marker import SlidingMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import moved, start_moves
 from flexfem.gradients.equations.values import copy_state
+from flexfem.gradients.forces.accepted import hold_applied
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.model.probes.aggregate import AggregateProbe
 from flexfem.model.probes.base import AnyProbe, Probe
@@ -264,6 +265,7 @@ def take_rows(motion: Motion, system: System, step: int) -> None:
     rows.targets[own.held] = own.targets[own.held]
     rows.consistent, system.lead = own.consistent, motion.system.lead
     system.set_time(float(motion.times[step]))
+    hold_applied(rows)
 
 
 def disturb(motion: Motion) -> None:

@@ -1,6 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Probe of a cable."""
 
+from typing import ClassVar
+
 from flexfem import _checks
 from flexfem._fields import declared, instance, text
 from flexfem.joints.cable import Cable
@@ -29,6 +31,7 @@ class CableProbe(AnyProbe):
         ValueError: An empty name.
     """
 
+    smooth: ClassVar[bool] = True
     name: str
     cable: str = text()
     part: int = instance(int, default=0)

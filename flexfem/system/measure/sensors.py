@@ -34,11 +34,13 @@ class RowSensor(ABC):
 
     Attributes:
         width: number of columns.
+        forced: number of the first ones, which depend on forces.
         joints: numbers of the joints of this rank with a name: those of lines of shells have
             parts, of which this rank has its own.
     """
 
     width: ClassVar[int]
+    forced: ClassVar[int]
 
     def __init__(self, system: System, name: str) -> None:
         """Find the joint."""
@@ -71,6 +73,7 @@ class _ReactionSensor(RowSensor):
     """
 
     width: ClassVar[int] = 6
+    forced: ClassVar[int] = 6
 
     def __init__(self, system: System, probe: ReactionProbe) -> None:
         super().__init__(system, probe.joint)
@@ -94,6 +97,7 @@ class _CableSensor(RowSensor):
     """Tensions and stretch of a part of a cable."""
 
     width: ClassVar[int] = 3
+    forced: ClassVar[int] = 2
 
     def __init__(self, system: System, probe: CableProbe, cable: Cable) -> None:
         super().__init__(system, probe.cable)
