@@ -513,24 +513,28 @@ class Constraints(NumberedRows):
             np.add.at(values, i, self.coupling * multipliers[j])
         return values
 
-    def use_rates(self, velocity: float, by_time: FloatArray) -> FloatArray:
+    def use_rates(
+        self, velocity: float, by_time: tuple[FloatArray, FloatArray], over: float
+    ) -> FloatArray:
         """Replace the values of the rigid rows by their rates, with exact derivatives.
 
         Args:
-            velocity: dv/dn of the time integrator; rates are divided by it, which makes their
-                derivatives those of the values as the step shrinks.
-            by_time: (r,) rate of every row at fixed positions, from drives.
+            velocity: dv/dn, 1/s.
+            by_time: (r,) rate of every row at fixed positions, from drives, and (t, 2, 6) that of
+                its gradients.
+            over: what rates are divided by, 1/s.
 
         Returns:
             The values of the rigid rows (r,), zero for the others.
         """
         face, rigid = self.interface, self.rigid
         values = self.values * rigid
-        rates = (self.rates() + by_time) / velocity - self.relaxation * self.multipliers
+        rates = (self.rates() + by_time[0]) / over - self.relaxation * self.multipliers
         self.values[:] = np.where(rigid, rates, self.values)
         slopes = np.zeros((self.size, 2))
-        slopes[rigid, 1] = 1.0 / velocity
-        self.step_jacobian[rigid[self.row_of_term]] = 0.0
+        slopes[rigid, 1] = 1.0 / over
+        terms = rigid[self.row_of_term]
+        self.step_jacobian[terms] = by_time[1][terms] / over
         add_dampers(
             self.own.memory,
             face.interface_nodes.memory,

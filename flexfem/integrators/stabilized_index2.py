@@ -31,7 +31,7 @@ from flexfem.solvers.newton.iteration import Equations
 from flexfem.system.mechanics import END_POINT, Correction, EndPoint, SolveAgain
 from flexfem.system.system import Shifts, System
 
-__all__ = ["StabilizedIndex2"]
+__all__ = ["Rates", "StabilizedIndex2"]
 
 #: Span of differences of drives, as a part of the step.
 _SPAN = 1.0 / 16.0
@@ -42,21 +42,69 @@ class StabilizedIndex2(GeneralizedAlpha):
     """Coefficients of the scheme, those of generalized-alpha."""
 
     def _equations(self, h: float, tolerance: float) -> Equations:
-        return _PositionsAndRates(_SPAN * h, self._mechanics, tolerance)
+        return _PositionsAndRates(self.rates(h), self._mechanics, tolerance)
+
+    def rates(self, h: float) -> "Rates":
+        """Rates of constraints as equations of a step of size ``h`` (s)."""
+        return Rates(self.shifts(h).velocity, _SPAN * h)
+
+
+@dataclass(frozen=True)
+class Rates:
+    """Rates of constraints as equations.
+
+    Attributes:
+        velocity: dv/dn of the step, by which they are divided, 1/s.
+        span: time over which drives are differentiated, s.
+    """
+
+    velocity: float
+    span: float
+
+    def use(self, system: System, shifts: Shifts, mechanics: EndPoint) -> FloatArray:
+        """Replace constraints, which have been evaluated, by their rates.
+
+        Args:
+            system: at the trial state.
+            shifts: with which derivatives are those of rates.
+            mechanics: that has evaluated them.
+
+        Returns:
+            Values of the constraints (r,), zero for other rows.
+        """
+        by_time = self._by_time(system, shifts, mechanics)
+        return system.constraints.use_rates(shifts.velocity, by_time, self.velocity)
+
+    def _by_time(
+        self, system: System, shifts: Shifts, mechanics: EndPoint
+    ) -> tuple[FloatArray, FloatArray]:
+        """Rates of all rows (r,), and of their gradients (t, 2, 6), at fixed positions."""
+        rows = system.constraints
+        values, gradients = np.zeros(rows.size), np.zeros_like(rows.force_jacobian)
+        if not rows.driven:
+            return values, gradients
+        for k, weight in STENCIL:
+            rows.set_time(system.instant + k * self.span)
+            rows.evaluate(shifts.dynamics)
+            values += weight / self.span * rows.values
+            gradients += weight / self.span * rows.force_jacobian
+        rows.set_time(system.instant)
+        mechanics.evaluate_rows(system, shifts)
+        return values, gradients
 
 
 class _PositionsAndRates:
     """Equations of motion, and constraints on positions and velocities."""
 
-    def __init__(self, span: float, mechanics: EndPoint, tolerance: float) -> None:
-        """Store the equations of motion.
+    def __init__(self, rates: Rates, mechanics: EndPoint, tolerance: float) -> None:
+        """Store the equations.
 
         Args:
-            span: time over which drives are differentiated, s.
+            rates: those of the constraints.
             mechanics: the equations of motion.
             tolerance: p up to this, m or rad, is not corrected for errors of the matrix.
         """
-        self._span, self._mechanics, self._tolerance = span, mechanics, tolerance
+        self._rates, self._mechanics, self._tolerance = rates, mechanics, tolerance
         self._shifts: Shifts | None = None
         self._gaps: FloatArray = np.zeros(0)
         self._multipliers: FloatArray = np.zeros(0)
@@ -66,22 +114,8 @@ class _PositionsAndRates:
     def evaluate(self, system: System, shifts: Shifts) -> None:
         """See :class:`Equations`."""
         self._mechanics.evaluate(system, shifts)
-        by_time = self._by_time(system, shifts)
-        self._gaps = system.constraints.use_rates(shifts.velocity, by_time)
+        self._gaps = self._rates.use(system, shifts, self._mechanics)
         self._shifts = shifts
-
-    def _by_time(self, system: System, shifts: Shifts) -> FloatArray:
-        """Rates of all rows (r,) at fixed positions."""
-        rows, total = system.constraints, np.zeros(system.constraints.size)
-        if not rows.driven:
-            return total
-        for k, weight in STENCIL:
-            rows.set_time(system.instant + k * self._span)
-            rows.evaluate(shifts.dynamics)
-            total += weight / self._span * rows.values
-        rows.set_time(system.instant)
-        self._mechanics.evaluate_rows(system, shifts)
-        return total
 
     def correct(self, system: System, again: SolveAgain | None) -> Correction:
         """See :class:`Equations`."""

@@ -49,8 +49,8 @@ WRONG = [
     ('"bob.position[x]" must have whole numbers in brackets', {"wrt": ["bob.position[x]"]}),
     ('"bob.position" is no real number, got array', {"wrt": ["bob.position"]}),
     ('"bob.name" is no real number', {"wrt": ["bob.name"]}),
-    ("integrator must be 'generalized_alpha' or 'energy_momentum', got 'stabilized_index2'", {
-        "options": ff.RunOptions(dt=1e-3, t_end=3e-3, integrator="stabilized_index2")}),
+    ("integrator must be 'generalized_alpha' or 'energy_momentum' or 'stabilized_index2', got 'i", {
+        "options": ff.RunOptions(dt=1e-3, t_end=3e-3, integrator="independent_coordinates")}),
     ("4 states of the motion need", {"memory": 10.0}),
 ]  # fmt: skip
 
@@ -122,6 +122,26 @@ def test_internal_variables_in_plane_stress():
 def test_unsupported_parts(number):
     text, things = list(_unsupported())[number]
     _refused(text, model=_model(*things))
+
+
+def _with_corrections():
+    stop = ff.Event("stop", BOB, lambda t, bob: bob.position[2] + 9.0, ff.ReleaseJoint("hinge"))
+    yield "events", [stop]
+    plane = ff.RigidPlane(ff.Ground((0.0, 0.0, -9.0)))
+    yield "contacts", [ff.Contact("floor", "rod", surfaces=plane, radius=0.01, law="barrier")]
+    end = ff.LimitStop("end", ff.Ground(), BOB, axis=(1, 0, 0), upper=9.0, stiffness=10.0)
+    yield "stops and slack joints", [end]
+    push = ff.PointForce("push", BOB, (0.0, 1.0, 0.0))
+    servo = ff.Controller("servo", ["tip_z"], ["push"], lambda t, y: y[0], sample_time=OPTIONS.dt)
+    yield "controllers", [push, servo]
+
+
+@pytest.mark.parametrize("number", range(4))
+def test_steps_with_corrections_of_positions(number):
+    name, things = list(_with_corrections())[number]
+    options = replace(OPTIONS, integrator="stabilized_index2")
+    text = f"there are no derivatives of {name} with the integrator stabilized_index2 yet"
+    _refused(text, model=_model(*things), options=options)
 
 
 def _of_other_steps():

@@ -15,6 +15,8 @@ __all__ = ["Operator", "iterated"]
 
 #: Applications of the operator before GMRES begins again, and how often it does.
 _MOST, _ROUNDS = 40, 5
+#: Rounds without the small part of the operator: it should be in the last digits after these.
+_WITHOUT = 2
 
 _Map = Callable[[FloatArray], FloatArray]
 
@@ -62,7 +64,7 @@ def iterated(
     solution = first if guess is None else guess
     goal = accuracy * operator.size(first)
     left = right - operator.whole(solution)
-    for _ in range(_ROUNDS):
+    for k in range(_ROUNDS):
         missed = operator.precondition(left)
         size = operator.size(missed)
         if not np.isfinite(size):
@@ -70,24 +72,28 @@ def iterated(
         if size <= goal:
             # the norm is that of the blocks: what is missed along the rows may be large
             return solution + missed, left - operator.whole(missed)
-        more, image = _improvement(operator, missed, size, goal)
+        act = operator.act if k < _WITHOUT else operator.whole
+        more, image = _improvement(operator, act, missed, (size, goal))
         solution, left = solution + more, left - image
-        if operator.rest is not None:
+        if operator.rest is not None and k < _WITHOUT:
             left = left - operator.rest(more)
     return None
 
 
 def _improvement(
-    operator: Operator, missed: FloatArray, size: float, goal: float
+    operator: Operator, act: _Map, missed: FloatArray, sizes: tuple[float, float]
 ) -> tuple[FloatArray, FloatArray]:
-    """What to add to a solution that misses a vector of some size by GMRES, and its image."""
+    """What to add to a solution that misses a vector by GMRES, and its image.
+
+    ``sizes`` are that of what is missed, and that of what may be.
+    """
     basis: list[FloatArray] = []
     images: list[FloatArray] = []
 
     def apply(vector: FloatArray) -> FloatArray:
         basis.append(vector)
-        images.append(operator.act(vector))
+        images.append(act(vector))
         return operator.precondition(images[-1])
 
-    more, _ = minimal_residual(apply, missed, size, operator.products, goal, _MOST)
+    more, _ = minimal_residual(apply, missed, sizes[0], operator.products, sizes[1], _MOST)
     return more, operator.products(np.array(basis), more) @ np.array(images)

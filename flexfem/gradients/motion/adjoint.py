@@ -12,6 +12,8 @@ ab``, ``ab = 0``.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from flexfem._types import FloatArray
@@ -33,6 +35,7 @@ class Adjoint:
 
     Attributes:
         z, mu: factors of the equations of blocks and rows of the step done last.
+        beside: those at the neighbours of its end.
         arrived: sums of influences of the memories' numbers after it, (n,).
         carried: by the state before it, for each block.
         remembered: those of the memories' numbers before it, (n,).
@@ -44,6 +47,7 @@ class Adjoint:
 
     z: BlockVectors
     mu: FloatArray
+    beside: Sequence[Equations]
     arrived: FloatArray
 
     def __init__(self, motion: Motion, accuracy: float | None = None) -> None:
@@ -163,7 +167,7 @@ class Adjoint:
         if size is not None:
             self.by_size += size.along(self.carried)
         self._last = over.back(self.carried, rows, self._last, self._accuracy)
-        self.z, self.mu = over.linear.parts(self._last)
+        (self.z, self.mu), *self.beside = over.factors(self._last)
         held = self._motion.system.constraints
         self.targets += self.mu * (held.held & held.rigid)
         if size is not None:
@@ -248,14 +252,16 @@ class Tangent:
             ]
 
     def step(
-        self, over: Recursion, changes: Equations, size: tuple[SizeChange, float] | None = None
-    ) -> None:
+        self, over: Recursion, changes: Equations, size: tuple[SizeChange, float] | None = None,
+        beside: Sequence[Equations] = (),
+    ) -> None:  # fmt: skip
         """Go over a step, at whose end the equations are linearised (collective).
 
         Args:
             over: the step.
             changes: of the equations of blocks and of rows, at a fixed state.
             size: what its size changes, and its change, s; None if that counts as given.
+            beside: changes of those at the neighbours of its end.
         """
         self._accelerations = {over.step - 1: self._accelerations[over.step - 1]}
         self._size_change = 0.0 if size is None else size[1]
@@ -268,7 +274,7 @@ class Tangent:
         if size is not None:
             forces = [a + size[1] * b for a, b in zip(forces, size[0].equations[0], strict=True)]
             rows = rows + size[1] * size[0].equations[1]
-        found = over.ahead(self.carried, (forces, rows), size)
+        found = over.ahead(self.carried, (forces, rows), size, beside)
         self.carried, self.multipliers = found.carried, found.multipliers
         self.forces = self.multipliers / self._motion.scheme.shifts(over.step).scale
         self.remembered = self._motion.memories.ahead(self.remembered, found.moves)

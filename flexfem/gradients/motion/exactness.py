@@ -25,6 +25,8 @@ __all__ = ["linearized"]
 #: Largest relative difference. Exact tangents have 1e-9 to 3e-7 with changes that suit them, those
 #: of shells with damping without changes of strain rates by rotations 1e-5 and more.
 _EXACT = 3e-6
+#: Part of the largest product of a block below which that of another matrix may be rounding.
+_ROUNDED = 1e-6
 #: Changes of differences, in m and rad, for bodies of all sizes.
 _CHANGES = (1e-5, 1e-7, 1e-8, 1e-9)
 
@@ -91,9 +93,11 @@ class _Differences:
             matrix: scheme.product(step, self._linear, matrix, self._direction)
             for matrix in scheme.matrices
         }
+        sizes = np.array([self._sizes(own) for own in exact.values()])
+        sizes = np.maximum(sizes, _ROUNDED * sizes.max(axis=0))
         found = np.zeros(len(self._direction) + 1)
-        for matrix, own in exact.items():
-            np.maximum(found, self._errors(step, matrix, own), out=found)
+        for (matrix, own), size in zip(exact.items(), sizes, strict=True):
+            np.maximum(found, self._errors(step, matrix, own, size), out=found)
         return found
 
     def _go_to_end(self, step: int) -> None:
@@ -104,9 +108,9 @@ class _Differences:
         self._motion.go_to_end(step)
         leave_out_barriers(self._motion.system, rubbing=True)
 
-    def _errors(self, step: int, matrix: int, exact: Equations) -> FloatArray:
-        """The same of one matrix, whose products with the direction are known."""
-        sizes, found = self._sizes(exact), np.full(len(self._direction) + 1, np.inf)
+    def _errors(self, step: int, matrix: int, exact: Equations, sizes: FloatArray) -> FloatArray:
+        """The same of one matrix, whose products with the direction are known, and their sizes."""
+        found = np.full(len(self._direction) + 1, np.inf)
         for by in _CHANGES:
             ahead, behind = (self._moved(step, matrix, sign * by) for sign in (1.0, -1.0))
             missed = [

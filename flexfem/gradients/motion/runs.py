@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 
 from mpi4py import MPI
 
@@ -121,6 +121,9 @@ def backward(
             for adjoint, (z, mu, nothing) in zip(adjoints, kicks, strict=False):
                 more = motion.memories.back(nothing, z, 0.0 * mu)
                 adjoint.remembered = adjoint.remembered + more
+            for k, _ in enumerate(_beside(motion, over)):
+                own = [(*one.beside[k], 0.0 * one.remembered) for one in adjoints[:count]]
+                sums -= np.hstack([one.products(step, own) for one in influences.values()])
             factors = events.back(over, adjoints)
             if step in motion.grid.events:
                 sums -= np.outer(factors[:count], changes) * (motion.system.comm.rank == 0)
@@ -176,13 +179,15 @@ def forward(
             else:
                 over = motion.scheme.over(step, linear)
                 size = events.size(over)
-                for tangent, (blocks, rows) in zip(tangents, changes, strict=True):
+                others = [_changes(motion, step, directions) for _ in _beside(motion, over)]
+                for k, (tangent, (blocks, rows)) in enumerate(zip(tangents, changes, strict=True)):
                     change = blocks, rows
                     if left is not None:
                         more = left.changes(tangent.carried)
                         change = [a + b for a, b in zip(blocks, more, strict=True)], rows
                     own_size = None if size is None else (size, -tangent.time)
-                    tangent.step(over, change, own_size)
+                    beside = [(own[k][0], own[k][1]) for own in others]
+                    tangent.step(over, change, own_size, beside)
                 if step in motion.grid.events:
                     events.ahead(over, list(zip(tangents, moved, strict=True)))
                 else:
@@ -240,6 +245,14 @@ def _check_accelerations(motion: Motion, step: int, seeds: Sequence[Seeds]) -> N
                 "gradient: there are no derivatives of accelerations in steps with impulses yet; "
                 "leave them out"
             )
+
+
+def _beside(motion: Motion, over: Recursion) -> Iterator[None]:
+    """Go to the neighbours of the end of a step, and return to it (collective)."""
+    for equations in over.neighbours():
+        motion.between, motion.equations = equations, None
+        yield
+    motion.between, motion.equations = None, None
 
 
 def _left(motion: Motion, step: int) -> LeftDamping | None:

@@ -23,7 +23,7 @@ __all__ = [
 ]  # fmt: skip
 
 #: Integrators whose steps have derivatives.
-_INTEGRATORS = ("generalized_alpha", "energy_momentum")
+_INTEGRATORS = ("generalized_alpha", "energy_momentum", "stabilized_index2")
 
 
 def differentiable(model: Model) -> list[str]:

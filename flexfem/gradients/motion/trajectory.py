@@ -36,8 +36,10 @@ from flexfem.gradients.renewals.renewal import Accelerations, Projection, Renewa
 from flexfem.gradients.schemes.base import Steps, StoppedError
 from flexfem.gradients.schemes.energy_momentum import EnergySteps
 from flexfem.gradients.schemes.generalized_alpha import AlphaSteps
+from flexfem.gradients.schemes.stabilized_index2 import StabilizedSteps
 from flexfem.integrators.accepted_forces import AcceptedForces
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
+from flexfem.integrators.stabilized_index2 import StabilizedIndex2
 from flexfem.layout.elements import HistoryElements
 from flexfem.model.event import Rebound
 from flexfem.model.model import Model
@@ -105,7 +107,7 @@ class Motion:
         parts: list[type[Renewal]] = [Projection, Accelerations]
         parts += DAMPING if self.system.viscous() else ()
         self.grid = Grid(self._add, self._change, self._check_renewal, self._locked, ahead, parts)
-        self.scheme: Steps = EnergySteps(self) if ahead is None else AlphaSteps(self)
+        self.scheme = self._steps()
         self.renewal: Renewal | None = None
         self.between: SystemEquations | None = None
         self.equations: Equations | None = None
@@ -116,6 +118,13 @@ class Motion:
         every = differentiable(model) if wanted is None else wanted
         self.wanted = {*every, *self.measured}
         self._run(TimeGrid.of(options.dt, options.t_end), storage)
+
+    def _steps(self) -> Steps:
+        """Steps of the integrator."""
+        if not self.alpha:
+            return EnergySteps(self)
+        stabilized = isinstance(self.simulation.integrator, StabilizedIndex2)
+        return StabilizedSteps(self) if stabilized else AlphaSteps(self)
 
     def _memories(self) -> list[Memory]:
         """What there is to carry."""
@@ -449,6 +458,21 @@ class Motion:
             )
 
 
+def _without_corrections(motion: Motion) -> dict[str, bool]:
+    """What corrections of positions have no derivatives with, and whether this rank has it."""
+    system, rows = motion.system, motion.system.constraints
+    return {
+        "events": bool(motion.model.events),
+        "contacts": len(system.contacts) > 0,
+        "stops and slack joints": rows.has_unilateral,
+        "controllers": len(motion.simulation.controls) > 0,
+        "force elements": rows.has_elements,
+        "internal variables": system.remembering,
+        "damping of modes": system.modal_dampers is not None,
+        "redundant constraints": rows.relaxation > 0.0,
+    }
+
+
 def check_supported_system(motion: Motion) -> None:
     """Raise for what the built system has and cannot be differentiated (collective)."""
     system, rows = motion.system, motion.system.constraints
@@ -467,6 +491,11 @@ def check_supported_system(motion: Motion) -> None:
             "events with the integrator energy_momentum and rho_inf below 1": motion.options.rho_inf
             < 1.0
             and bool(motion.model.events),
+        }
+    if isinstance(motion.simulation.integrator, StabilizedIndex2):
+        found |= {
+            f"{name} with the integrator stabilized_index2": present
+            for name, present in _without_corrections(motion).items()
         }
     if rows.split:
         found |= {

@@ -6,7 +6,7 @@ The adjoint and the tangent of a motion know of its integrator by these alone.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar, Protocol
 
@@ -18,7 +18,7 @@ from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import Derivatives, LinearizedStep
 from flexfem.gradients.equations.node_maps import StepMaps
 from flexfem.gradients.equations.step_tangent import BlockVectors
-from flexfem.gradients.equations.values import Equations
+from flexfem.gradients.equations.values import Equations, SystemEquations
 from flexfem.gradients.memory.base import Memories, StepEnd
 from flexfem.gradients.renewals.grid import Grid
 from flexfem.simulation.motion.stepping import Simulation
@@ -102,9 +102,23 @@ class Recursion(Protocol):
         """
         ...
 
+    def factors(self, solution: FloatArray) -> list[Equations]:
+        """Factors of the equations in a result of :meth:`back`.
+
+        Those at the trial state are first, and those at :meth:`neighbours` follow.
+        """
+        ...
+
+    def neighbours(self) -> Iterator[SystemEquations]:
+        """Go to states beside the trial state at which there are equations, too, and return to it.
+
+        Each is collective, and yields its equations.
+        """
+        ...
+
     def ahead(
         self, carried: Sequence[Carried], changes: Equations,
-        size: tuple[SizeChange, float] | None,
+        size: tuple[SizeChange, float] | None, beside: Sequence[Equations] = (),
     ) -> Ahead:  # fmt: skip
         """Go over the step (collective).
 
@@ -112,6 +126,7 @@ class Recursion(Protocol):
             carried: changes of the state before it.
             changes: of the equations at a fixed state.
             size: what its size changes, and its change, s; None if that counts as given.
+            beside: changes of those at :meth:`neighbours`.
         """
         ...
 

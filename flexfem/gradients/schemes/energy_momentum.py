@@ -20,7 +20,7 @@ With dissipation stresses depend on strains at the start of the last step as wel
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -34,7 +34,7 @@ from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.equations.node_maps import StepMaps, moved, moved_apart
 from flexfem.gradients.equations.step_tangent import STEP, BlockVectors
-from flexfem.gradients.equations.values import Equations, equations_at
+from flexfem.gradients.equations.values import Equations, SystemEquations, equations_at
 from flexfem.gradients.memory.base import StepEnd
 from flexfem.gradients.memory.controllers import recall
 from flexfem.gradients.schemes.base import Ahead, Recursion, SizeChange, States
@@ -161,11 +161,19 @@ class EnergyRecursion:
         own.v = own.v + crossed(at.local_rate, sums, transpose=True)
         own.a = np.zeros_like(own.a)
 
+    def factors(self, solution: FloatArray) -> list[Equations]:
+        """See :class:`flexfem.gradients.schemes.base.Recursion`."""
+        return [self.linear.parts(solution)]
+
+    def neighbours(self) -> Iterator[SystemEquations]:
+        """See :class:`flexfem.gradients.schemes.base.Recursion`."""
+        return iter(())
+
     # -- Ahead ----------------------------------------------------------------------------------
 
     def ahead(
         self, carried: Sequence[Carried], changes: Equations,
-        size: tuple[SizeChange, float] | None,
+        size: tuple[SizeChange, float] | None, beside: Sequence[Equations] = (),
     ) -> Ahead:  # fmt: skip
         """See :class:`flexfem.gradients.schemes.base.Recursion`."""
         law = self._law

@@ -23,7 +23,7 @@ Oberpeilsteiner, Steiner, Nachbagauer, Multibody Syst. Dyn. 42 (2018) 431-464.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -45,7 +45,12 @@ from flexfem.gradients.equations.step_tangent import (
     StepTangent,
 )
 from flexfem.gradients.equations.unilateral import StateChange
-from flexfem.gradients.equations.values import Equations, copy_state, equations_at
+from flexfem.gradients.equations.values import (
+    Equations,
+    SystemEquations,
+    copy_state,
+    equations_at,
+)
 from flexfem.gradients.memory.base import StepEnd
 from flexfem.gradients.schemes.base import Ahead, Recursion, SizeChange, States, StoppedError
 from flexfem.gradients.unilateral.forces import unilateral_forces
@@ -123,10 +128,10 @@ class AlphaRecursion:
         accuracy: float | None,
     ) -> FloatArray:  # fmt: skip
         """See :class:`flexfem.gradients.schemes.base.Recursion`."""
-        one, right, linear = self._one, [], self.linear
+        right, linear = [], self.linear
         for own, by in zip(carried, self.maps, strict=True):
-            rates = one.h * one.gamma * own.v + own.a + one.share * own.w
-            right.append(by.hold(own.q + by.inverse.transposed(rates) / one.square))
+            rates = by.inverse.transposed(self._rates_of(own)) / self._one.square
+            right.append(by.hold(own.q + rates))
         solution, missed = linear.solve(
             right, rows, transposed=True, guess=guess, accuracy=accuracy
         )
@@ -144,6 +149,12 @@ class AlphaRecursion:
                 own.v -= rates
         return solution
 
+    def _rates_of(self, own: Carried) -> FloatArray:
+        """Influences by rates of the acceleration-like variable times ``beta h^2``."""
+        one = self._one
+        found: FloatArray = one.h * one.gamma * own.v + own.a + one.share * own.w
+        return found
+
     def _back(
         self, own: Carried, by: StepMaps, missed: FloatArray, changes: tuple[FloatArray, ...]
     ) -> None:
@@ -152,7 +163,7 @@ class AlphaRecursion:
         v = own.v - F.transposed(changes[0]) / one.by_velocity
         w = own.w - F.transposed(changes[1]) / one.by_acceleration
         n = F.transposed(missed)
-        n -= (one.h * one.gamma * v + own.a + one.share * w) / one.square
+        n -= self._rates_of(Carried(own.q, v, own.a, w)) / one.square
         over = 1.0 / (1.0 - one.alpha_f)
         own.q = by.before.transposed(by.inverse.transposed(n))
         own.v = one.h * n + v
@@ -160,21 +171,44 @@ class AlphaRecursion:
         own.a += one.alpha_m * over * w
         own.w = -one.alpha_f * over * w
 
+    def factors(self, solution: FloatArray) -> list[Equations]:
+        """See :class:`flexfem.gradients.schemes.base.Recursion`."""
+        return [self.linear.parts(solution)]
+
+    def neighbours(self) -> Iterator[SystemEquations]:
+        """See :class:`flexfem.gradients.schemes.base.Recursion`."""
+        return iter(())
+
     # -- Ahead ----------------------------------------------------------------------------------
 
     def ahead(
         self, carried: Sequence[Carried], changes: Equations,
-        size: tuple[SizeChange, float] | None,
+        size: tuple[SizeChange, float] | None, beside: Sequence[Equations] = (),
     ) -> Ahead:  # fmt: skip
         """See :class:`flexfem.gradients.schemes.base.Recursion`."""
-        one, linear = self._one, self.linear
+        linear = self.linear
         predicted = [self._predicted(x, by) for x, by in zip(carried, self.maps, strict=True)]
         solution, _ = linear.solve(*self._left(carried, predicted, changes))
         found, multipliers = linear.parts(solution)
-        after: list[Carried] = []
+        return self._after(predicted, (found, found), multipliers, size)
+
+    def _after(
+        self, predicted: Sequence[Carried], moved: tuple[BlockVectors, BlockVectors],
+        multipliers: FloatArray, size: tuple[SizeChange, float] | None,
+    ) -> Ahead:  # fmt: skip
+        """Changes at the end of the step.
+
+        Args:
+            predicted: see :meth:`_predicted`.
+            moved: by how much more positions change, and the part of it that is integrated from
+                rates.
+            multipliers: (r,) changes of those of the rows.
+            size: see :meth:`ahead`.
+        """
+        one, after = self._one, list[Carried]()
         moves: tuple[BlockVectors, BlockVectors] = [], []
-        for own, by, x in zip(predicted, self.maps, found, strict=True):
-            a = by.inverse(x) / one.square
+        for own, by, x, y in zip(predicted, self.maps, *moved, strict=True):
+            a = by.inverse(y) / one.square
             q = own.q + x
             v, w = own.v + one.h * one.gamma * a, own.w + one.share * a
             if size is not None:

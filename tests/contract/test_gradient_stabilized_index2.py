@@ -1,0 +1,150 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Gradients of motions with ``stabilized_index2``: against the tangent and differences of motions.
+
+Steps are long, so that positions are corrected by 1e-5 to 1e-2 m or rad besides what is integrated.
+"""
+
+from functools import partial
+
+from mpi4py import MPI
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from tests.contract.gradient_examples import (
+    NUMBERS,
+    PARTS,
+    RUBBING,
+    body,
+    jointed,
+    mechanism,
+    rubbing,
+)
+from tests.contract.test_gradient_steps import switched
+from tests.contract.test_gradients import THROWN, errors
+
+CRANK = {"mass": 0.5, "gravity": 9.81, "stiffness": 100.0}
+
+
+def crank(*, mass, gravity, stiffness) -> ff.Model:
+    """A spatial slider-crank mechanism (IFToMM library), whose slider is on a spring."""
+    along = np.array([0.2, -0.1, -0.2]) / 0.3
+    side = np.cross((1.0, 0.0, 0.0), along)
+    side /= np.linalg.norm(side)
+    rotation = np.stack([along, side, np.cross(along, side)], axis=1)
+    model, slider = ff.Model("slider_crank"), ff.Marker("slider")
+    model.add(
+        ff.Gravity((0.0, 0.0, -gravity)),
+        ff.RigidBody("crank", 0.12, (1e-4, 1e-4, 1e-5), position=(0, 0.1, 0.16),
+                     velocity=(0, -0.24, 0), angular_velocity=(6.0, 0, 0)),
+        ff.RigidBody("rod", mass, (4e-4, 4e-3, 4e-3), position=(0.1, 0.05, 0.1), rotation=rotation,
+                     velocity=(0.12, -0.24, 0), angular_velocity=(1.92, -0.96, 0.48)),
+        ff.RigidBody("slider", 2.0, (1e-4, 1e-4, 1e-4), position=(0.2, 0, 0),
+                     velocity=(0.24, 0, 0)),
+        ff.Revolute("pin", ff.Ground((0, 0.1, 0.12)), ff.Marker("crank", offset=(0, 0, -0.04)),
+                    axis=(1, 0, 0)),
+        ff.Spherical("ball", ff.Marker("crank", offset=(0, 0, 0.04)),
+                     ff.Marker("rod", offset=(-0.15, 0, 0))),
+        ff.Universal("cross", slider, ff.Marker("rod", offset=(0.15, 0, 0)), axis=(1, 0, 0),
+                     second_axis=side),
+        ff.Prismatic("rail", ff.Ground(), slider, axis=(1, 0, 0)),
+        ff.SpringDamper("spring", ff.Ground((0.5, 0.2, 0.0)), slider, stiffness=stiffness,
+                        damping=3.0, rest_length=0.2),
+        ff.PositionProbe("at", slider),
+        ff.ReactionProbe("force", "pin"),
+        ff.Probe("turn", ff.Marker("crank"), ("rate",), lambda t, s: (s.angular_velocity[0],)),
+    )  # fmt: skip
+    return model
+
+
+def steps(dt, count, **others) -> ff.RunOptions:
+    return ff.RunOptions(
+        dt=dt, t_end=count * dt, tolerance=1e-13, integrator="stabilized_index2", **others
+    )
+
+
+#: Models with their numbers, columns, and steps.
+MOTIONS = {
+    "crank": (crank, CRANK, ["final:at_x", "mean:rate", "final:force_fy"], steps(0.02, 8)),
+    "mechanism": (mechanism, PARTS, ["final:p_x", "mean:own"], steps(0.01, 4)),
+    "turning drive": (partial(jointed, "PrescribedRotation"), THROWN, ["final:p1_x"],
+                      steps(0.02, 4)),
+    "friction": (rubbing, RUBBING, ["final:tip_x", "final:tip_z"], steps(0.02, 8)),
+    "beam": (partial(body, "damped"), NUMBERS, ["final:tip_z", "mean:speed"], steps(0.015, 5)),
+    "shell": (partial(body, "director"), NUMBERS, ["final:tip_z"], steps(0.015, 5)),
+    "jump": (partial(switched, "se3", 0.0053), NUMBERS, ["final:tip_z", "final:lifted"],
+             steps(3e-3, 4)),
+}  # fmt: skip
+SLOW = {
+    kind: (partial(body, kind), NUMBERS, ["final:tip_z", "mean:speed"], steps(0.01, 5))
+    for kind in ("nurbs", "rotation_free", "solid", "slider")
+}
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    "name", [*MOTIONS, *(pytest.param(kind, marks=pytest.mark.slow) for kind in SLOW)]
+)
+def test_against_differences(name):
+    build, numbers, of, options = {**MOTIONS, **SLOW}[name]
+    found = ff.gradient(build, of, numbers, options, accuracy=1e-13, check=True)
+    # derivatives of corrections that are not transposed give 1e-5, those of rates 1e-2; rounding
+    # of solids leaves 1e-10
+    assert max(found.check.values()) < 1e-9
+    # as many as there are sizes of steps that a motion has not kept
+    assert found.factorizations_backward <= 2
+    # corrections that count as given are wrong by 1e-2 (crank), 1e-4 (beam) or 1e-7 (jump), those
+    # whose equation does not change with the start of a step by 3e-4, 5e-8 (beam, shell)
+    assert errors(found.gradient, build, numbers, of, options).max() < 1e-8
+
+
+def tapered(heights) -> ff.Model:
+    """A beam of eight heights that swings about a hinge."""
+    x = np.linspace(0.0, 0.4, 9)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
+    cells = np.array([[i, i + 1] for i in range(8)])
+    model = ff.Model("rod", mesh=ff.LineMesh(x, cells, {"rod": np.arange(8)}))
+
+    def section(s):
+        k = min(int(s / 0.05), 7)
+        return ff.Section.rectangle(0.03, heights[k], ff.Material(5e6, 0.3, 1100.0))
+
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Beam("rod", section),
+        ff.Revolute("hinge", ff.Ground(), ff.Marker("rod", "start"), axis=(0.0, 1.0, 0.0)),
+        ff.PositionProbe("tip", ff.Marker("rod", "end")),
+    )
+    return model
+
+
+@pytest.mark.serial
+def test_arrays_of_elements():
+    """Groups of elements that change together are told apart at the neighbours as well."""
+    options, values = steps(0.01, 5), np.full(8, 0.02)
+
+    def single(**every):
+        return tapered([every[name] for name in sorted(every)])
+
+    array = ff.gradient(tapered, "final:tip_z", {"heights": values}, options, accuracy=1e-13)
+    numbers = {f"h{k}": value for k, value in enumerate(values)}
+    apart = ff.gradient(single, "final:tip_z", numbers, options, accuracy=1e-13)
+    expected = [apart.gradient["final:tip_z"][name] for name in numbers]
+    # equations of the step that are taken for those at a neighbour give 1e-5
+    np.testing.assert_allclose(
+        array.gradient["final:tip_z"]["heights"], expected, rtol=0.0, atol=1e-8 * np.ptp(expected)
+    )
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize("name", ["crank", "beam"])
+def test_ranks(name):
+    """Ghosts or rows of other ranks that are left out are wrong in the first digit."""
+    build, numbers, of, options = MOTIONS[name]
+    together, alone = (
+        ff.gradient(build, of[-1:], numbers, options, accuracy=1e-12, comm=comm).gradient[of[-1]]
+        for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
+    )
+    size = max(abs(alone[name] * numbers[name]) for name in numbers)
+    for name, value in numbers.items():
+        assert abs((together[name] - alone[name]) * value) < 1e-9 * size
