@@ -180,6 +180,10 @@ class Contacts:
             rigid.evaluate(self.points, self.frames.frames[number], h)
         self.evaluated, self._entries = True, None
 
+    def forget(self) -> None:
+        """Find the contacts anew when they are asked for, as where positions have jumped."""
+        self.evaluated = False
+
     def refresh(self) -> None:
         """Find the contacts at the accepted state, unless known (collective)."""
         if not self.evaluated:

@@ -9,6 +9,8 @@ import pytest
 
 import flexfem as ff
 from tests.contract.gradient_examples import KINDS, NUMBERS, body
+from tests.contract.test_gradient_contacts import ROD, balls, rod, sheet
+from tests.contract.test_gradient_contacts import compare as compare_contacts
 from tests.contract.test_gradients import compare
 
 #: All columns but those of the centre of mass along axes on which little happens.
@@ -33,18 +35,44 @@ def test_energies_and_momenta(kind, bodies):
     compare(partial(metered, kind, bodies), NUMBERS, [f"mean:{one}" for one in OF], options, 1e-6)
 
 
+def landing(kind, **numbers):
+    """A rod that falls on the ground, balls that rub, or a sheet that meets an obstacle."""
+    flat = partial(sheet, "penalty", radius=0.05)
+    model = {"rod": rod, "balls": partial(balls, friction=0.3), "sheet": flat}[kind](**numbers)
+    model.add(ff.EnergyProbe("E"))
+    return model
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("kind", "numbers", "dt", "end"),
+    [
+        ("rod", ROD, 5e-4, 4e-3), ("balls", {"height": 0.006, "speed": 1.0}, 5e-4, 7e-3),
+        ("sheet", {"speed": 1.0}, 2e-4, 5e-3),
+    ],
+)  # fmt: skip
+def test_energies_of_contacts(kind, numbers, dt, end):
+    """Without the potentials of contacts, or with pairs of another state, a tenth and more."""
+    options = ff.RunOptions(dt=dt, t_end=end, tolerance=1e-13)
+    of, build = ["final:E_strain", "mean:E_strain"], partial(landing, kind)
+    compare_contacts(build, numbers, of, options, step=1e-4)
+
+
 @pytest.mark.three_ranks
-def test_ranks_agree_on_energies():
-    """The energy of a spring counts once, on whichever rank it is."""
+@pytest.mark.parametrize("touching", [False, True])
+def test_ranks_agree_on_energies(touching):
+    """The energies of a spring and of a contact count once, on whichever rank they are."""
     options = ff.RunOptions(dt=1e-3, t_end=2e-3, tolerance=1e-13, split_above=1)
-    of, build = [f"final:{one}" for one in OF], partial(metered, "se3")
+    of, build, numbers = [f"final:{one}" for one in OF], partial(metered, "se3"), NUMBERS
+    if touching:
+        of, build, numbers = ["final:E_strain"], partial(landing, "rod", height=1e-3), ROD
     alone, together = (
-        ff.gradient(build, of, NUMBERS, options, accuracy=1e-13, comm=comm).gradient
+        ff.gradient(build, of, numbers, options, accuracy=1e-13, comm=comm).gradient
         for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
     )
     for one in of:
-        largest = max(abs(value * NUMBERS[name]) for name, value in alone[one].items())
+        largest = max(abs(value * numbers[name]) for name, value in alone[one].items())
         for name, value in alone[one].items():
             # a share that is missing, or counted twice, is a tenth and more
-            bound = 1e-9 * largest / NUMBERS[name]
+            bound = 1e-9 * largest / numbers[name]
             assert together[one][name] == pytest.approx(value, abs=bound)

@@ -393,6 +393,11 @@ class BarrierContacts:
         self.evaluated, self._entries = True, None
         self._evaluated[:] = self._points
 
+    def forget(self) -> None:
+        """Find all pairs anew at the next evaluation, as where positions have jumped."""
+        self._low[:], self._high[:] = np.inf, -np.inf
+        self.evaluated = False
+
     def refresh(self) -> None:
         """Evaluate at the accepted state, unless it has been (collective)."""
         if not self.evaluated:

@@ -5,7 +5,7 @@ With the masses M, local velocities V and the local twists ``t`` of rigid motion
 energy is ``V . M V / 2`` and momenta are ``t . M V``: their derivatives by velocities are products
 with masses, those by positions are the derivatives of ``M a`` with accelerations ``a = V`` (see
 ``gradients.equations``). First moments of mass change by the forces of a unit gravity, strain
-energies by the elastic forces of elements and rows.
+energies by the elastic forces of elements and rows, and those of contacts in equilibria.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
+from flexfem.contact.contacts import Contacts
 from flexfem.core.differences import STENCIL
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import RateMaps, moved, rotations, transposed
@@ -48,6 +49,8 @@ _LARGE = 1e6
 #: Steps of differences along a direction at random, and their deviation up to which derivatives are
 #: those of the columns.
 _STEPS, _EXACT = (1e-3, 1e-4, 1e-5, 1e-6), 1e-6
+#: Step where surfaces have just come within reach of each other.
+_NEAR = 1e-7
 #: Rounding of values; number of states at which a column is compared: one at rest shows little.
 _ROUNDED, _COMPARED = 1e-13, 3
 
@@ -181,8 +184,8 @@ class BodyDerivatives:
         assert isinstance(self._meter, EnergyMeter)
         system, rows = self._system, self._system.constraints
         found = {
-            "contacts": bool(system.contacts),
             "internal variables": system.remembering,
+            "friction and damping of contacts by the penalty": _remembers(system),
         }
         for name, present in found.items():
             if system.comm.allreduce(present, op=MPI.LOR):
@@ -199,7 +202,23 @@ class BodyDerivatives:
                 if part.elements is not None:
                     part.elements.add_residual(part.block, np.zeros(3), 1.0, EXACT)
                     part.block.add_ghosts()
-        return [a + b for a, b in zip(sprung, collected(system), strict=True)]
+        elastic = [a + b for a, b in zip(sprung, collected(system), strict=True)]
+        return self._with_contacts(elastic) if self._meter.whole else elastic
+
+    def _with_contacts(self, sums: BlockVectors) -> BlockVectors:
+        """With the forces of contacts in equilibria, whose potentials they store (collective)."""
+        for contacts in self._system.contacts:
+            known = contacts.state()
+            contacts.update()
+            contacts.collect(1.0)
+            for part in self._system.parts:
+                part.block.residual[:] = 0.0
+                if part.kind in contacts.kinds:
+                    contacts.hand_out(part.kind, 1.0)
+                part.block.add_ghosts()
+            contacts.restore(known)
+            sums = [a + b for a, b in zip(sums, collected(self._system), strict=True)]
+        return sums
 
     @contextmanager
     def _still(self) -> Iterator[None]:
@@ -220,11 +239,14 @@ class BodyDerivatives:
     def _value(self, weights: FloatArray) -> float:
         """The weighted columns at the trial state (collective)."""
         refresh_rows(self._system)
+        for contacts in self._system.contacts:
+            contacts.forget()
         if isinstance(self._meter, EnergyMeter):
             values = np.append(self._meter.stored(), np.zeros(3))
         else:
             values = self._meter.update()
-        return float(self._system.comm.allreduce(weights @ values))
+        used = weights != 0.0  # others may be infinite, where surfaces have passed each other
+        return float(self._system.comm.allreduce(weights[used] @ values[used]))
 
     def _check(self, weights: FloatArray) -> None:
         """Compare with differences along a direction at random, at such velocities (collective)."""
@@ -251,7 +273,7 @@ class BodyDerivatives:
             own += products.sum(), np.abs(products).sum()
         system.comm.Allreduce(MPI.IN_PLACE, own)
         off, rounding = np.inf, 0.0
-        for step in _STEPS:
+        for step in (*_STEPS, _NEAR) if system.contacts else _STEPS:
             values = []
             for place, _ in STENCIL:
                 move(place * step)
@@ -263,11 +285,21 @@ class BodyDerivatives:
             part.block.frames[:], part.block.velocity[:] = frames, velocity
         system.interface.update()
         refresh_rows(system)
+        for contacts in system.contacts:
+            contacts.forget()
         if not off <= _EXACT * own[1] + rounding:
             raise InputError(
                 f"gradient: {self._owner} of these bodies has no derivatives yet, as where some "
                 "share nodes with others; take other columns"
             )
+
+
+def _remembers(system: System) -> bool:
+    """True if penalties of contacts store and lose energy besides."""
+    laws = [
+        g.surfaces.contact for c in system.contacts if isinstance(c, Contacts) for g in c.groups
+    ]
+    return any(law.friction or law.damping for law in laws)
 
 
 def _at_random(block: FrameBlock, number: int) -> FloatArray:

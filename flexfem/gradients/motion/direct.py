@@ -122,6 +122,8 @@ class DirectEffect:
                     other.block.frames[:] = moved(frames, by, inertial=part.block.inertial)
             system.interface.update()
             system.constraints.reported = None
+            for contacts in system.contacts:
+                contacts.forget()
             if one.forces:
                 refresh_rows(system)
             yield one.values(times)
