@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from tests.contract.test_gradient_memories import bar
 from tests.contract.test_gradients import errors
 
 GROUND = ff.RigidPlane(ff.Ground())
@@ -71,6 +72,45 @@ def rod(speed, youngs, damping, height=0.003) -> ff.Model:
         ff.Contact("landing", "rod", surfaces=GROUND, reach=0.002, law="barrier"),
         ff.PositionProbe("p", ff.Marker("rod", "start")),
         ff.PositionProbe("q", ff.Marker("bob")),
+    )  # fmt: skip
+    return model
+
+
+def damped(ratio, **numbers) -> ff.Model:
+    """The same with dampers of modes besides."""
+    model = rod(**numbers)
+    model.add(ff.ModalDamping("dampers", ratio, modes=2))
+    return model
+
+
+def caught(push, time, stiffness) -> ff.Model:
+    """A viscoelastic bar that is pushed on a stop."""
+    model = bar("viscoelastic", push=push, time=time)
+    tip = ff.Marker("bar", (0.5, 0.03, 0.02))
+    model.add(
+        ff.LimitStop(
+            "stop", ff.Ground(), tip, axis=(0.0, 0.0, 1.0), lower=0.0175, stiffness=stiffness,
+            damping=1.0,
+        )
+    )  # fmt: skip
+    return model
+
+
+def sliding(pull, **numbers) -> ff.Model:
+    """A weight that hits a stop, with a pin to a bead on a wire that feels the impulse as well."""
+    model, ends = stopped("stop", **numbers), [(0.4, 0.0, -0.05), (0.8, 0.0, -0.05)]
+    wire = ff.NurbsCurve.line(*ends, degree=3, elements=4)
+    model.add(
+        ff.Beam("wire", ff.Section.circle(0.012, ff.Material(2e9, 0.3, 1100.0)), curve=wire),
+        ff.Rigid("left", ff.Ground(ends[0]), ff.Marker("wire", "start")),
+        ff.Rigid("right", ff.Ground(ends[1]), ff.Marker("wire", "end")),
+        ff.RigidBody("bead", 0.1, (1e-5,) * 3, position=(0.55, 0.0, -0.05)),
+        ff.Sliding("slide", ff.Carrier("wire"), ff.Marker("bead")),
+        ff.PointForce("pull", ff.Marker("bead"), (pull, 0.0, 0.0)),
+        ff.Spherical(
+            "pin", ff.Marker("bead", offset=(-0.11, 0.0, 0.053)),
+            ff.Marker("bob", offset=(0.01, 0.0, 0.0)),
+        ),
     )  # fmt: skip
     return model
 
@@ -206,7 +246,21 @@ def test_balls_that_rub_and_lose_energy():
 @pytest.mark.serial
 def test_impulses_in_joints():
     options = ff.RunOptions(dt=2e-4, t_end=5e-3, tolerance=1e-13)
-    compare(rod, ROD, ["final:p_z", "final:q_x", "mean:q_z"], options, step=1e-4)
+    numbers = {**ROD, "ratio": 0.02}
+    compare(damped, numbers, ["final:p_z", "final:q_x", "mean:q_z"], options, step=1e-4)
+
+
+@pytest.mark.serial
+def test_impulses_with_internal_variables():
+    options = ff.RunOptions(dt=1e-3, t_end=0.01, tolerance=1e-13)
+    numbers = {"push": 3.0, "time": 0.01, "stiffness": 5e3}
+    compare(caught, numbers, ["final:tip_z", "mean:tip_z"], options, step=1e-4)
+
+
+@pytest.mark.serial
+def test_impulses_with_sliders():
+    options = ff.RunOptions(dt=5e-4, t_end=0.01, tolerance=1e-13)
+    compare(sliding, {**STOP, "pull": 20.0}, ["final:p_z", "final:q_x"], options, step=1e-4)
 
 
 @pytest.mark.serial

@@ -187,7 +187,7 @@ def stopped(**numbers):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("adaptive", [False, True])
+@pytest.mark.parametrize("adaptive", [False, pytest.param(True, marks=pytest.mark.slow)])
 def test_motions_that_an_event_ends(adaptive):
     """With the time of the last row as given, all are off by a hundredth at least."""
     of = [f"{kind}:tip_z" for kind in ("final", "integral", "mean", "rms", "max")]

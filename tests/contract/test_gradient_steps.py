@@ -99,6 +99,22 @@ def test_jumps_of_loads(kind, time):
     compare(partial(switched, kind, time), NUMBERS, of, options, 1e-8)
 
 
+@pytest.mark.slow
+@pytest.mark.serial
+def test_jumps_with_dampers_of_modes():
+    """Damping of modes that counted as that of elements would be wrong by 1e-3."""
+
+    def build(ratio, **numbers):
+        model = switched("damped", **numbers)
+        model.joints.remove(next(one for one in model.joints if one.name == "spring"))
+        model.add(ff.ModalDamping("dampers", ratio, modes=3))
+        return model
+
+    options = ff.RunOptions(dt=1e-3, t_end=4e-3, tolerance=1e-13)
+    of = ["final:tip_z", "final:lifted", "mean:speed"]
+    compare(build, {**NUMBERS, "ratio": 0.03}, of, options, 1e-8)
+
+
 @pytest.mark.serial
 def test_jumps_in_a_mechanism():
     """Velocities that index 3 lets leave the constraints are projected, with a drive among them."""

@@ -10,7 +10,8 @@ these, and change with their velocities.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager
 
 from mpi4py import MPI
 
@@ -39,6 +40,14 @@ AT_STATE = Shifts(velocity=1.0, acceleration=1.0, scale=1.0)
 _LARGE = 1e3
 
 
+@contextmanager
+def _without_modes(system: System) -> Iterator[None]:
+    """Leave out damping of modes, which is not that of elements."""
+    dampers, system.modal_dampers = system.modal_dampers, None
+    yield
+    system.modal_dampers = dampers
+
+
 class OddForces:
     """Forces that are odd in rates, at a trial state.
 
@@ -59,12 +68,14 @@ class OddForces:
         largest = max((float(np.abs(x).max(initial=0.0)) for x in rates), default=0.0)
         size = system.comm.allreduce(largest, op=MPI.MAX)
         self._scale = _LARGE / size if size > 0.0 else 1.0
-        self._sides, sides = (StepTangent(system), StepTangent(system)), []
-        for tangent, sign in zip(self._sides, (1.0, -1.0), strict=True):
-            put(sign * self._scale)
-            with zero_increments(system):
-                tangent.take(AT_STATE)
-            sides.append(collected(system))
+        sides = []
+        with _without_modes(system):
+            self._sides = StepTangent(system), StepTangent(system)
+            for tangent, sign in zip(self._sides, (1.0, -1.0), strict=True):
+                put(sign * self._scale)
+                with zero_increments(system):
+                    tangent.take(AT_STATE)
+                sides.append(collected(system))
         self.values = self._odd(*sides)
         self._nothing = np.zeros(system.constraints.size)
 

@@ -182,6 +182,7 @@ class Tangent:
     Attributes:
         carried: changes of the state, for each block, as those of :class:`Adjoint`.
         remembered: (n,) changes of the memories' numbers.
+        recalled: those before the step done last.
         multipliers: (r,) changes of the rows' forces times ``beta h^2`` over the last step.
         forces: (r,) those of the multipliers of the state, N or N m.
         targets: (r,) those of the targets of held rows.
@@ -194,6 +195,7 @@ class Tangent:
         """Begin with changes of the start."""
         self._motion = motion
         self.carried, self.remembered, self.forces = start, remembered, forces
+        self.recalled = remembered
         self.multipliers = np.zeros(motion.system.constraints.size)
         self.targets, self.time = np.zeros_like(self.multipliers), 0.0
         self._size_change = 0.0
@@ -274,6 +276,7 @@ class Tangent:
         if size is not None:
             forces = [a + size[1] * b for a, b in zip(forces, size[0].equations[0], strict=True)]
             rows = rows + size[1] * size[0].equations[1]
+        self.recalled = self.remembered
         found = over.ahead(self.carried, (forces, rows), size, beside)
         self.carried, self.multipliers = found.carried, found.multipliers
         self.forces = self.multipliers / self._motion.scheme.shifts(over.step).scale

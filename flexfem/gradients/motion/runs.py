@@ -298,7 +298,7 @@ def _kick_ahead(
     changes = _changes(motion, over.step, directions)
     for tangent, (blocks, rows, _) in zip(tangents, changes, strict=True):
         # laws of force elements have their forces from the step
-        more = motion.memories.equations(tangent.remembered)
+        more = motion.memories.equations(tangent.recalled)
         total = blocks if more is None else [a + b for a, b in zip(blocks, more[0], strict=True)]
         impulses.ahead(tangent.carried, over.maps, (total, rows), tangent.multipliers)
         tangent.lead(over.step)

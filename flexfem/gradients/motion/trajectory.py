@@ -499,14 +499,12 @@ def check_supported_system(motion: Motion) -> None:
         }
     if rows.split:
         found |= {
-            "impulses with damping of modes": system.modal_dampers is not None,
             "impulses with friction in joints": bool(len(rows.coupled)),
             "impulses with states of Force": any(
                 group.law.states or group.law.explicit for group in rows.elements.groups
             ),
-            "impulses with sliders on lines": bool(rows.lines.joints),
-            "impulses with internal variables": system.remembering,
             "impulses with friction or damping of penalties": bool(lagging(system)),
+            "stops of sliders": bool((rows.unilateral & rows.on_lines).any()),
         }
     for name, present in found.items():
         if comm.allreduce(present, op=MPI.LOR):

@@ -113,8 +113,7 @@ class _Damping(Renewal):
             raise InputError(
                 "gradient: a load jumps, or an event happens, at t = "
                 f"{system.time:.6g} s, where accelerations are computed again, which has no "
-                "derivatives with damping of elements besides damping of modes or of another law "
-                "yet"
+                "derivatives with damping of elements besides that of another law yet"
             )
 
     def _to_trial(self) -> None:
