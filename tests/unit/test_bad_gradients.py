@@ -144,6 +144,14 @@ def test_steps_with_corrections_of_positions(number):
     _refused(text, model=_model(*things), options=options)
 
 
+def test_shells_whose_damping_newtons_method_approximates():
+    """Their corrections satisfy an equation with other matrices than the exact ones."""
+    options = replace(OPTIONS, integrator="stabilized_index2")
+    model = damped_shell("director", gravity=9.81, damping=0.02)
+    text = "there are no derivatives of damping of shells with the integrator stabilized_index2"
+    _refused(text, model=model, options=options, wrt=["gravity[2]"])
+
+
 def _of_other_steps():
     stop = ff.Event("stop", BOB, lambda t, bob: bob.position[2] + 9.0, ff.ReleaseJoint("hinge"))
     yield "events with the integrator energy_momentum and rho_inf below 1", [stop], {}

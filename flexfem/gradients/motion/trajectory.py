@@ -40,7 +40,7 @@ from flexfem.gradients.schemes.stabilized_index2 import StabilizedSteps
 from flexfem.integrators.accepted_forces import AcceptedForces
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.integrators.stabilized_index2 import StabilizedIndex2
-from flexfem.layout.elements import HistoryElements
+from flexfem.layout.elements import HistoryElements, TurningElements
 from flexfem.model.event import Rebound
 from flexfem.model.model import Model
 from flexfem.simulation.control.controls import ContinuousLoop
@@ -469,6 +469,10 @@ def _without_corrections(motion: Motion) -> dict[str, bool]:
         "force elements": rows.has_elements,
         "internal variables": system.remembering,
         "damping of modes": system.modal_dampers is not None,
+        "damping of shells": any(
+            isinstance(part.elements, TurningElements) and part.elements.viscous
+            for part in system.parts
+        ),
         "redundant constraints": rows.relaxation > 0.0,
     }
 

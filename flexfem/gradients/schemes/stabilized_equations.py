@@ -59,8 +59,8 @@ __all__ = ["CoupledEquations", "Neighbour", "RateEquations"]
 _WAY = 1e-4
 #: Increments o that are rounding of positions, m or rad.
 _ROUNDING = 1e-14
-#: Part of o by which its equation may be off, beside the error of an iteration, m or rad.
-_OFF, _MISSED = 1e-3, 1e-6
+#: Error of the increment o, m or rad, up to which it is that of the iteration.
+_MISSED = 1e-8
 
 
 class RateEquations(EndPoint):
@@ -218,7 +218,7 @@ class CoupledEquations:
         solution, _ = self._linear.solve(forces, np.where(rows.rigid, 0.0, values))
         off, multipliers = self._linear.parts(solution)
         missed = self._largest(off)
-        if not missed <= _MISSED + _OFF * self._largest(self._change):
+        if not missed <= _MISSED:
             raise UnsolvedError(
                 f"gradient: the step to t = {self._system.time:.6g} s cannot be recovered from the "
                 f"states at its ends, what corrects its positions is off by {missed:.2g} (m or rad)"
