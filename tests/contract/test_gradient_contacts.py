@@ -115,7 +115,7 @@ def sliding(pull, **numbers) -> ff.Model:
     return model
 
 
-def sheet(law, speed, radius, thickness=0.002) -> ff.Model:
+def sheet(law, speed, radius, thickness=0.002, slide=(0.1, 0.0), friction=0.0) -> ff.Model:
     """A sheet that falls on a cylinder, and on a ball that moves."""
     surface = ff.SurfaceMesh.rectangle("sheet", (0.2, 0.1), (3, 2))
     lying = [[1.0, 0.0, 0.0], [0.0, 0.0, 1.0], [0.0, -1.0, 0.0]]
@@ -125,12 +125,12 @@ def sheet(law, speed, radius, thickness=0.002) -> ff.Model:
     model = ff.Model("sheet", surface=surface)
     model.add(
         ff.Gravity((0.0, 0.0, -9.81)),
-        ff.Shell("sheet", rubber, velocity=(0.1, 0.0, -speed)),
+        ff.Shell("sheet", rubber, velocity=(*slide, -speed)),
         ff.RigidBody(
             "ball", 0.1, (1e-4, 1e-4, 1e-4), position=(0.06, 0.055, -0.033),
             velocity=(0.1, 0.0, 0.1), angular_velocity=(1.0, 2.0, 3.0),
         ),
-        ff.Contact("landing", "sheet", surfaces=[roller, ball], law=law),
+        ff.Contact("landing", "sheet", surfaces=[roller, ball], law=law, friction=friction),
         ff.PositionProbe("p", ff.Marker("sheet", "sheet_bottom_left")),
         ff.PositionProbe("q", ff.Marker("ball")),
     )  # fmt: skip
@@ -233,6 +233,7 @@ RUBBED = {
     "speed": 1.0, "thickness": 0.002, "friction": 0.3, "damping": 2e-3, "stiffness": 2e7,
     "mass": 0.1,
 }  # fmt: skip
+SLID = {**SHEET, "friction": 0.3}
 
 
 @pytest.mark.serial
@@ -293,6 +294,14 @@ def test_penalties_that_rub_and_lose_energy():
 
 
 @pytest.mark.serial
+def test_shells_that_slide():
+    """Surfaces tilt under friction: without the change of these tilts 1e-3 and more."""
+    build = partial(sheet, "barrier", slide=(3.0, 0.7))
+    options = ff.RunOptions(dt=5e-4, t_end=2.5e-3, tolerance=1e-13)
+    compare(build, SLID, ["final:q_x", "final:q_z"], options, step=1e-4)
+
+
+@pytest.mark.serial
 def test_surfaces_that_do_not_meet():
     options = ff.RunOptions(dt=2e-4, t_end=4e-4, tolerance=1e-13)
     build = partial(sheet, "penalty", radius=0.05)
@@ -323,6 +332,7 @@ def test_stops_among_others():
         (balls, BALLS, "final:p_z", 5e-4, 12),
         pytest.param(rod, ROD, "mean:q_z", 2e-4, 15, marks=pytest.mark.three_ranks),
         (rubbed, RUBBED, "final:q_x", 5e-4, 12),
+        (partial(sheet, "barrier", slide=(3.0, 0.7)), SLID, "final:q_z", 5e-4, 5),
         pytest.param(equipped, EQUIPPED, "final:p_z", 5e-4, 33, marks=pytest.mark.slow_on_ranks),
     ],
 )

@@ -71,6 +71,23 @@ def controlled(**numbers) -> ff.Model:
     return model
 
 
+def sliding(*, speed, youngs, friction) -> ff.Model:
+    """A soft block that lands on the ground while it slides."""
+    model, mesh = ff.Model("block"), ff.SolidMesh.box((0.1, 0.06, 0.04), (2, 1, 1))
+    ground = ff.RigidPlane(ff.Ground((0.0, 0.0, -5e-4)))
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Solid(
+            "block", ff.laws.NeoHookean(youngs / 2.6, youngs / 1.2), mesh, density=1100.0, degree=1,
+            touching="boundary", velocity=(2.5, 0.6, -speed),
+        ),
+        ff.Contact("landing", "block", surfaces=ground, reach=0.002, law="barrier",
+                   friction=friction),
+        ff.PositionProbe("p", ff.Marker("block", (0.1, 0.06, 0.04))),
+    )  # fmt: skip
+    return model
+
+
 #: Models with their numbers, columns, steps, and relative difference of parameters.
 MOTIONS = {
     "mechanism": (mechanism, PARTS, ["final:p_x", "mean:own"], steps(2e-3, 5, 0.6), 1e-3),
@@ -91,15 +108,21 @@ MOTIONS = {
              steps(4e-3, 7, 1.0), 1e-3),
     "friction": (partial(balls, height=0.002), BALLS, ["final:p_x", "final:p_z"],
                  steps(5e-4, 8, 0.6), 1e-5),
+    "sliding": (sliding, {"speed": 1.0, "youngs": 5e5, "friction": 0.3}, ["final:p_x", "final:p_z"],
+                steps(5e-4, 3, 0.6), 1e-4),
     "landing": (partial(rod, height=5e-4), ROD, ["final:p_z", "final:q_z"],
                 steps(2e-4, 10, 0.6), 1e-4),
 }  # fmt: skip
 
 
+#: Solids, whose forms are processed again for each model.
+SLOW = ("dilatation", "sliding")
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize(
     "name",
-    [pytest.param(one, marks=[pytest.mark.slow] * (one == "dilatation")) for one in MOTIONS],
+    [pytest.param(one, marks=[pytest.mark.slow] * (one in SLOW)) for one in MOTIONS],
 )
 def test_against_differences(name):
     build, numbers, of, options, step = MOTIONS[name]
@@ -150,7 +173,17 @@ def test_states_that_are_computed_again():
 
 
 @pytest.mark.three_ranks
-@pytest.mark.parametrize("name", ["beam", "controlled", "forces", "rebound", "friction"])
+@pytest.mark.parametrize(
+    "name",
+    [
+        "beam",
+        "controlled",
+        "forces",
+        "rebound",
+        "friction",
+        pytest.param("sliding", marks=pytest.mark.slow),
+    ],
+)
 def test_ranks(name):
     """Ghosts or points of other ranks that are left out are wrong in the first digit."""
     build, numbers, of, options, _ = MOTIONS[name]

@@ -49,11 +49,6 @@ SPEED = ff.Probe(
     [
         ('Contact "landing": restitution has no', "p_z", falling(restitution=0.5)),
         (
-            'Contact "landing": friction on surfaces whose nodes have no rotations has no',
-            "p_z",
-            falling(law="barrier", friction=0.3),
-        ),
-        (
             "there are no derivatives of impulses with friction or damping of penalties yet",
             "p_z",
             falling(

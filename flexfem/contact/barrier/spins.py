@@ -16,7 +16,11 @@ __all__ = ["Spins"]
 
 
 class Spins:
-    """Spins and couples of the points of this rank."""
+    """Spins and couples of the points of this rank.
+
+    Attributes:
+        motion: of all points.
+    """
 
     def __init__(
         self, carriers: Carriers, motion: PointMotion, triangles: IntArray, *, used: bool
@@ -29,25 +33,26 @@ class Spins:
             triangles: all triangles, (t, 3).
             used: False if no contact has friction: spins are zero then.
         """
-        self._carriers, self._motion, self._used = carriers, motion, used
+        self._carriers, self.motion, self._used = carriers, motion, used
         count = len(motion.before)
         narrow = triangles[_still(carriers)[triangles].all(axis=1)] if used else triangles[:0]
         self._tilts = Tilts.of(narrow, count)
         self._steps = np.zeros((count, 3))
 
     @property
-    def tilted(self) -> bool:
-        """True if triangles have spins, which their nodes have not."""
-        return len(self._tilts.triangles) > 0
+    def triangles(self) -> IntArray:
+        """Triangles (t, 3) whose tilts are the spins of their points, as nodes have none."""
+        found: IntArray = self._tilts.triangles
+        return found
 
     def begin(self) -> None:
         """Find the rates at the start of a step (collective)."""
         if self._used:
-            self._carriers.rates(self._motion.rates, self._motion.spin_rates)
-            self._carriers.share(self._motion.rates)
-            place_tilts(self._tilts.memory, self._motion.before)
-            add_spins(self._tilts.memory, self._motion.rates, self._motion.spin_rates)
-            self._carriers.share(self._motion.spin_rates)
+            self._carriers.rates(self.motion.rates, self.motion.spin_rates)
+            self._carriers.share(self.motion.rates)
+            place_tilts(self._tilts.memory, self.motion.before)
+            add_spins(self._tilts.memory, self.motion.rates, self.motion.spin_rates)
+            self._carriers.share(self.motion.spin_rates)
 
     def rates(self) -> tuple[FloatArray, FloatArray]:
         """Velocities and angular velocities (n, 3) of points at the trial state (collective)."""
@@ -60,7 +65,7 @@ class Spins:
 
     def update(self) -> None:
         """Find the spins of the step to the trial state (collective)."""
-        motion = self._motion
+        motion = self.motion
         if self._used:
             place_tilts(self._tilts.memory, 0.5 * (motion.before + motion.after))
             self._carriers.spin(motion.spins)

@@ -26,8 +26,9 @@ __all__ = ["SolidStepForms"]
 #: Change of C below which what is added is computed from stresses: the difference of two energies,
 #: over a small change of C, is rounding, and Simpson's rule is exact to the fifth power of it.
 _SMALL = 1e-3
-#: Square of a change of C that is none.
-_TINY = 1e-40
+#: Square of a change of C far above rounding, of which derivatives of what is added would consist
+#: if it were less. There that is less than 1e-24 of the stress.
+_TINY = 1e-24
 
 
 def _values(function: Any, F: Any, theta: Any) -> tuple[Any, Any, Any]:

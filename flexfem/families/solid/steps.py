@@ -22,7 +22,7 @@ from flexfem.families.common.corotating_loops import (
 from flexfem.families.common.node_pairs import NodePairs
 from flexfem.families.solid.cells import CHUNK, Kernels, Motion, SolidCells, still
 from flexfem.families.solid.step_forms import SolidStepForms
-from flexfem.kernels.driver import Cells
+from flexfem.kernels.driver import CellKernel, Cells
 from flexfem.kernels.records import Memory
 from flexfem.lie import se3
 
@@ -66,18 +66,26 @@ class _StepCells(SolidCells):
             ends = [self.data(f"{which}_dilatation") for which in ("_before", "_last")]
             ends[0][:], ends[1][:] = ends[1].copy(), ends[0].copy()
 
-    def by_last(self, motion: Memory, last: FloatArray, first: int, scale: float) -> FloatArray:
+    def by_last(
+        self, call: CellKernel, motion: Memory, last: FloatArray, first: int, scale: float
+    ) -> FloatArray:
         """``scale`` times derivatives (r, 3 k, 3 k) of the forces of some settled cells.
 
-        They are those by positions ``last`` (n, 3) of the nodes at the end of the last step, which
-        the motion has as well.
+        They are those by positions at the end of the last step.
+
+        Args:
+            call: ``last_column`` of the kernels.
+            motion: of the nodes.
+            last: (n, 3) their positions at the end of the last step, as the motion has them.
+            first: the first cell.
+            scale: see above.
         """
         own = self._own[first : first + CHUNK].copy()
         width, few = 3 * self.nodes.shape[1], self.kernels.dilatation
         steps = np.zeros((width, 2 * width + 2 * few))
         steps[:, :width] = scale * np.eye(width)
         cells = self._cells(own, first, steps)
-        found = self._columns(self.kernels.lasting["last_column"], cells, motion)
+        found = self._columns(call, cells, motion)
         if few:  # multipliers change by the dilatation, of which their projections are linear
             calls, multipliers = self.kernels.calls, np.zeros((few, 2 * width + 2 * few))
             multipliers[:, -few:] = np.eye(few)
@@ -156,8 +164,9 @@ class SolidSteps:
         blocks = np.zeros((len(pairs.rows), 3, 3))
         positions_into(frames, last)
         for group, index in zip(self._groups, pairs.index, strict=True):
+            call = group.kernels.lasting["last_column"]  # of all ranks, also of those without cells
             for first in group.chunks():
-                own = group.by_last(self._motion.memory, last, first, scale)
+                own = group.by_last(call, self._motion.memory, last, first, scale)
                 add_blocks(own, index, first, blocks)
         turns = se3.rotation(state.frames)[pairs.rows].swapaxes(1, 2)
         found: FloatArray = turns @ blocks @ se3.rotation(frames)[pairs.columns]

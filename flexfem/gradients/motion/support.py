@@ -10,7 +10,6 @@ from flexfem.contact.contacts import Contacts
 from flexfem.control.fmu import FmuLaw
 from flexfem.core.marker import Observed, SlidingMarker
 from flexfem.gradients.motion.functionals import TIME
-from flexfem.model.contact import Contact
 from flexfem.model.event import LockJoint, Rebound, ReleaseJoint, Stop
 from flexfem.model.model import Model
 from flexfem.model.probes.cable import CableProbe
@@ -111,12 +110,7 @@ def check_contacts(every: Iterable[Contacts | BarrierContacts]) -> None:
         if isinstance(contacts, BarrierContacts):
             for own in contacts.contacts:
                 if own.contact.restitution < 1.0:
-                    _refuse(own.contact, "restitution")
-                if own.rubs and contacts.spins.tilted:
-                    _refuse(own.contact, "friction on surfaces whose nodes have no rotations")
-
-
-def _refuse(contact: Contact, what: str) -> None:
-    raise InputError(
-        f'gradient: Contact "{contact.name}": {what} has no derivatives yet; leave it out'
-    )
+                    raise InputError(
+                        f'gradient: Contact "{own.contact.name}": restitution has no derivatives '
+                        "yet; leave it out"
+                    )

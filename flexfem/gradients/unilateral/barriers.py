@@ -19,6 +19,7 @@ from flexfem.gradients.unilateral.group_forces import (
     GroupDerivatives,
 )
 from flexfem.gradients.unilateral.point_maps import END, START, NodePoints
+from flexfem.gradients.unilateral.tilts import TiltDerivatives
 from flexfem.system.system import Shifts, System
 
 __all__ = ["Barriers"]
@@ -37,6 +38,10 @@ class Barriers:
         self._turning: dict[int, FloatArray] = {}
         self._matrices: dict[str, list[Entries]] = {}
         self._scale = 0.0
+        # of couples on points without rotations, over the step, and of spins at its start
+        self._tilts: TiltDerivatives | None = None
+        self._tilts_before: TiltDerivatives | None = None
+        self._couples = np.zeros((0, 3))
 
     def take(self, shifts: Shifts) -> None:
         """See ``Unilateral``."""
@@ -52,17 +57,36 @@ class Barriers:
                 self._matrices.setdefault(name, []).append(matrix)
         for values in (sums, couples):
             carriers.gather(values)
+        self._couples = couples
+        self._take_tilts()
         self._turning = {
             kind: own.turning(sums[own.carried.rows], couples[own.carried.rows])
             for kind, own in self._points.items()
         }
+
+    def _take_tilts(self) -> None:
+        """Tilts at the middle of the step and at its start, if there are any."""
+        spins, carriers = self._contacts.spins, self._contacts.carriers
+        self._tilts = self._tilts_before = None
+        if len(spins.triangles):
+            here = np.zeros(len(carriers.home), dtype=np.bool_)
+            here[carriers.here] = True
+            before, after = spins.motion.before, spins.motion.after
+            self._tilts = TiltDerivatives(spins.triangles, here, 0.5 * (before + after))
+            self._tilts_before = TiltDerivatives(spins.triangles, here, before)
+
+    @property
+    def _steps(self) -> FloatArray:
+        """Steps (n, 3) of the points."""
+        return self._contacts.spins.motion.after - self._contacts.spins.motion.before
 
     # -- Forwards -------------------------------------------------------------------------------
 
     def add(self) -> None:
         """See ``Unilateral``."""
         twists = {kind: block.step for kind, block in self._blocks.items()}
-        self._add_changes({AFTER: self._motions(twists, END), SPINS: self._spins(twists, END)})
+        moves = self._motions(twists, END)
+        self._add_changes({AFTER: moves, SPINS: self._spins(twists, END, moves)})
         self._turn(twists, END)
 
     def add_start(self, change: StateChange) -> FloatArray:
@@ -75,10 +99,14 @@ class Barriers:
                 rates[0][at], rates[1][at] = own.rates(
                     twists[kind], self._of_kinds(change.rates)[kind]
                 )
-            for values in rates:
-                self._contacts.carriers.share(values)
+            self._contacts.carriers.share(rates[0])
+        moves = self._motions(twists, START)
+        if (tilts := self._tilts_before) is not None:
+            present = self._contacts.spins.motion.rates
+            rates[1] += tilts.spins(rates[0]) + tilts.spin_changes(present, moves)
+        self._contacts.carriers.share(rates[1])
         self._add_changes({
-            BEFORE: self._motions(twists, START), SPINS: self._spins(twists, START),
+            BEFORE: moves, SPINS: self._spins(twists, START, moves),
             RATES: rates[0], SPIN_RATES: rates[1],
         })  # fmt: skip
         self._turn(twists, START)
@@ -101,12 +129,16 @@ class Barriers:
         self._contacts.carriers.share(found)
         return found
 
-    def _spins(self, twists: dict[int, FloatArray], end: int) -> FloatArray:
-        """Changes (n, 3) of their spins, zero without friction (collective)."""
+    def _spins(self, twists: dict[int, FloatArray], end: int, moves: FloatArray) -> FloatArray:
+        """Changes (n, 3) of their spins as they move, zero without friction (collective)."""
         found = np.zeros((len(self._contacts.carriers.home), 3))
         if self._contacts.rubs:
             for kind, own in self._points.items():
                 found[own.carried.rows] = own.spins(twists[kind], end)
+            if self._tilts is not None:
+                sign = 1.0 if end == END else -1.0
+                found += self._tilts.spins(sign * moves)
+                found += self._tilts.spin_changes(self._steps, 0.5 * moves)
             self._contacts.carriers.share(found)
         return found
 
@@ -117,8 +149,12 @@ class Barriers:
             for matrix in self._matrices.get(name, ()):
                 changes += matrix.apply(motion)
         forces, couples = (self._scale * np.ascontiguousarray(x) for x in np.hsplit(changes, 2))
-        for values in (forces, couples):
-            self._contacts.carriers.gather(values)
+        self._contacts.carriers.gather(couples)
+        if self._tilts is not None:
+            moves = motions[AFTER] if AFTER in motions else motions[BEFORE]
+            forces += self._tilts.forces(couples)
+            forces += self._tilts.force_changes(self._scale * self._couples, 0.5 * moves)
+        self._contacts.carriers.gather(forces)
         for kind, own in self._points.items():
             at = own.carried.rows
             own.add_loads(forces[at], couples[at], self._blocks[kind].residual)
@@ -164,15 +200,34 @@ class Barriers:
         for kind, own in self._points.items():
             at = own.carried.rows
             ways[at], turns[at] = own.ways(twists[kind])
-        for values in (ways, turns):
-            carriers.share(values)
+        carriers.share(ways)
+        if self._tilts is not None:
+            turns += self._tilts.spins(ways)
+        carriers.share(turns)
         every, found = self._scale * np.concatenate([ways, turns], axis=1), {}
-        for name in (AFTER, BEFORE, SPINS, RATES, SPIN_RATES):
+        for name in (SPINS, SPIN_RATES, AFTER, BEFORE, RATES):
             found[name] = np.zeros(ways.shape)
             for matrix in self._matrices.get(name, ()):
                 found[name] += matrix.apply_transposed(every)
+        for name in (SPINS, SPIN_RATES):
+            carriers.gather(found[name])
+        self._add_tilts(found, self._scale * ways)
+        for name in (AFTER, BEFORE, RATES):
             carriers.gather(found[name])
         return found
+
+    def _add_tilts(self, factors: dict[str, FloatArray], ways: FloatArray) -> None:
+        """Add the factors of motions by those of spins, and of forces of couples (n, 3)."""
+        if self._tilts is None or self._tilts_before is None:
+            return
+        spins, rates = factors[SPINS], factors[SPIN_RATES]
+        moved = self._tilts.gradient(spins, self._steps)
+        moved += self._tilts.gradient(self._couples, ways)
+        turned = self._tilts.forces(spins)
+        factors[AFTER] += 0.5 * moved + turned
+        factors[BEFORE] += 0.5 * moved - turned
+        factors[BEFORE] += self._tilts_before.gradient(rates, self._contacts.spins.motion.rates)
+        factors[RATES] += self._tilts_before.forces(rates)
 
     def _add_back(
         self, kind: int, factors: dict[str, FloatArray], end: int, twists: FloatArray,
