@@ -38,6 +38,8 @@ class Spins:
         narrow = triangles[_still(carriers)[triangles].all(axis=1)] if used else triangles[:0]
         self._tilts = Tilts.of(narrow, count)
         self._steps = np.zeros((count, 3))
+        self._away = np.ones(count, dtype=np.bool_)
+        self._away[carriers.here] = False
 
     @property
     def triangles(self) -> IntArray:
@@ -87,6 +89,7 @@ class Spins:
         """Add couples (n, 3) to those of the nodes' owners, and as forces on triangles."""
         if self._used:
             self._carriers.gather(couples)
+            couples[self._away] = 0.0  # which their owners have
             spread_couples(self._tilts.memory, couples, forces)
 
     def add_couples(self, kind: int, couples: FloatArray) -> None:
