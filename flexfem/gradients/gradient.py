@@ -25,7 +25,7 @@ from flexfem.gradients.motion.parameters import Build, Values, along, parameters
 from flexfem.gradients.motion.records import MEMORY, Storage
 from flexfem.gradients.motion.runs import backward, forward
 from flexfem.gradients.motion.support import check_columns, differentiable
-from flexfem.gradients.motion.trajectory import Motion
+from flexfem.gradients.motion.trajectory import Motion, StoppedError
 from flexfem.gradients.shapes.node_influence import influences_of
 from flexfem.gradients.states.analyses import Options, found_at, numbers_of
 from flexfem.gradients.states.neighbours import by_name
@@ -120,20 +120,20 @@ class Differentiation:
         """Derivatives at values of all parameters (collective)."""
         made, options = made_of(self._build, values), self._options
         if isinstance(options, RunOptions):
-            return self._of_motion(made, options, values, check=check)
+            return _finite(self._of_motion(made, options, values, check=check))
         if check:
             raise ValueError("gradient: check compares adjoint and tangent of motions only")
         begin = time.perf_counter()
         comm = self._comm or MPI.COMM_WORLD
         found = found_at(made, self.functionals, (self._build, values), options, comm)
-        return Gradient(
+        return _finite(Gradient(
             value=found.value, gradient=found.gradient, history=found.history,
             wall_seconds_forward=found.middle - begin,
             wall_seconds_backward=time.perf_counter() - found.middle,
             factorizations_forward=found.factorizations[0],
             factorizations_backward=found.factorizations[1],
             applications=0, steps_repeated=0, growth=1.0, check={}, at=plain(values),
-        )  # fmt: skip
+        ))  # fmt: skip
 
     def value(self, values: Values) -> Mapping[str, float]:
         """Values of the functionals alone (collective)."""
@@ -319,6 +319,21 @@ def _check(
         size = sum(abs(part) for part in parts)
         found[one.name] = float(abs(sum(parts) - expected) / size) if size else abs(expected)
     return motion.on_all_ranks(found)
+
+
+def _finite(found: Gradient) -> Gradient:
+    """The gradient itself.
+
+    Raises:
+        StoppedError: a value, or a derivative, is no finite number.
+    """
+    for name, value in found.value.items():
+        by = [wrt for wrt, own in found.gradient[name].items() if not np.isfinite(own).all()]
+        if not np.isfinite(value):
+            raise StoppedError(f'gradient: "{name}" is {value}')
+        if by:
+            raise StoppedError(f'gradient: the derivative of "{name}" by "{by[0]}" is no number')
+    return found
 
 
 def made_of(build: Build, values: Values) -> Model:

@@ -280,3 +280,21 @@ def test_wrong_arguments(make, text):
     assert text in str(raised.value)
     assert "\n" not in str(raised.value)
     assert_on_page(str(raised.value))
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("value", "by", "text"),
+    [
+        (np.nan, 1.0, '"mine" is nan'),
+        (1.0, np.nan, 'the derivative of "mine" by "x" is no number'),
+    ],
+)
+def test_functionals_that_are_no_numbers(value, by, text):
+    """A search that takes them for numbers ends with success where it began."""
+    mine = ff.Functional(
+        "mine", ("x",), lambda history: value, lambda history: by * history["x"][np.newaxis]
+    )
+    with pytest.raises((RuntimeError, ValueError), match=text) as told:
+        ff.minimize(oscillator, mine, {"damping": 10.0}, COARSE)
+    assert_on_page(str(told.value))

@@ -163,3 +163,30 @@ def test_directions_of_an_array_share_its_models(
         # rounding of differences of 1e-5 of the entries
         np.testing.assert_allclose(own, expected, atol=1e-8 * np.abs(expected).max())
     assert np.abs(found[0][:, :3, 1]).max() > 1e-6 * np.abs(found[0][..., 1]).max()
+
+
+@pytest.mark.serial
+def test_entries_that_must_be_positive():
+    """Four of them are also tried as those that act one after the other, far from their values."""
+
+    def build(youngs: np.ndarray) -> ff.Model:
+        def section(s: float) -> ff.Section:
+            material = ff.Material(youngs[min(int(8.0 * s), 3)], 0.3, 1100.0)
+            return ff.Section.rectangle(0.03, 0.02, material)
+
+        mesh = ff.LineMesh.straight({"rod": [(0.0, 0.0, 0.0), (0.5, 0.0, 0.0)]}, elements=4)
+        model = ff.Model("rod", mesh=mesh)
+        model.add(
+            ff.Gravity((0.0, 0.0, -9.81)),
+            ff.Beam("rod", section),
+            ff.Revolute("hinge", ff.Ground(), ff.Marker("rod", "start"), axis=(0.0, 1.0, 0.0)),
+            ff.PositionProbe("tip", ff.Marker("rod", "end")),
+        )
+        return model
+
+    options, name = ff.RunOptions(dt=1e-3, t_end=5e-3, tolerance=1e-13), "final:tip_z"
+    each = ff.gradient(build, name, {"youngs": np.full(4, 5e6)}, options)
+    one = ff.gradient(lambda youngs: build(np.full(4, youngs)), name, {"youngs": 5e6}, options)
+    # one that is left out, or counts for its neighbour, is a tenth at least
+    total = each.gradient[name]["youngs"].sum()
+    assert total == pytest.approx(one.gradient[name]["youngs"], rel=1e-6)

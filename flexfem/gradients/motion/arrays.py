@@ -21,6 +21,7 @@ from mpi4py import MPI
 
 import numpy as np
 
+from flexfem._faults import FAILURES
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.node_maps import RateMaps, transposed
@@ -329,7 +330,10 @@ def _times(motion: Motion, build: Build, values: Values, name: str) -> list[Time
             break
         found = []
         for first in range(count):
-            probe = _Probe(motion, build, values, name, np.arange(first, size, count))
+            try:
+                probe = _Probe(motion, build, values, name, np.arange(first, size, count))
+            except FAILURES:  # models of which may not exist so far away
+                return None
             own = None if probe.times(_FIRST) is None else probe.times(1)
             if own is None:
                 break

@@ -117,6 +117,9 @@ def history_weights(
         rows: number of rows.
         history: columns by name on the first rank, none on the others.
         comm: communicator.
+
+    Raises:
+        InputError: one is no finite number.
     """
     found = np.zeros((len(functionals), len(names), rows))
     for own, one in zip(found, functionals, strict=True) if history else ():
@@ -124,6 +127,11 @@ def history_weights(
             if name in names:
                 own[names.index(name)] += row
     comm.Bcast(found)
+    for number, column, _ in np.argwhere(~np.isfinite(found))[:1]:
+        raise InputError(
+            f'gradient: the derivative of "{functionals[number].name}" by "{names[column]}" is no '
+            "number"
+        )
     return found
 
 
