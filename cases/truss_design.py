@@ -26,10 +26,11 @@ prescribe (rad), and ``error_x, error_z``, the deviation of D from its place wit
 ``beta_1, beta_2, ...``, angles (rad) between frame and lower cross-bar at y = 0, at the first and
 the second end of every bay.
 
-Expected: one bay with the cosine profile, of two elements in each member, is lighter by 70 % after
-seven gradients, and four to measure the largest values: the driven cross-bars have 43.8 mm, all
-other tubes the least diameter, 30 mm. The deviation is as large as that of equal tubes, and the
-largest stress 0.73 of theirs. Run: ``flexfem run truss_design``.
+Expected: two bays with the cosine profile, of two elements in each member, are lighter by 69 %
+after ten gradients, in five minutes on two ranks: the driven cross-bars have 47.7 and 41.2 mm, the
+upper ones of the second bay 39.7 mm, all other tubes the least diameter, 30 mm. The deviation is as
+large as that of equal tubes, and the largest stress 0.58 of theirs. One bay is lighter by 70 %.
+Run: ``mpirun -n 2 python cases/truss_design.py``.
 """
 
 import math
@@ -54,7 +55,8 @@ KINDS = {
 #: Exponents of the smooth maxima, one after the other: the larger, the closer to the largest value,
 #: and the harder to follow.
 SHARP = (20.0, 60.0)
-#: Part of the largest stress at which that of a member at rest is rounded off.
+#: Part of the limit at which stresses by a pull and by bending are rounded off, which have kinks at
+#: zero: members at rest, and those in which a pull becomes a push.
 SMALL = 1e-3
 #: Columns of the deviation of D.
 ERRORS = ("error_x", "error_z")
@@ -118,7 +120,8 @@ class Design:
         """
 
         def used(*given: Array) -> Array:
-            return 0.5 * np.log((self.stress(sizes, *given) / limit) ** 2 + SMALL**2)
+            found: Array = np.log(self.stress(sizes, *given, least=SMALL * limit) / limit)
+            return found
 
         model = self._truss(sizes, lean=True)
         model.add(
@@ -127,13 +130,19 @@ class Design:
         )
         return model
 
-    def stress(self, sizes: Array, strains: Array, resultants: Array, places: Array) -> Array:
-        """Von Mises' stress (m,) at the most stressed fibre of elements, Pa."""
+    def stress(
+        self, sizes: Array, strains: Array, resultants: Array, places: Array, least: float = 0.0
+    ) -> Array:
+        """Von Mises' stress (m,) at the most stressed fibre of elements, Pa.
+
+        With ``least`` (Pa) it is a smooth function.
+        """
         outer = self.outer * np.exp(sizes[self.group[self._member(places)]])
         area = 0.25 * math.pi * outer**2 * (1.0 - self.inner**2)
         modulus = math.pi / 32.0 * outer**3 * (1.0 - self.inner**4)
         pull, _, _, torque, *bending = resultants.T
-        normal = np.abs(pull) / area + np.hypot(*bending) / modulus
+        normal = np.hypot(pull / area, least)
+        normal += np.hypot(np.hypot(*bending) / modulus, least)
         found: Array = np.sqrt(normal**2 + 3.0 * (0.5 * torque / modulus) ** 2)
         return found
 
@@ -163,31 +172,30 @@ class Design:
         return model
 
 
+def largest(values: Array, rho: float) -> float:
+    """Smooth maximum over time, as "ks" of a column."""
+    top = float(values.max())
+    return top + math.log(np.exp(rho * (values - top)).mean()) / rho
+
+
+def square(history: Mapping[str, Array]) -> Array:
+    """Square of the deviation of D over time, m^2."""
+    found: Array = history["error_x"] ** 2 + history["error_z"] ** 2
+    return found
+
+
 def deviation(rho: float, scale: float) -> ff.Functional:
-    """The largest square of the deviation of D over a scale.
-
-    With ``rho`` it is a smooth maximum over time, as "ks" of a column.
-    """
-
-    def square(history: Mapping[str, Array]) -> Array:
-        found: Array = (history["error_x"] ** 2 + history["error_z"] ** 2) / scale
-        return found
-
-    def parts(values: Array) -> Array:
-        found: Array = np.exp(rho * (values - values.max())) if rho else values == values.max()
-        return found
-
-    def value(history: Mapping[str, Array]) -> float:
-        values = square(history)
-        below = math.log(parts(values).mean()) / rho if rho else 0.0
-        return float(values.max()) + below
+    """Smooth maximum over time of the square of the deviation of D over a scale, m^2."""
 
     def derivative(history: Mapping[str, Array]) -> Array:
-        weights = parts(square(history))
-        weights = 2.0 / scale * weights / weights.sum()
+        values = square(history) / scale
+        weights = np.exp(rho * (values - values.max()))
+        weights *= 2.0 / scale / weights.sum()
         return np.array([weights * history[name] for name in ERRORS])
 
-    return ff.Functional("deviation" if rho else "largest_deviation", ERRORS, value, derivative)
+    return ff.Functional(
+        "deviation", ERRORS, lambda history: largest(square(history) / scale, rho), derivative
+    )
 
 
 @dataclass(frozen=True)
@@ -219,22 +227,27 @@ def lightest(
     Smooth maxima lie below the largest values: by how much is measured before each round, and their
     bounds are lowered accordingly (Le et al., Struct. Multidisc. Optim. 41 (2010) 605-620).
     """
+    from mpi4py import MPI
+
     sizes, count = np.asarray(search.start["sizes"]), 0
-    largest: list[str | ff.Functional] = ["max:stress", deviation(0.0, 1.0)]
 
-    def values(of: list[str | ff.Functional], rho: float, limit: float) -> list[float]:
-        build = partial(design.lean, rho=rho, limit=limit)
-        return [*ff.gradient(build, of, {"sizes": sizes}, options, ks_rho=rho).value.values()]
+    def measured(rho: float, limit: float) -> Mapping[str, Array]:
+        outcome = ff.simulate(design.lean(sizes, rho=rho, limit=limit), options)
+        history: Mapping[str, Array] = MPI.COMM_WORLD.bcast(outcome.history)
+        return history
 
-    limit, scale = values(largest, SHARP[0], 1.0)
+    equal = measured(SHARP[0], 1.0)
+    limit, scale = float(equal["stress"].max()), float(square(equal).max())
     for rho in SHARP:
-        smooth = deviation(rho, scale)
-        peak, off, used, moved = values([*largest, "ks:used", smooth], rho, limit)
+        now = measured(rho, limit)
+        below = largest(now["used"], rho) - math.log(now["stress"].max() / limit)
         limits: list[tuple[str | ff.Functional, None, float]] = [
-            ("ks:used", None, math.log(bounds.stressed) + used - math.log(peak / limit))
+            ("ks:used", None, math.log(bounds.stressed) + below)
         ]
         if bounds.loosest:
-            limits.append((smooth, None, bounds.loosest**2 + moved - off / scale))
+            off = square(now) / scale
+            below = largest(off, rho) - float(off.max())
+            limits.append((deviation(rho, scale), None, bounds.loosest**2 + below))
         found = ff.minimize(
             partial(design.lean, rho=rho, limit=limit), None, {"sizes": sizes}, options,
             cost=design.mass, constraints=limits, ks_rho=rho,
@@ -242,12 +255,16 @@ def lightest(
             most=max(bounds.most - count, 1), tolerance=bounds.tolerance, report=report,
         )  # fmt: skip
         sizes, count = np.asarray(found.values["sizes"]), count + found.gradients
-    peak, off = values(largest, SHARP[-1], limit)
+    now = measured(SHARP[-1], limit)
     outer = 1e3 * design.outer
     return ff.FoundParameters(
         {"sizes": sizes},
-        {"mass_over_start": design.mass(sizes)[0], "stress_over_start": peak / limit,
-         "deviation_over_start": math.sqrt(off / scale), "gradients": float(count)},
+        {
+            "mass_over_start": design.mass(sizes)[0],
+            "stress_over_start": float(now["stress"].max()) / limit,
+            "deviation_over_start": math.sqrt(square(now).max() / scale),
+            "gradients": float(count),
+        },
         {"diameter_start": {"sizes": outer * np.exp(np.asarray(search.start["sizes"]))},
          "diameter_found": {"sizes": outer * np.exp(sizes)}},
     )  # fmt: skip
@@ -302,7 +319,7 @@ CASE = ff.Case(
                   above=0.0),
         *(
             replace(
-                one, default={"elements": 2, "bays": 1}.get(one.name, one.default),
+                one, default={"elements": 2}.get(one.name, one.default),
                 choices=tuple(x for x in one.choices or () if x != "gravity") or None,
             )
             for one in BASE.options

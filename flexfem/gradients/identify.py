@@ -24,6 +24,7 @@ from flexfem.gradients.motion.parameters import (
     flat,
     named,
     plain,
+    scales,
 )
 from flexfem.gradients.motion.records import Storage
 from flexfem.gradients.motion.runs import forward
@@ -36,6 +37,8 @@ __all__ = ["Identification", "identify"]
 #: Singular values of the derivatives over the largest, below which they are errors, and the part of
 #: a parameter in such directions from which on it is not told.
 _SEEN, _PART = SOLVED, 1e-6
+#: What is known of parameters before, by name: their means and standard deviations.
+Prior = Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]]
 
 
 @dataclass(frozen=True)
@@ -48,7 +51,7 @@ class Identification:
             left over; infinite for those of which the measurements do not tell.
         covariance: (n, n) of all numbers, in the order of the parameters.
         noise: root of the mean square of the differences left over, in units of the noise that is
-            given.
+            given, those of parameters from their prior means among them.
         motions: number of motions that were computed.
         success: True if the method has converged.
         message: its own words.
@@ -84,7 +87,9 @@ def identify(
     options: RunOptions,
     *,
     noise: Mapping[str, float] | None = None,
+    prior: Prior | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
+    scale: Mapping[str, npt.ArrayLike] | None = None,
     most: int = 30,
     tolerance: float = 1e-10,
     comm: MPI.Intracomm | None = None,
@@ -103,18 +108,28 @@ def identify(
         options: of the motions.
         noise: standard deviations of the measurements of each column. Without them they are
             estimated, as equal in all columns, from the differences left over.
+        prior: mean and standard deviation of parameters by name, numbers or arrays (n,), as they
+            are known before: measurements of the parameters themselves, which keep in place what
+            the columns do not tell. It needs ``noise``, to be weighed against.
         bounds: least and largest value of parameters by name, None for none.
+        scale: changes of parameters that are alike; their sizes at the start by default.
         most: largest number of motions.
         tolerance: relative changes at which the method ends.
         comm: communicator, all ranks by default.
 
     Raises:
-        InputError, TypeError, ValueError: as :func:`gradient`; measurements do not fit the history.
+        InputError, TypeError, ValueError: as :func:`gradient`; measurements do not fit the history;
+            a prior without noise, of a name that is no parameter, or of another shape.
         StoppedError: a motion failed.
     """
     _checks.instance("identify", "options", options, RunOptions)
-    problem = _Fit(build, measured, checked_values(start), options, comm)
+    values = checked_values(start)
+    problem = _Fit(build, measured, values, options, comm)
     problem.noise = _noises(measured, noise or {})
+    if prior and noise is None:
+        raise ValueError("identify: a prior needs noise, the deviations of the measurements")
+    problem.prior = _priors(values, prior or {})
+    problem.scale = flat(values, scales("identify", values, scale or {}))
     return problem.solved(bounds or {}, (most, tolerance), known=noise is not None)
 
 
@@ -122,6 +137,8 @@ class _Fit:
     """Differences of a motion from measurements, with their derivatives."""
 
     noise: Mapping[str, float]
+    prior: tuple[FloatArray, FloatArray]
+    scale: FloatArray
 
     def __init__(
         self, build: Build, measured: Mapping[str, npt.ArrayLike], values: Values,
@@ -135,9 +152,6 @@ class _Fit:
         self._last: tuple[bytes, FloatArray, FloatArray] | None = None
         self._known: Known = {}
         self.motions = 0
-        self._scale = np.concatenate(
-            [np.where(x == 0.0, 1.0, np.abs(x)).ravel() for x in values.values()]
-        )
 
     def solved(
         self, bounds: Mapping[str, tuple[float | None, float | None]],
@@ -147,19 +161,18 @@ class _Fit:
         from scipy.optimize import least_squares
 
         most, tolerance = limits
-        begin = flat(self._start, self._start) / self._scale
+        begin = flat(self._start, self._start) / self.scale
         found = least_squares(
             lambda x: self._of(x)[0], begin, jac=lambda x: self._of(x)[1], max_nfev=most,
             bounds=self._bounds(bounds), ftol=tolerance, xtol=tolerance, gtol=None,
         )  # fmt: skip
         differences, jacobian = self._of(found.x)
-        used = int(np.isfinite(np.concatenate([*self._measured.values()])).sum())
-        free = max(used - len(begin), 1)
+        free = max(len(differences) - len(begin), 1)
         left = float(differences @ differences) / free
         covariance, told = _covariance(jacobian)
-        covariance *= (1.0 if known else left) * np.outer(self._scale, self._scale)
+        covariance *= (1.0 if known else left) * np.outer(self.scale, self.scale)
         covariance[np.diag(~told)] = np.inf
-        roots = self._named(np.sqrt(np.diag(covariance)) / self._scale)
+        roots = self._named(np.sqrt(np.diag(covariance)) / self.scale)
         unknown = named(self._start, np.where(told, 0.0, 1.0))
         return Identification(
             plain(self._named(found.x)), plain(roots), covariance, left**0.5, self.motions,
@@ -186,7 +199,7 @@ class _Fit:
                 )
                 for name, x in self._start.items()
             ]
-            sides.append(np.concatenate(own) / self._scale)
+            sides.append(np.concatenate(own) / self.scale)
         return sides[0], sides[1]
 
     def _of(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
@@ -213,13 +226,17 @@ class _Fit:
                 )
             seen = np.isfinite(wanted)
             differences.append((columns[name] - wanted)[seen] / self.noise[name])
-            rows.append(changes[:, seen, k].T * self._scale / self.noise[name])
+            rows.append(changes[:, seen, k].T * self.scale / self.noise[name])
+        means, weights = self.prior
+        known = weights > 0.0
+        differences.append((weights * (x * self.scale - means))[known])
+        rows.append(np.diag(weights * self.scale)[known])
         self._last = key, np.concatenate(differences), np.concatenate(rows)
         return self._last[1:]
 
     def _named(self, x: FloatArray) -> Values:
         """Values by name of scaled numbers."""
-        return named(self._start, np.asarray(x) * self._scale)
+        return named(self._start, np.asarray(x) * self.scale)
 
 
 def _covariance(jacobian: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -253,3 +270,26 @@ def _noises(measured: Mapping[str, npt.ArrayLike], given: Mapping[str, float]) -
         if not 0.0 < value < np.inf:
             raise ValueError(f"identify: noise of {name} must be positive, got {value}")
     return {name: float(given.get(name, 1.0)) for name in measured}
+
+
+def _priors(start: Values, given: Prior) -> tuple[FloatArray, FloatArray]:
+    """Prior means of all numbers, and one over their deviations, 0 without a prior.
+
+    Raises:
+        ValueError: a name is no parameter, or values have another shape or are not admissible.
+    """
+    means = {name: np.zeros(value.shape) for name, value in start.items()}
+    deviations = {name: np.full(value.shape, np.inf) for name, value in start.items()}
+    for name, pair in given.items():
+        if name not in start:
+            raise ValueError(f'identify: prior names "{name}", which is no parameter')
+        mean, deviation = (np.array(one, dtype=np.float64) for one in pair)
+        shape = means[name].shape
+        if not {mean.shape, deviation.shape} <= {(), shape}:
+            raise ValueError(f"identify: prior of {name} must be numbers or have the shape {shape}")
+        if not (np.isfinite(mean).all() and (deviation > 0.0).all()):
+            raise ValueError(
+                f"identify: prior of {name} must have finite means and positive deviations"
+            )
+        means[name][...], deviations[name][...] = mean, deviation
+    return flat(start, means), 1.0 / flat(start, deviations)

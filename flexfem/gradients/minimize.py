@@ -26,6 +26,7 @@ from flexfem.gradients.motion.parameters import (
     flat,
     named,
     plain,
+    scales,
 )
 from flexfem.gradients.states.analyses import Options
 from flexfem.io.atomic import raise_together
@@ -136,7 +137,7 @@ def minimize(
     problem = _Problem(Differentiation(build, of, options, ks_rho=ks_rho, comm=comm), values, comm)
     problem.only_cost = objective is None
     problem.cost, problem.most = cost, most
-    problem.scale = _scales(values, scale or {})
+    problem.scale = scales("minimize", values, scale or {})
     problem.output = None if output is None else Path(output)
     problem.report = report
     limits = _limits(values, bounds or {})
@@ -308,22 +309,6 @@ class _Problem:
         """Scaled parameters (n,) of values, or of a column of limits."""
         chosen = {n: x if column is None else x[column] for n, x in values.items()}
         return flat(self._start, chosen) / flat(self._start, self.scale)
-
-
-def _scales(values: Values, given: Mapping[str, npt.ArrayLike]) -> Values:
-    """Scale of each parameter, of its shape.
-
-    Raises:
-        ValueError: a name is no parameter, or a scale is not positive.
-    """
-    _check_names("scale", values, given)
-    found = {}
-    for name, value in values.items():
-        own = np.asarray(given.get(name, np.where(value == 0.0, 1.0, np.abs(value))), dtype=float)
-        if not (own > 0.0).all() or not np.isfinite(own).all():
-            raise ValueError(f"minimize: scale of {name} must be positive, got {_checks.show(own)}")
-        found[name] = np.broadcast_to(own, value.shape).copy()
-    return found
 
 
 def _limits(values: Values, given: Mapping[str, tuple[float | None, float | None]]) -> Values:

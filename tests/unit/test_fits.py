@@ -2,6 +2,7 @@
 """Minimisation over parameters and identification: an oscillator with closed forms."""
 
 import sys
+from functools import partial
 
 from mpi4py import MPI
 
@@ -239,6 +240,35 @@ def test_identified_parameters_lie_within_their_errors():
     assert ratio == pytest.approx(2e-3 / found.noise, rel=1e-3)
 
 
+@pytest.mark.serial
+def test_what_is_known_before():
+    """Two springs side by side, of which one is known: means and errors of linear Gaussian theory.
+
+    A prior in other units than the scaled parameters, or one that does not count among the
+    measurements, moves the values by parts of them, and the errors by factors.
+    """
+
+    def build(first, second):
+        return oscillator(15.0, first + second)
+
+    exact = columns(ff.simulate(oscillator(15.0, 380.0), COARSE))["x"]
+    noise, start = {"x": 1e-3}, {"first": 210.0, "second": 160.0}
+    (total,) = ff.identify(
+        partial(oscillator, 15.0), {"x": exact}, {"stiffness": 370.0}, COARSE, noise=noise
+    ).errors.values()
+    found = ff.identify(
+        build, {"x": exact}, start, COARSE, noise=noise, scale={"first": 100.0},
+        prior={"first": (200.0, 5.0)},
+    )  # fmt: skip
+    assert found.warnings == ()
+    assert found.values["first"] == pytest.approx(200.0, rel=1e-6)
+    assert found.values["second"] == pytest.approx(180.0, rel=1e-6)
+    assert found.errors["first"] == pytest.approx(5.0, rel=1e-6)
+    assert found.errors["second"] == pytest.approx(np.hypot(5.0, total), rel=1e-4)
+    # exact measurements, and a prior that agrees, leave nothing over
+    assert found.noise < 1e-3
+
+
 WRONG = [
     (lambda: ff.misfit({}), "give values of a column at least"),
     (lambda: ff.misfit({"x": [1.0]}, {"x": 0.0}), "scale of x must be positive, got 0.0"),
@@ -259,6 +289,13 @@ WRONG = [
     (lambda: _identify({"x": [1.0]}, noise={"v": 1.0}), 'noise names "v", which is not measured'),
     (lambda: _identify({"x": [1.0]}, noise={"x": 0.0}), "noise of x must be positive, got 0.0"),
     (lambda: _identify({"x": [1.0]}, bounds={"q": (0, 1)}), 'bounds names "q", which is no'),
+    (lambda: _identify({"x": [1.0]}, scale={"q": 1.0}), 'scale names "q", which is no parameter'),
+    (lambda: _identify({"x": [1.0]}, scale={"damping": 0.0}), "scale of damping must be positive"),
+    (lambda: _identify({"x": [1.0]}, prior={"damping": (12.0, 1.0)}), "a prior needs noise"),
+    (lambda: _known(q=(12.0, 1.0)), 'prior names "q", which is no parameter'),
+    (lambda: _known(damping=([12.0], 1.0)), "prior of damping must be numbers or have the shape"),
+    (lambda: _known(damping=(12.0, 0.0)), "prior of damping must have finite means and positive"),
+    (lambda: _known(damping=(np.nan, 1.0)), "prior of damping must have finite means and"),
 ]  # fmt: skip
 
 
@@ -268,6 +305,10 @@ def _minimize(objective="final:x", **more):
 
 def _identify(measured, **more):
     return ff.identify(oscillator, measured, {"damping": 12.0}, OPTIONS, **more)
+
+
+def _known(**prior):
+    return _identify({"x": [1.0]}, noise={"x": 1.0}, prior=prior)
 
 
 @pytest.mark.serial

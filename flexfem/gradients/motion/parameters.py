@@ -224,6 +224,26 @@ def flat(like: Values, given: Mapping[str, npt.ArrayLike]) -> FloatArray:
     )
 
 
+def scales(analysis: str, values: Values, given: Mapping[str, npt.ArrayLike]) -> Values:
+    """Changes of parameters that are alike, of their shapes: their sizes by default, 1 of zeros.
+
+    Raises:
+        ValueError: a name is no parameter, or a scale is not positive.
+    """
+    for name in given:
+        if name not in values:
+            raise ValueError(f'{analysis}: scale names "{name}", which is no parameter')
+    found = {}
+    for name, value in values.items():
+        own = np.asarray(given.get(name, np.where(value == 0.0, 1.0, np.abs(value))), dtype=float)
+        if not (own > 0.0).all() or not np.isfinite(own).all():
+            raise ValueError(
+                f"{analysis}: scale of {name} must be positive, got {_checks.show(own)}"
+            )
+        found[name] = np.broadcast_to(own, value.shape).copy()
+    return found
+
+
 def build_of(model: Model, names: list[str]) -> tuple[Build, Values]:
     """Function that builds a model with other values of some of its numbers, and their values.
 
