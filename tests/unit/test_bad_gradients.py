@@ -52,6 +52,7 @@ WRONG = [
     ("integrator must be 'generalized_alpha' or 'energy_momentum' or 'stabilized_index2', got 'i", {
         "options": ff.RunOptions(dt=1e-3, t_end=3e-3, integrator="independent_coordinates")}),
     ("4 states of the motion need", {"memory": 10.0}),
+    ("memory must be a number of bytes, got nan", {"memory": np.nan}),
 ]  # fmt: skip
 
 

@@ -47,10 +47,18 @@ class Storage:
         memory: largest number of bytes on each rank.
         scratch: folder of a file for those that do not fit, which is removed in the end; None if
             they are computed again.
+
+    Raises:
+        ValueError: memory is not a number from 0 on.
     """
 
     memory: float = MEMORY
     scratch: str | Path | None = None
+
+    def __post_init__(self) -> None:
+        """Check the memory."""
+        if not self.memory >= 0.0:
+            raise ValueError(f"gradient: memory must be a number of bytes, got {self.memory}")
 
 
 class Records:
