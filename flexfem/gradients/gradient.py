@@ -48,6 +48,12 @@ _CHAOTIC = (
     "the adjoint grows {:.0e} times over the motion, which is chaotic: the gradient is that of the "
     "computed motion, and of little use for descent"
 )
+#: Relative difference of adjoint and tangent from which on there is a warning.
+_APART = 1e-4
+_INACCURATE = (
+    'adjoint and tangent of "{}" differ by {:.0e} of its derivatives, which are not more accurate: '
+    "take a smaller accuracy, if equations of steps are not nearly singular"
+)
 
 
 @dataclass(frozen=True)
@@ -176,7 +182,7 @@ class Differentiation:
             applications=linear.applications,
             steps_repeated=motion.steps_repeated,
             growth=growth,
-            warnings=(_CHAOTIC.format(growth),) if growth > _GROWTH else (),
+            warnings=_warnings(growth, differences),
             at=plain(values),
         )
 
@@ -299,6 +305,13 @@ def _values(motion: Motion, functionals: Sequence[Functional]) -> dict[str, floa
     """Values of functionals on all ranks (collective)."""
     history = motion.history()
     return motion.on_all_ranks({one.name: one.value(history) for one in functionals if history})
+
+
+def _warnings(growth: float, differences: Mapping[str, float]) -> tuple[str, ...]:
+    """What should be known of a gradient."""
+    chaotic = [_CHAOTIC.format(growth)] if growth > _GROWTH else []
+    apart = [_INACCURATE.format(*one) for one in differences.items() if not one[1] <= _APART]
+    return *chaotic, *apart
 
 
 def _check(

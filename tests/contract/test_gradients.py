@@ -384,3 +384,14 @@ def test_functionals_are_the_derivatives_of_their_values():
             moved = [one.value({"t": t, "x": x + e * np.eye(1, 6, k)[0]}) for e in (1e-6, -1e-6)]
             # a wrong weight is a tenth
             assert own[k] == pytest.approx((moved[0] - moved[1]) / 2e-6, abs=1e-8)
+
+
+@pytest.mark.serial
+def test_inaccurate_gradients_warn():
+    options = ff.RunOptions(dt=1e-2, t_end=0.1, iteration_matrix="frozen")
+    found = ff.gradient(
+        partial(body, "se3"), "final:tip_z", NUMBERS, options, accuracy=0.5, check=True
+    )
+    # solutions that are off by a tenth of what one solve with old factors gives
+    assert found.check["final:tip_z"] > 1e-4
+    assert found.warnings[0].startswith('adjoint and tangent of "final:tip_z" differ by ')
