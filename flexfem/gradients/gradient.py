@@ -70,7 +70,8 @@ class Gradient:
         applications: products with the exact linearised equations backwards.
         steps_repeated: steps that were taken again, as not all states fit in the memory.
         check: relative difference of the derivatives along a random direction of the numbers among
-            the parameters, between adjoint and tangent, for each functional; empty if not checked.
+            the parameters, between adjoint and tangent, for each functional; empty if not checked,
+            or if there are arrays alone.
         growth: largest adjoint of any step over that of the last one: motions in which it grows by
             more than about 1e4 are chaotic, and their gradients useless for descent.
         warnings: what should be known before the gradient is used.
@@ -169,7 +170,8 @@ class Differentiation:
         sums, growth = backward(motion, linear, functionals, influences)
         found = [by_name(row, values) for row in sums]
         numbers = {n: one for n, one in influences.items() if isinstance(one, NumberInfluence)}
-        differences = _check(motion, linear, (functionals, found), numbers) if check else {}
+        checked = check and bool(numbers)
+        differences = _check(motion, linear, (functionals, found), numbers) if checked else {}
         return Gradient(
             value=_values(motion, functionals),
             gradient={one.name: own for one, own in zip(functionals, found, strict=True)},

@@ -190,3 +190,22 @@ def test_entries_that_must_be_positive():
     # one that is left out, or counts for its neighbour, is a tenth at least
     total = each.gradient[name]["youngs"].sum()
     assert total == pytest.approx(one.gradient[name]["youngs"], rel=1e-6)
+
+
+@pytest.mark.serial
+def test_arrays_alone_are_not_checked() -> None:
+    """No number to go along: a difference of zero would say that all digits agree."""
+
+    def build(mass: np.ndarray) -> ff.Model:
+        model = ff.Model("weight")
+        model.add(
+            ff.RigidBody("bob", mass[0], (0.1, 0.1, 0.1)),
+            ff.PointForce("push", ff.Marker("bob"), (1.0, 0.0, 0.0)),
+            ff.PositionProbe("path", ff.Marker("bob")),
+        )
+        return model
+
+    options = ff.RunOptions(dt=0.01, t_end=0.02)
+    found = ff.gradient(build, "final:path_x", {"mass": [2.0]}, options, check=True)
+    assert found.gradient["final:path_x"]["mass"][0] < 0.0
+    assert found.check == {}
