@@ -129,7 +129,6 @@ def rod(heights: np.ndarray) -> ff.Model:
     return model
 
 
-@pytest.mark.three_ranks
 @pytest.mark.parametrize(
     ("build", "values", "kind"),
     [

@@ -21,7 +21,7 @@ def table(file: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(file.read_text().splitlines()))
 
 
-@pytest.mark.three_ranks
+@pytest.mark.slow_on_ranks
 def test_strongest_column(shared_tmp_path: Path) -> None:
     """Keller's 4/3, and his areas between the thin ends; the tables and both runs are there."""
     case, count = load_case("optimal_column"), 12
