@@ -162,7 +162,8 @@ def test_gradient_by_nodes_is_that_of_differences(kind: str) -> None:
 
 
 @pytest.mark.parametrize(
-    "kind", [pytest.param("rod in motion", marks=pytest.mark.three_ranks), "bar in motion",
+    "kind", [pytest.param("rod in motion", marks=pytest.mark.three_ranks),
+             pytest.param("bar in motion", marks=pytest.mark.slow_on_ranks),
              pytest.param("plate at rest", marks=pytest.mark.slow_on_ranks)],
 )  # fmt: skip
 def test_gradient_by_nodes_is_the_same_on_ranks(kind: str) -> None:
