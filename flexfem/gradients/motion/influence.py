@@ -52,7 +52,8 @@ STEP = 1e-5
 #: The same of forces of drives, whose accelerations are differences over parts of a step: those
 #: divided by a smaller one are rounding.
 _FAR = 1e-3
-#: The same with contacts, whose forces change within a small part of the sizes of bodies.
+#: The same with contacts, stops and what goes slack, whose forces change within a small part of the
+#: sizes of bodies.
 _CLOSE = 3e-7
 #: The same of the start of nodes that move: rounding of positions, divided by a short difference,
 #: opens joints, and moves small rotary inertia by accelerations above those of the change itself.
@@ -157,7 +158,8 @@ class NumberInfluence:
         at = () if entry is None else entry
         whole = difference_of(values[name][at])
         self.scale = whole / STEP
-        self._step = _CLOSE * self.scale if motion.system.contacts else whole
+        begins = motion.system.contacts or motion.system.constraints.has_unilateral
+        self._step = _CLOSE * self.scale if begins else whole
 
         def changed(by: float) -> Simulation:
             """Start of the model with the parameter changed (collective)."""
