@@ -21,7 +21,7 @@ from flexfem.gradients.motion.arrays import Known
 from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.functionals import TIME, Functional, change
 from flexfem.gradients.motion.influence import NumberInfluence
-from flexfem.gradients.motion.parameters import Build, Values, along, parameters, plain
+from flexfem.gradients.motion.parameters import Build, Values, along, check_names, parameters, plain
 from flexfem.gradients.motion.records import MEMORY, Storage
 from flexfem.gradients.motion.runs import backward, forward
 from flexfem.gradients.motion.support import check_columns, differentiable
@@ -285,9 +285,7 @@ def tangent_motion(
     """
     _checks.instance("tangent_motion", "options", options, RunOptions)
     build, values = parameters(model, wrt)
-    for name in direction:
-        if name not in values:
-            raise ValueError(f'tangent_motion: direction names "{name}", which is no parameter')
+    check_names("tangent_motion", "direction", values, direction)
     made = made_of(build, values)
     chosen = [*columns] if columns is not None else differentiable(made)
     check_columns(made, chosen)

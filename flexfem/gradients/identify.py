@@ -20,6 +20,7 @@ from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.parameters import (
     Build,
     Values,
+    check_names,
     checked_values,
     flat,
     named,
@@ -188,9 +189,7 @@ class _Fit:
         Raises:
             ValueError: a name is no parameter.
         """
-        for name in given:
-            if name not in self._start:
-                raise ValueError(f'identify: bounds names "{name}", which is no parameter')
+        check_names("identify", "bounds", self._start, given)
         sides = []
         for k, none in enumerate((-np.inf, np.inf)):
             own = [
@@ -280,9 +279,8 @@ def _priors(start: Values, given: Prior) -> tuple[FloatArray, FloatArray]:
     """
     means = {name: np.zeros(value.shape) for name, value in start.items()}
     deviations = {name: np.full(value.shape, np.inf) for name, value in start.items()}
+    check_names("identify", "prior", start, given)
     for name, pair in given.items():
-        if name not in start:
-            raise ValueError(f'identify: prior names "{name}", which is no parameter')
         mean, deviation = (np.array(one, dtype=np.float64) for one in pair)
         shape = means[name].shape
         if not {mean.shape, deviation.shape} <= {(), shape}:

@@ -6,7 +6,6 @@ from __future__ import annotations
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
 
 from mpi4py import MPI
 
@@ -22,6 +21,7 @@ from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.parameters import (
     Build,
     Values,
+    check_names,
     checked_values,
     flat,
     named,
@@ -317,7 +317,7 @@ def _limits(values: Values, given: Mapping[str, tuple[float | None, float | None
     Raises:
         ValueError: a name is no parameter, or a value is outside at the start.
     """
-    _check_names("bounds", values, given)
+    check_names("minimize", "bounds", values, given)
     found = {}
     for name, value in values.items():
         low, high = given.get(name, (None, None))
@@ -329,9 +329,3 @@ def _limits(values: Values, given: Mapping[str, tuple[float | None, float | None
             )
         found[name] = limits
     return found
-
-
-def _check_names(what: str, values: Values, given: Mapping[str, Any]) -> None:
-    for name in given:
-        if name not in values:
-            raise ValueError(f'minimize: {what} names "{name}", which is no parameter')

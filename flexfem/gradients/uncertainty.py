@@ -16,7 +16,7 @@ from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.gradients.gradient import Differentiation, Gradient
 from flexfem.gradients.motion.functionals import Functional
-from flexfem.gradients.motion.parameters import Values, flat, named, parameters
+from flexfem.gradients.motion.parameters import Values, check_names, flat, named, parameters
 from flexfem.gradients.motion.records import MEMORY, Storage
 from flexfem.gradients.states.analyses import Options
 from flexfem.gradients.states.neighbours import by_name
@@ -138,9 +138,8 @@ def _root(spread: Mapping[str, npt.ArrayLike] | npt.ArrayLike, values: Values) -
     """
     if isinstance(spread, Mapping):
         found = {name: np.zeros(value.shape) for name, value in values.items()}
+        check_names("uncertainty", "spread", values, spread)
         for name, given in spread.items():
-            if name not in values:
-                raise ValueError(f'uncertainty: spread names "{name}", which is no parameter')
             own = np.asarray(given, dtype=np.float64)
             if own.shape not in ((), values[name].shape) or not (own >= 0.0).all():
                 raise ValueError(

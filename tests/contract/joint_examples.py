@@ -479,3 +479,34 @@ class Placed:
         face.velocities[:, :3] = np.einsum("nji,nj->ni", turned, speed)
         face.velocities[:, 3:] = velocities[:, 3:] + DYNAMICS[0] * (theta - increments[:, 3:])
         face.increments[:, 3:] = theta
+
+
+def spatial_slider_crank(mass: float = 0.5, gravity: float = 9.81) -> ff.Model:
+    """IFToMM library: crank 0.08 m about x at (0, 0.1, 0.12), rod 0.3 m, slider on the x axis.
+
+    Args:
+        mass: of the rod, kg.
+        gravity: along -z, m/s^2.
+    """
+    along = np.array([0.2, -0.1, -0.2]) / 0.3
+    side = np.cross((1.0, 0.0, 0.0), along)
+    side /= np.linalg.norm(side)
+    rotation = np.stack([along, side, np.cross(along, side)], axis=1)
+    model, slider = ff.Model("slider_crank"), ff.Marker("slider")
+    model.add(
+        ff.Gravity((0.0, 0.0, -gravity)),
+        ff.RigidBody("crank", 0.12, (1e-4, 1e-4, 1e-5), position=(0, 0.1, 0.16),
+                     velocity=(0, -0.24, 0), angular_velocity=(6.0, 0, 0)),
+        ff.RigidBody("rod", mass, (4e-4, 4e-3, 4e-3), position=(0.1, 0.05, 0.1), rotation=rotation,
+                     velocity=(0.12, -0.24, 0), angular_velocity=(1.92, -0.96, 0.48)),
+        ff.RigidBody("slider", 2.0, (1e-4, 1e-4, 1e-4), position=(0.2, 0, 0),
+                     velocity=(0.24, 0, 0)),
+        ff.Revolute("pin", ff.Ground((0, 0.1, 0.12)), ff.Marker("crank", offset=(0, 0, -0.04)),
+                    axis=(1, 0, 0)),
+        ff.Spherical("ball", ff.Marker("crank", offset=(0, 0, 0.04)),
+                     ff.Marker("rod", offset=(-0.15, 0, 0))),
+        ff.Universal("cross", slider, ff.Marker("rod", offset=(0.15, 0, 0)), axis=(1, 0, 0),
+                     second_axis=side),
+        ff.Prismatic("rail", ff.Ground(), slider, axis=(1, 0, 0)),
+    )  # fmt: skip
+    return model

@@ -3,14 +3,12 @@
 
 from functools import partial
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 
 import flexfem as ff
 from tests.contract.test_gradient_memories import bar
-from tests.contract.test_gradients import errors
+from tests.contract.test_gradients import agree_on_ranks, errors
 
 GROUND = ff.RigidPlane(ff.Ground())
 
@@ -341,13 +339,7 @@ def test_ranks_agree(build, numbers, of, dt, steps):
     options = ff.RunOptions(
         dt=dt, t_end=steps * dt, tolerance=1e-12, redundant_constraints="least_norm"
     )
-    together, alone = (
-        ff.gradient(build, of, numbers, options, accuracy=1e-11, comm=comm).gradient[of]
-        for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
-    )
-    size = max(abs(alone[name] * numbers[name]) for name in numbers)
-    for name, value in numbers.items():
-        assert abs((together[name] - alone[name]) * value) < 1e-9 * size
+    agree_on_ranks(build, numbers, [of], options, accuracy=1e-11)
 
 
 def hoisted(length, speed):

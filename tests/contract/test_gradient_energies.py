@@ -3,15 +3,13 @@
 
 from functools import partial
 
-from mpi4py import MPI
-
 import pytest
 
 import flexfem as ff
 from tests.contract.gradient_examples import KINDS, NUMBERS, body
 from tests.contract.test_gradient_contacts import ROD, balls, rod, sheet
 from tests.contract.test_gradient_contacts import compare as compare_contacts
-from tests.contract.test_gradients import compare
+from tests.contract.test_gradients import agree_on_ranks, compare
 
 #: All columns but those of the centre of mass along axes on which little happens.
 OF = ["E_kinetic", "E_strain", "E_gravity", "M_px", "M_pz", "M_ly", "M_cz"]
@@ -66,13 +64,4 @@ def test_ranks_agree_on_energies(touching):
     of, build, numbers = [f"final:{one}" for one in OF], partial(metered, "se3"), NUMBERS
     if touching:
         of, build, numbers = ["final:E_strain"], partial(landing, "rod", height=1e-3), ROD
-    alone, together = (
-        ff.gradient(build, of, numbers, options, accuracy=1e-13, comm=comm).gradient
-        for comm in (MPI.COMM_SELF, MPI.COMM_WORLD)
-    )
-    for one in of:
-        largest = max(abs(value * numbers[name]) for name, value in alone[one].items())
-        for name, value in alone[one].items():
-            # a share that is missing, or counted twice, is a tenth and more
-            bound = 1e-9 * largest / numbers[name]
-            assert together[one][name] == pytest.approx(value, abs=bound)
+    agree_on_ranks(build, numbers, of, options, accuracy=1e-13)

@@ -6,8 +6,6 @@ Steps depend on both of their ends, and with dissipation on the last step as wel
 
 from functools import partial
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 
@@ -18,7 +16,7 @@ from tests.contract.test_gradient_events import VALUES, arms
 from tests.contract.test_gradient_forces import loaded
 from tests.contract.test_gradient_memories import ARM, arm
 from tests.contract.test_gradient_steps import switched
-from tests.contract.test_gradients import errors
+from tests.contract.test_gradients import agree_on_ranks, errors
 
 STEPS = {"tolerance": 1e-13, "integrator": "energy_momentum"}
 ARMS = {name: value for name, value in ARM.items() if name != "inertia"}
@@ -187,10 +185,4 @@ def test_states_that_are_computed_again():
 def test_ranks(name):
     """Ghosts or points of other ranks that are left out are wrong in the first digit."""
     build, numbers, of, options, _ = MOTIONS[name]
-    together, alone = (
-        ff.gradient(build, of[-1:], numbers, options, accuracy=1e-12, comm=comm).gradient[of[-1]]
-        for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
-    )
-    size = max(abs(alone[name] * numbers[name]) for name in numbers)
-    for name, value in numbers.items():
-        assert abs((together[name] - alone[name]) * value) < 1e-9 * size
+    agree_on_ranks(build, numbers, of[-1:], options)

@@ -6,8 +6,6 @@ Steps are long, so that positions are corrected by 1e-5 to 1e-2 m or rad besides
 
 from functools import partial
 
-from mpi4py import MPI
-
 import numpy as np
 import pytest
 
@@ -21,34 +19,18 @@ from tests.contract.gradient_examples import (
     mechanism,
     rubbing,
 )
+from tests.contract.joint_examples import spatial_slider_crank
 from tests.contract.test_gradient_steps import switched
-from tests.contract.test_gradients import THROWN, errors
+from tests.contract.test_gradients import THROWN, agree_on_ranks, errors
+from tests.verification.test_gradient_arrays import rod
 
 CRANK = {"mass": 0.5, "gravity": 9.81, "stiffness": 100.0}
 
 
 def crank(*, mass, gravity, stiffness) -> ff.Model:
-    """A spatial slider-crank mechanism (IFToMM library), whose slider is on a spring."""
-    along = np.array([0.2, -0.1, -0.2]) / 0.3
-    side = np.cross((1.0, 0.0, 0.0), along)
-    side /= np.linalg.norm(side)
-    rotation = np.stack([along, side, np.cross(along, side)], axis=1)
-    model, slider = ff.Model("slider_crank"), ff.Marker("slider")
+    """A spatial slider-crank mechanism whose slider is on a spring."""
+    model, slider = spatial_slider_crank(mass, gravity), ff.Marker("slider")
     model.add(
-        ff.Gravity((0.0, 0.0, -gravity)),
-        ff.RigidBody("crank", 0.12, (1e-4, 1e-4, 1e-5), position=(0, 0.1, 0.16),
-                     velocity=(0, -0.24, 0), angular_velocity=(6.0, 0, 0)),
-        ff.RigidBody("rod", mass, (4e-4, 4e-3, 4e-3), position=(0.1, 0.05, 0.1), rotation=rotation,
-                     velocity=(0.12, -0.24, 0), angular_velocity=(1.92, -0.96, 0.48)),
-        ff.RigidBody("slider", 2.0, (1e-4, 1e-4, 1e-4), position=(0.2, 0, 0),
-                     velocity=(0.24, 0, 0)),
-        ff.Revolute("pin", ff.Ground((0, 0.1, 0.12)), ff.Marker("crank", offset=(0, 0, -0.04)),
-                    axis=(1, 0, 0)),
-        ff.Spherical("ball", ff.Marker("crank", offset=(0, 0, 0.04)),
-                     ff.Marker("rod", offset=(-0.15, 0, 0))),
-        ff.Universal("cross", slider, ff.Marker("rod", offset=(0.15, 0, 0)), axis=(1, 0, 0),
-                     second_axis=side),
-        ff.Prismatic("rail", ff.Ground(), slider, axis=(1, 0, 0)),
         ff.SpringDamper("spring", ff.Ground((0.5, 0.2, 0.0)), slider, stiffness=stiffness,
                         damping=3.0, rest_length=0.2),
         ff.PositionProbe("at", slider),
@@ -99,40 +81,21 @@ def test_against_differences(name):
     assert errors(found.gradient, build, numbers, of, options).max() < 3e-9
 
 
-def tapered(heights) -> ff.Model:
-    """A beam of eight heights that swings about a hinge."""
-    x = np.linspace(0.0, 0.4, 9)[:, np.newaxis] * np.array([1.0, 0.0, 0.0])
-    cells = np.array([[i, i + 1] for i in range(8)])
-    model = ff.Model("rod", mesh=ff.LineMesh(x, cells, {"rod": np.arange(8)}))
-
-    def section(s):
-        k = min(int(s / 0.05), 7)
-        return ff.Section.rectangle(0.03, heights[k], ff.Material(5e6, 0.3, 1100.0))
-
-    model.add(
-        ff.Gravity((0.0, 0.0, -9.81)),
-        ff.Beam("rod", section),
-        ff.Revolute("hinge", ff.Ground(), ff.Marker("rod", "start"), axis=(0.0, 1.0, 0.0)),
-        ff.PositionProbe("tip", ff.Marker("rod", "end")),
-    )
-    return model
-
-
 @pytest.mark.serial
 def test_arrays_of_elements():
     """Groups of elements that change together are told apart at the neighbours as well."""
     options, values = steps(0.01, 3), np.full(8, 0.02)
 
     def single(**every):
-        return tapered([every[name] for name in sorted(every)])
+        return rod([every[name] for name in sorted(every)])
 
-    array = ff.gradient(tapered, "final:tip_z", {"heights": values}, options, accuracy=1e-13)
+    array = ff.gradient(rod, "final:z", {"heights": values}, options, accuracy=1e-13)
     numbers = {f"h{k}": value for k, value in enumerate(values)}
-    apart = ff.gradient(single, "final:tip_z", numbers, options, accuracy=1e-13)
-    expected = [apart.gradient["final:tip_z"][name] for name in numbers]
+    apart = ff.gradient(single, "final:z", numbers, options, accuracy=1e-13)
+    expected = [apart.gradient["final:z"][name] for name in numbers]
     # equations of the step that are taken for those at a neighbour give 1e-5
     np.testing.assert_allclose(
-        array.gradient["final:tip_z"]["heights"], expected, rtol=0.0, atol=1e-8 * np.ptp(expected)
+        array.gradient["final:z"]["heights"], expected, rtol=0.0, atol=1e-8 * np.ptp(expected)
     )
 
 
@@ -141,10 +104,4 @@ def test_arrays_of_elements():
 def test_ranks(name):
     """Ghosts or rows of other ranks that are left out are wrong in the first digit."""
     build, numbers, of, options = MOTIONS[name]
-    together, alone = (
-        ff.gradient(build, of[-1:], numbers, options, accuracy=1e-12, comm=comm).gradient[of[-1]]
-        for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
-    )
-    size = max(abs(alone[name] * numbers[name]) for name in numbers)
-    for name, value in numbers.items():
-        assert abs((together[name] - alone[name]) * value) < 1e-9 * size
+    agree_on_ranks(build, numbers, of[-1:], options)

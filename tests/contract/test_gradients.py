@@ -81,6 +81,19 @@ def compare(build, numbers, of, options, accuracy, step=1e-3):
     assert errors(found.gradient, build, numbers, of, options, step).max() < accuracy
 
 
+def agree_on_ranks(build, numbers, of, options, accuracy=1e-12):
+    """Gradients by all ranks together are those of each alone, to the largest share of a number."""
+    together, alone = (
+        ff.gradient(build, of, numbers, options, accuracy=accuracy, comm=comm).gradient
+        for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
+    )
+    for one in of:
+        size = max(abs(alone[one][name] * numbers[name]) for name in numbers)
+        for name, value in numbers.items():
+            # a share that is missing, or counted twice, is a tenth and more
+            assert abs((together[one][name] - alone[one][name]) * value) < 1e-9 * size, (one, name)
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize("kind", KINDS)
 def test_families(kind):

@@ -15,6 +15,7 @@ from flexfem.core.status import Status
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.simulation.dynamics import simulate
 from flexfem.simulation.motion.stepping import Simulation
+from tests.contract.joint_examples import spatial_slider_crank
 
 ROOT = Path(__file__).parents[2]
 
@@ -104,29 +105,10 @@ def test_stabilised_heavy_top_is_of_second_order_from_the_first_step(
         assert errors[0][2] <= 0.1 * unstabilised[0][2]
 
 
-def _spatial_slider_crank() -> ff.Model:
-    """IFToMM library: crank 0.08 m about x at (0, 0.1, 0.12), rod 0.3 m, slider on the x axis."""
-    along = np.array([0.2, -0.1, -0.2]) / 0.3
-    side = np.cross((1.0, 0.0, 0.0), along)
-    side /= np.linalg.norm(side)
-    rotation = np.stack([along, side, np.cross(along, side)], axis=1)
-    spin = np.array([1.92, -0.96, 0.48])
-    model = ff.Model("slider_crank")
+def _measured_slider_crank() -> ff.Model:
+    """The mechanism with the slider's place, and the crank's angle and rate."""
+    model = spatial_slider_crank()
     model.add(
-        ff.Gravity((0.0, 0.0, -9.81)),
-        ff.RigidBody("crank", 0.12, (1e-4, 1e-4, 1e-5), position=(0, 0.1, 0.16),
-                     velocity=(0, -0.24, 0), angular_velocity=(6.0, 0, 0)),
-        ff.RigidBody("rod", 0.5, (4e-4, 4e-3, 4e-3), position=(0.1, 0.05, 0.1), rotation=rotation,
-                     velocity=(0.12, -0.24, 0), angular_velocity=spin),
-        ff.RigidBody("slider", 2.0, (1e-4, 1e-4, 1e-4), position=(0.2, 0, 0),
-                     velocity=(0.24, 0, 0)),
-        ff.Revolute("pin", ff.Ground((0, 0.1, 0.12)), ff.Marker("crank", offset=(0, 0, -0.04)),
-                    axis=(1, 0, 0)),
-        ff.Spherical("ball", ff.Marker("crank", offset=(0, 0, 0.04)),
-                     ff.Marker("rod", offset=(-0.15, 0, 0))),
-        ff.Universal("cross", ff.Marker("slider"), ff.Marker("rod", offset=(0.15, 0, 0)),
-                     axis=(1, 0, 0), second_axis=side),
-        ff.Prismatic("rail", ff.Ground(), ff.Marker("slider"), axis=(1, 0, 0)),
         ff.PositionProbe("slider_at", ff.Marker("slider")),
         ff.Probe("turn", ff.Marker("crank"), ("angle", "rate"), lambda t, s: (
             np.arctan2(-s.rotation[1, 2], s.rotation[2, 2]), s.angular_velocity[0])),
@@ -146,7 +128,7 @@ def test_spatial_slider_crank(integrator):
     errors = []
     for h in (2e-3, 1e-3):
         options = RunOptions(dt=h, t_end=1.0, tolerance=1e-10, integrator=integrator)
-        history = simulate(_spatial_slider_crank(), options).history
+        history = simulate(_measured_slider_crank(), options).history
         rows = [round(t / h) for t in expected]
         found = _columns(history, "slider_at_x angle rate")[rows]
         errors.append(np.abs(found - list(expected.values())).max(axis=0))
@@ -223,7 +205,7 @@ def test_stabilised_motion_does_not_depend_on_the_factors_of_its_iteration():
             dt=4e-3, t_end=0.2, tolerance=1e-12, integrator="stabilized_index2",
             iteration_matrix=policy,
         )  # fmt: skip
-        ends.append(simulate(_spatial_slider_crank(), options).history["rate"][-1])
+        ends.append(simulate(_measured_slider_crank(), options).history["rate"][-1])
     # with the matrices of the iteration in its equation: 4e-9 apart
     assert np.ptp(ends) <= 1e-11 * abs(ends[0])
 

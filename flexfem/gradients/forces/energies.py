@@ -20,7 +20,6 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray
-from flexfem.contact.contacts import Contacts
 from flexfem.core.differences import STENCIL
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.gradients.equations.node_maps import RateMaps, moved, rotations, transposed
@@ -33,6 +32,7 @@ from flexfem.gradients.equations.step_tangent import (
     forces_on_blocks,
     put_steps,
 )
+from flexfem.gradients.memory.lagged_contacts import lagging
 from flexfem.layout.tangent_request import EXACT
 from flexfem.system.measure.energies import EnergyMeter, refresh_rows
 from flexfem.system.measure.momenta import MomentumMeter
@@ -185,7 +185,7 @@ class BodyDerivatives:
         system, rows = self._system, self._system.constraints
         found = {
             "internal variables": system.remembering,
-            "friction and damping of contacts by the penalty": _remembers(system),
+            "friction and damping of contacts by the penalty": bool(lagging(system)),
         }
         for name, present in found.items():
             if system.comm.allreduce(present, op=MPI.LOR):
@@ -238,9 +238,7 @@ class BodyDerivatives:
 
     def _value(self, weights: FloatArray) -> float:
         """The weighted columns at the trial state (collective)."""
-        refresh_rows(self._system)
-        for contacts in self._system.contacts:
-            contacts.forget()
+        _refresh(self._system)
         if isinstance(self._meter, EnergyMeter):
             values = np.append(self._meter.stored(), np.zeros(3))
         else:
@@ -284,9 +282,7 @@ class BodyDerivatives:
         for part, (frames, velocity) in zip(parts, before, strict=True):
             part.block.frames[:], part.block.velocity[:] = frames, velocity
         system.interface.update()
-        refresh_rows(system)
-        for contacts in system.contacts:
-            contacts.forget()
+        _refresh(system)
         if not off <= _EXACT * own[1] + rounding:
             raise InputError(
                 f"gradient: {self._owner} of these bodies has no derivatives yet, as where some "
@@ -294,12 +290,11 @@ class BodyDerivatives:
             )
 
 
-def _remembers(system: System) -> bool:
-    """True if penalties of contacts store and lose energy besides."""
-    laws = [
-        g.surfaces.contact for c in system.contacts if isinstance(c, Contacts) for g in c.groups
-    ]
-    return any(law.friction or law.damping for law in laws)
+def _refresh(system: System) -> None:
+    """Let rows and contacts be those of the trial state (collective)."""
+    refresh_rows(system)
+    for contacts in system.contacts:
+        contacts.forget()
 
 
 def _at_random(block: FrameBlock, number: int) -> FloatArray:

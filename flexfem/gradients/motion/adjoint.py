@@ -121,9 +121,8 @@ class Adjoint:
             if found is not None:
                 own.q += by.hold(found[0][k])
                 own.v += by.hold_rates(by.by_increment.transposed(found[1][k]))
-        others = self._motion.set_aside(self.carried)
-        self.z, self.mu = renewal.back(self.carried, self.targets, self.forces)
-        self._motion.take_up(self.carried, others)
+        with self._motion.set_aside(self.carried):
+            self.z, self.mu = renewal.back(self.carried, self.targets, self.forces)
         if follows:
             still = [0.0 * own for own in self.z], 0.0 * self.mu
             self.remembered = memories.back(self.remembered, *still)
@@ -221,9 +220,8 @@ class Tangent:
         if own is not None:
             blocks = [a + b for a, b in zip(changes[0], own[0], strict=True)]
             changes = blocks, changes[1] + own[1]
-        others = self._motion.set_aside(self.carried)
-        renewal.ahead(self.carried, self.targets, self.forces, changes)
-        self._motion.take_up(self.carried, others)
+        with self._motion.set_aside(self.carried):
+            renewal.ahead(self.carried, self.targets, self.forces, changes)
         if self._motion.follows(step):
             moves = [one.q for one in self.carried], renewal.local([one.v for one in self.carried])
             self.remembered = memories.ahead(self.remembered, moves)

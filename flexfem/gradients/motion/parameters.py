@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
@@ -24,8 +24,8 @@ from flexfem.model.model import Model
 from flexfem.options import meant
 
 __all__ = [
-    "Build", "NodePath", "Values", "along", "build_of", "build_with_options", "checked_values",
-    "flat", "flattened", "model_with", "named", "parameters", "plain", "refusing",
+    "Build", "NodePath", "Values", "along", "build_of", "build_with_options", "check_names",
+    "checked_values", "flat", "flattened", "model_with", "named", "parameters", "plain", "refusing",
 ]  # fmt: skip
 
 #: A model of values by name.
@@ -224,15 +224,20 @@ def flat(like: Values, given: Mapping[str, npt.ArrayLike]) -> FloatArray:
     )
 
 
+def check_names(analysis: str, what: str, values: Values, given: Iterable[str]) -> None:
+    """Raise ValueError unless all names given are those of parameters."""
+    for name in given:
+        if name not in values:
+            raise ValueError(f'{analysis}: {what} names "{name}", which is no parameter')
+
+
 def scales(analysis: str, values: Values, given: Mapping[str, npt.ArrayLike]) -> Values:
     """Changes of parameters that are alike, of their shapes: their sizes by default, 1 of zeros.
 
     Raises:
         ValueError: a name is no parameter, or a scale is not positive.
     """
-    for name in given:
-        if name not in values:
-            raise ValueError(f'{analysis}: scale names "{name}", which is no parameter')
+    check_names(analysis, "scale", values, given)
     found = {}
     for name, value in values.items():
         own = np.asarray(given.get(name, np.where(value == 0.0, 1.0, np.abs(value))), dtype=float)

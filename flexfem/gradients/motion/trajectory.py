@@ -3,7 +3,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Mapping, Sequence
+from collections.abc import Iterable, Iterator, Mapping, Sequence
+from contextlib import contextmanager
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -316,17 +317,13 @@ class Motion:
         self.renewal.take()
         self.between = self.renewal
 
-    def set_aside(self, carried: Sequence[Carried]) -> list[FloatArray]:
-        """Take away what is carried in place of acceleration-like variables."""
-        if self.alpha:
-            return []
-        others = [own.a for own in carried]
-        for own in carried:
-            own.a = np.zeros_like(own.a)
-        return others
-
-    def take_up(self, carried: Sequence[Carried], others: Sequence[FloatArray]) -> None:
-        """Return what :meth:`set_aside` has taken away."""
+    @contextmanager
+    def set_aside(self, carried: Sequence[Carried]) -> Iterator[None]:
+        """Without what is carried in place of acceleration-like variables."""
+        others = [] if self.alpha else [own.a for own in carried]
+        for own, other in zip(carried, others, strict=False):
+            own.a = np.zeros_like(other)
+        yield
         for own, other in zip(carried, others, strict=False):
             own.a = other
 

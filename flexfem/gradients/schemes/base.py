@@ -25,7 +25,10 @@ from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.mechanics import Mechanics
 from flexfem.system.system import Shifts, System
 
-__all__ = ["Ahead", "Recursion", "SizeChange", "States", "Steps", "StoppedError", "Stored"]
+__all__ = ["SIZE", "Ahead", "Recursion", "SizeChange", "States", "Steps", "StoppedError", "Stored"]
+
+#: Relative difference of sizes of steps.
+SIZE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -107,14 +110,14 @@ class Recursion(Protocol):
 
         Those at the trial state are first, and those at :meth:`neighbours` follow.
         """
-        ...
+        return [self.linear.parts(solution)]
 
     def neighbours(self) -> Iterator[SystemEquations]:
         """Go to states beside the trial state at which there are equations, too, and return to it.
 
-        Each is collective, and yields its equations.
+        Each is collective, and yields its equations. There are none by default.
         """
-        ...
+        return iter(())
 
     def ahead(
         self, carried: Sequence[Carried], changes: Equations,

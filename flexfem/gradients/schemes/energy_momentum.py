@@ -20,7 +20,7 @@ With dissipation stresses depend on strains at the start of the last step as wel
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import ClassVar
 
@@ -34,10 +34,10 @@ from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import LinearizedStep
 from flexfem.gradients.equations.node_maps import StepMaps, moved, moved_apart
 from flexfem.gradients.equations.step_tangent import STEP, BlockVectors
-from flexfem.gradients.equations.values import Equations, SystemEquations, equations_at
+from flexfem.gradients.equations.values import Equations, equations_at
 from flexfem.gradients.memory.base import StepEnd
 from flexfem.gradients.memory.controllers import recall
-from flexfem.gradients.schemes.base import Ahead, Recursion, SizeChange, States
+from flexfem.gradients.schemes.base import SIZE, Ahead, Recursion, SizeChange, States
 from flexfem.gradients.schemes.energy_nodes import (
     NodeRates,
     NodesBefore,
@@ -55,8 +55,6 @@ __all__ = ["EnergyRecursion", "EnergySteps", "RateLaw"]
 
 #: Derivatives by the configuration at the start of a step, beside those of the step.
 _START = STEP + 1
-#: Relative difference of sizes of steps.
-_SIZE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -89,7 +87,7 @@ class _Rates:
     alpha: FloatArray
 
 
-class EnergyRecursion:
+class EnergyRecursion(Recursion):
     """See :class:`flexfem.gradients.schemes.base.Recursion`."""
 
     maps: list[StepMaps]
@@ -120,7 +118,7 @@ class EnergyRecursion:
     # -- Back -----------------------------------------------------------------------------------
 
     def arrive(self, carried: Sequence[Carried], memories: Sequence[BlockVectors] | None) -> None:
-        """See :class:`flexfem.gradients.schemes.base.Recursion`; there are no memories."""
+        """See :class:`flexfem.gradients.schemes.base.Recursion`; memories take nothing."""
 
     def back(
         self, carried: Sequence[Carried], rows: FloatArray, guess: FloatArray | None,
@@ -160,14 +158,6 @@ class EnergyRecursion:
         own.q += crossed(at.local_twist, sums, transpose=True)
         own.v = own.v + crossed(at.local_rate, sums, transpose=True)
         own.a = np.zeros_like(own.a)
-
-    def factors(self, solution: FloatArray) -> list[Equations]:
-        """See :class:`flexfem.gradients.schemes.base.Recursion`."""
-        return [self.linear.parts(solution)]
-
-    def neighbours(self) -> Iterator[SystemEquations]:
-        """See :class:`flexfem.gradients.schemes.base.Recursion`."""
-        return iter(())
 
     # -- Ahead ----------------------------------------------------------------------------------
 
@@ -425,9 +415,9 @@ class EnergySteps:
         motion, system = self._motion, self._motion.system
         assert isinstance(over, EnergyRecursion)
         h, mechanics = motion.grid.step(over.step).h, self.mechanics(over.step)
-        weights, found = [weight / (_SIZE * h) for _, weight in STENCIL], list[list[FloatArray]]()
+        weights, found = [weight / (SIZE * h) for _, weight in STENCIL], list[list[FloatArray]]()
         for place, _ in STENCIL:
-            longer = place * _SIZE * h
+            longer = place * SIZE * h
             blocks, rows = self._at(over.step, _Other(longer=longer))
             values = [rows, *blocks]
             for part in system.parts:

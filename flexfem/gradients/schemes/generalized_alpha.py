@@ -23,7 +23,7 @@ Oberpeilsteiner, Steiner, Nachbagauer, Multibody Syst. Dyn. 42 (2018) 431-464.
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import ClassVar
 
@@ -47,12 +47,11 @@ from flexfem.gradients.equations.step_tangent import (
 from flexfem.gradients.equations.unilateral import StateChange
 from flexfem.gradients.equations.values import (
     Equations,
-    SystemEquations,
     copy_state,
     equations_at,
 )
 from flexfem.gradients.memory.base import StepEnd
-from flexfem.gradients.schemes.base import Ahead, Recursion, SizeChange, States, StoppedError
+from flexfem.gradients.schemes.base import SIZE, Ahead, Recursion, SizeChange, States, StoppedError
 from flexfem.gradients.unilateral.forces import unilateral_forces
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, StepLaws, step_laws
 from flexfem.integrators.integrator import Integrator
@@ -61,9 +60,6 @@ from flexfem.system.mechanics import END_POINT, EndPoint
 from flexfem.system.system import Shifts
 
 __all__ = ["AlphaRecursion", "AlphaSteps", "alpha_of"]
-
-#: Relative difference of sizes of steps.
-_SIZE = 1e-3
 
 
 @dataclass(frozen=True)
@@ -97,7 +93,7 @@ class _Coefficients:
         return self.share / self.square
 
 
-class AlphaRecursion:
+class AlphaRecursion(Recursion):
     """See :class:`flexfem.gradients.schemes.base.Recursion`."""
 
     def __init__(
@@ -170,14 +166,6 @@ class AlphaRecursion:
         own.a = one.h**2 * (0.5 - one.beta) * n + one.h * (1.0 - one.gamma) * v
         own.a += one.alpha_m * over * w
         own.w = -one.alpha_f * over * w
-
-    def factors(self, solution: FloatArray) -> list[Equations]:
-        """See :class:`flexfem.gradients.schemes.base.Recursion`."""
-        return [self.linear.parts(solution)]
-
-    def neighbours(self) -> Iterator[SystemEquations]:
-        """See :class:`flexfem.gradients.schemes.base.Recursion`."""
-        return iter(())
 
     # -- Ahead ----------------------------------------------------------------------------------
 
@@ -313,11 +301,11 @@ class AlphaSteps:
         taken, shifts = motion.grid.step(over.step), self.shifts(over.step)
         laws = np.zeros(10)
         for place, weight in STENCIL:
-            h = taken.h * (1.0 + place * _SIZE)
+            h = taken.h * (1.0 + place * SIZE)
             own = step_laws(alpha_of(taken.scheme).rho_inf, h)
             plain = own.predict[0]  # whose increments are zero
             values = np.concatenate([plain[2:], own.rates, own.accept])
-            laws += weight / (_SIZE * taken.h) * values
+            laws += weight / (SIZE * taken.h) * values
         found, velocities, accelerations = [], list[FloatArray](), list[FloatArray]()
         for part, by in zip(motion.system.parts, over.maps, strict=True):
             block = part.block
