@@ -17,6 +17,9 @@ from flexfem._types import FloatArray, IntArray
 
 # Rotation matrices typed with six digits are accepted and made orthonormal
 _ROTATION_TOLERANCE = 1e-6
+# Axes of whatever is not rotated
+_IDENTITY = np.eye(3)
+_IDENTITY.setflags(write=False)
 # Whole numbers that arrays are counted by lie below
 _COUNTS = 2**63
 # Directions whose length can be squared
@@ -214,13 +217,15 @@ def rotation(owner: str, what: str, value: object) -> FloatArray:
         ValueError: `value` is not 3 x 3, not finite, not orthonormal, or a reflection.
     """
     if value is None:
-        return freeze(np.eye(3))
+        return _IDENTITY
     matrix = array(owner, what, value, (3, 3))
-    defect = np.abs(matrix.T @ matrix - np.eye(3)).max()
+    defect = np.abs(matrix.T @ matrix - _IDENTITY).max()
     if defect > _ROTATION_TOLERANCE or np.linalg.det(matrix) < 0.0:
         raise ValueError(f"{owner}: {what} must be a rotation matrix, got {show(value)}")
+    if defect <= 1e-15:
+        return matrix
     u, _, vt = np.linalg.svd(matrix)
-    return freeze(u @ vt) if defect > 1e-15 else matrix
+    return freeze(u @ vt)
 
 
 def instance(owner: str, what: str, value: object, kinds: type | tuple[type, ...]) -> None:

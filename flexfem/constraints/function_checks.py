@@ -39,7 +39,7 @@ def check_functions(rows: Sequence[Row], poses: Sequence[Pose]) -> None:
         ValueError: a function fails, does not compile, or is not smooth there; the message names
             it.
     """
-    if all(one is None for row in rows for one in _functions(row)):
+    if not any(row.calls for row in rows):
         return
     frames = [se3.frame(pose.position, pose.rotation) for pose in poses]
     for row in rows:
@@ -79,10 +79,6 @@ def _beyond(law: Law, value: float) -> float:
     return abs(beyond) if law.kind is LawKind.PRESS else beyond
 
 
-def _functions(row: Row) -> list[UserFunction | None]:
-    return [term.function for term in row.terms] + [row.law.function if row.law else None]
-
-
 def _value(term: Any, frames: Sequence[FloatArray]) -> float:
     """Value of a term at the start; zero for an arc length, which is unknown here."""
     if term.kind == RowKind.ARC:
@@ -117,7 +113,8 @@ class Functions:
     def __init__(self, table: NumberedRows) -> None:
         """Find the functions in the rows."""
         self.places: list[_Place] = []
-        for i, placed in enumerate(table.joints):
+        for i in table.calling:
+            placed = table.joints[i]
             for r, row in enumerate(placed.rows(0.0), start=int(table.start[i])):
                 for k, term in enumerate(row.terms):
                     if term.function is not None:

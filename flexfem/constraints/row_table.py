@@ -43,6 +43,7 @@ class RowTable:
         coupled: (k, 2) rows with friction, and rows whose resultant is the normal force.
         wrapped_rows, wrap_terms, wraps: (w,), (w, 2) and (w, 2) of guides of cables with friction.
         layout: where the rows of each joint are.
+        calling: joints whose rows call functions of the user.
         lines: evaluation of the joints with markers on lines; each term here has two nodes of their
             gradients.
     """
@@ -79,6 +80,7 @@ class RowTable:
         self.lines = LineJoints(self.layout, listed)
         for i, part in enumerate(listed):
             self.write(i, part)
+        self.calling = [i for i, part in enumerate(listed) if any(row.calls for row in part)]
         self._normals(rows)
         self._wraps(rows)
 

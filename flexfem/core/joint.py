@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import field
-from functools import cached_property
+from functools import cache, cached_property
 from typing import ClassVar
 
 import numpy as np
@@ -293,9 +293,10 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     return np.array([a1 * b2 - a2 * b1, a2 * b0 - a0 * b2, a0 * b1 - a1 * b0])
 
 
+@cache
 def coincidence(b: int = 1) -> tuple[Row, ...]:
     """Three rows that keep the origins of the first marker and of marker ``b`` together."""
-    return tuple(Row((Term(RowKind.INERTIAL, u=e, b=b),)) for e in np.eye(3))
+    return tuple(Row((Term(RowKind.INERTIAL, u=e, b=b),)) for e in _checks.freeze(np.eye(3)))
 
 
 def parallelism(axis: FloatArray, a: Pose, b: Pose) -> tuple[Row, ...]:

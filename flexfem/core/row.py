@@ -144,3 +144,9 @@ class Row:
     locked: bool = True
     target_rate: float = 0.0
     wrap: Wrap | None = None
+
+    @property
+    def calls(self) -> bool:
+        """True if a term or the law calls a user-defined function."""
+        own = self.law is not None and self.law.function is not None
+        return own or any(term.function is not None for term in self.terms)

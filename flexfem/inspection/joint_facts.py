@@ -49,21 +49,25 @@ class JointFacts:
 def joint_facts(rows: StartRows, declared: Sequence[Joint]) -> list[JointFacts]:
     """Joints as they are declared in the model, then the locks of its bodies in one plane."""
     table, turning = rows.rows, turning_rows(rows)
-    names = np.array([joint.name for joint in rows.joints])[table.joint_of_row]
-    inner = np.array([isinstance(j, ElasticLock) for j in rows.joints])[table.joint_of_row]
     locks = [joint for joint in rows.joints if isinstance(joint, ElasticLock)]
+    # joints of lines are several under one name
+    of_name: dict[tuple[str, bool], list[int]] = {}
+    for i, joint in enumerate(rows.joints):
+        of_name.setdefault((joint.name, isinstance(joint, ElasticLock)), []).append(i)
     gaps = _lengths(rows, turning)
     facts = []
     for joint in (*declared, *locks):
-        own = (names == joint.name) & (inner == isinstance(joint, ElasticLock))
-        held = int((own & table.rigid).sum())
-        laws = int((own & (table.elastic[:, 0] > 0.0)).sum())
+        placed = of_name[joint.name, isinstance(joint, ElasticLock)]
+        own = np.concatenate([np.arange(table.start[i], table.start[i + 1]) for i in placed])
+        held = int(table.rigid[own].sum())
+        laws = int((table.elastic[own, 0] > 0.0).sum())
+        turns, gap = turning[own], gaps[own]
         facts.append(
             JointFacts(
-                joint.name, type(joint).__name__, _role(joint, held, int(own.sum()) - laws),
+                joint.name, type(joint).__name__, _role(joint, held, len(own) - laws),
                 tuple(str(marker) for marker in joint.markers), held, laws,
-                int(own.sum()) - held - laws, float(gaps[own & ~turning].max(initial=0.0)),
-                float(gaps[own & turning].max(initial=0.0)),
+                len(own) - held - laws, float(gap[~turns].max(initial=0.0)),
+                float(gap[turns].max(initial=0.0)),
             )
         )  # fmt: skip
     return facts
@@ -71,14 +75,14 @@ def joint_facts(rows: StartRows, declared: Sequence[Joint]) -> list[JointFacts]:
 
 def turning_rows(rows: StartRows) -> BoolArray:
     """(r,) rows that are about directions, not positions."""
-    return np.array(
-        [
-            row.terms[0].kind in (RowKind.AXES, RowKind.ANGLE)
-            for placed in rows.rows.joints
-            for row in placed.rows(0.0)
-        ],
-        dtype=np.bool_,
-    )
+    table = rows.rows
+    turning = np.isin(table.kinds[table.term_start[:-1]], (RowKind.AXES, RowKind.ANGLE))
+    for i in table.lines.joints:  # whose terms in the table are of all nodes of a line
+        terms = [row.terms[0] for row in table.joints[i].rows(0.0)]
+        turning[table.start[i] : table.start[i + 1]] = [
+            term.kind in (RowKind.AXES, RowKind.ANGLE) for term in terms
+        ]
+    return turning
 
 
 def _lengths(rows: StartRows, turning: BoolArray) -> FloatArray:

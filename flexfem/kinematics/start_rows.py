@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Constraint equations of all joints at the start, on nodes and on rigidly moving bodies."""
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from mpi4py import MPI
 
@@ -98,15 +98,14 @@ class StartRows:
     def _carriers(self, keys: Sequence[NodeKey], frames: FloatArray) -> tuple[IntArray, FloatArray]:
         """Part (n,) that carries each node, and maps (n, 6, 6) from its twist to the node's."""
         serial, parts = self._serial, self._parts
-        part = np.array([
-            parts.number[serial.body(kind, int(serial.bodies(kind, np.array([node]))[0])).name]
-            for kind, node in keys
-        ], dtype=np.int64)  # fmt: skip
+        part, rest = np.zeros(len(keys), dtype=np.int64), np.zeros(len(keys), dtype=np.bool_)
+        for kind, at, nodes in _by_kind(keys):
+            bodies = serial.families[kind].bodies
+            part[at] = [parts.number[bodies[i].name] for i in serial.bodies(kind, nodes).tolist()]
+            rest[at] = ~serial.families[kind].placed[nodes]
         relative = se3.compose(se3.inverse(parts.frames[part]), frames)
         carried = se3.adjoint(se3.inverse(relative)).reshape(-1, 6, 6)
-        for i, (kind, node) in enumerate(keys):
-            if not serial.families[kind].placed[node]:
-                carried[i] = 0.0  # amplitudes are at rest in the body
+        carried[rest] = 0.0  # amplitudes are at rest in the body
         return part, carried
 
 
@@ -126,9 +125,18 @@ def _table(serial: NumberedModel, keys: Sequence[NodeKey]) -> NodeTable:
     count = len(keys)
     frames, velocities = np.zeros((count, 12)), np.zeros((count, 6))
     held, width = np.zeros((count, 6), dtype=np.bool_), np.full(count, 6, dtype=np.int64)
-    for i, (kind, node) in enumerate(keys):
+    for kind, at, nodes in _by_kind(keys):
         family = serial.families[kind]
-        frames[i], velocities[i] = family.frames[node], family.velocities[node]
-        own = family.held[node]
-        held[i, : len(own)], width[i] = own, len(own)
+        frames[at], velocities[at] = family.frames[nodes], family.velocities[nodes]
+        own = family.held[nodes]
+        width[at] = own.shape[1]
+        held[at, : own.shape[1]] = own
     return NodeTable(keys, frames, velocities, held, width)
+
+
+def _by_kind(keys: Sequence[NodeKey]) -> Iterator[tuple[int, IntArray, IntArray]]:
+    """Kinds of families, where their keys are, and their nodes."""
+    kinds, nodes = np.array(keys, dtype=np.int64).reshape(-1, 2).T
+    for kind in np.unique(kinds).tolist():
+        at = np.flatnonzero(kinds == kind)
+        yield kind, at, nodes[at]

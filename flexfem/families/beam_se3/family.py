@@ -119,7 +119,7 @@ class SE3BeamFamily(BeamFamily):
     @override
     def line(self, carrier: Carrier) -> Line:
         beam, data = self.serial.model[carrier.body], self.mesh.cells
-        cells = np.flatnonzero(data.body == self._numbers[beam.name])
+        cells = np.arange(len(data.cells))[self.mesh.own(self._numbers[beam.name])]
         order = _chain(data.cells[cells].astype(np.int64))
         if order is None:
             raise ValueError(f'Beam "{beam.name}": group "{beam.group}" branches or falls apart')
@@ -170,9 +170,9 @@ class SE3BeamFamily(BeamFamily):
             inertial=True, elements=mesh.cell_ids,
         )  # fmt: skip
         strains = {
-            number: partial(_initial_strain, self.bodies[number])
-            for number in map(self.bodies.index, self.own)
-            if self.bodies[number].timed
+            self._numbers[beam.name]: partial(_initial_strain, beam)
+            for beam in self.own
+            if beam.timed
         }
         return block, SE3Beams(comm, mine, own.sections, own.owners, frames, strains)
 

@@ -125,9 +125,11 @@ class BeamMesh:
         frames = np.concatenate([part.frames for part in parts])
         rest, strained = _twists(frames), np.repeat([beam.strained for beam in beams], counts)
         rest[strained] = np.concatenate([part.rest for part in parts])
+        places = {id(beam): i for i, beam in enumerate(model.beams)}
+        body = np.array([places[id(beam)] for beam in beams])
         cells = BeamCells(
             cells=nodes,
-            body=np.repeat([model.beams.index(b) for b in beams], counts),
+            body=np.repeat(body, counts),
             section=number,
             frames=frames,
             rest=rest,
@@ -138,9 +140,10 @@ class BeamMesh:
         body_of_node = np.empty(len(used), dtype=np.int64)
         body_of_node[nodes] = cells.body[:, np.newaxis]
         at_nodes, velocities = node_frames(nodes, frames, len(used)), np.zeros((len(used), 6))
-        for beam in beams:
-            own = np.unique(nodes[cells.body == model.beams.index(beam)])
-            velocities[own] = initial_velocities(beam, at_nodes[own])
+        for beam, cells_of_beam in zip(beams, np.split(nodes, np.cumsum(counts)[:-1]), strict=True):
+            if beam.velocity.any() or beam.angular_velocity.any():
+                own = np.unique(cells_of_beam)
+                velocities[own] = initial_velocities(beam, at_nodes[own])
         node_of_mesh = {int(node): i for i, node in enumerate(used)}
         different, walls, owners = zip(*sections, strict=True)
         return cls(
@@ -154,8 +157,13 @@ class BeamMesh:
 
     def nodes(self, beam: int) -> IntArray:
         """(m, 2) nodes of the cells of a beam, by its number in the model."""
-        nodes: IntArray = self.cells.cells[self.cells.body == beam].astype(np.int64)
+        nodes: IntArray = self.cells.cells[self.own(beam)].astype(np.int64)
         return nodes
+
+    def own(self, beam: int) -> slice:
+        """Cells of a beam, by its number in the model; beams are in its order."""
+        first, last = np.searchsorted(self.cells.body, [beam, beam + 1]).tolist()
+        return slice(first, last)
 
     def common_nodes(self) -> IntArray:
         """(k, 2) numbers of two beams for each node that both have."""
@@ -167,12 +175,12 @@ class BeamMesh:
 
     def section(self, beam: int) -> Section:
         """Section of a beam, by its number in the model: that in its middle, if it varies."""
-        numbers = self.cells.section[self.cells.body == beam]
+        numbers = self.cells.section[self.own(beam)]
         return self.sections[int(numbers[len(numbers) // 2])]
 
     def inertia(self, beam: int, origin: FloatArray) -> FloatArray:
         """Inertia matrix (6, 6) of a beam at the start about a frame (12,)."""
-        own = self.cells.body == beam
+        own = self.own(beam)
         ends, numbers = self.cells.frames[own], self.cells.section[own]
         twists = _twists(ends)
         weights = 0.5 * np.linalg.norm(twists[:, :3], axis=1)

@@ -47,6 +47,7 @@ class RigidBodyFamily(Family):
         self._index = {body.name: i for i, body in enumerate(self.bodies)}
         frames = [se3.frame(body.position, body.rotation) for body in self.bodies]
         self._frames = np.array(frames).reshape(-1, 12)
+        self._velocities = np.array([body.twist for body in self.bodies]).reshape(-1, 6)
 
     @property
     @override
@@ -61,7 +62,7 @@ class RigidBodyFamily(Family):
     @property
     @override
     def velocities(self) -> FloatArray:
-        return np.array([body.twist for body in self.bodies]).reshape(-1, 6)
+        return self._velocities
 
     @property
     @override

@@ -70,13 +70,19 @@ def _falling(inspection: Inspection, held: list[set[int]]) -> Iterator[Finding]:
 def _groups(inspection: Inspection) -> list[set[int]]:
     """Connected parts, by number; -1 is the ground."""
     model = inspection.model
-    groups = [{part} for part in range(len(inspection.parts))]
+    group_of = {part: {part} for part in (_GROUND, *range(len(inspection.parts)))}
+    # groups in the order of their last joints, the ground only if something is joined to it
+    groups = {id(group): group for part, group in group_of.items() if part != _GROUND}
 
     def join(ends: set[int]) -> None:
-        met = [group for group in groups if group & ends]
-        for group in met:
-            groups.remove(group)
-        groups.append(ends.union(*met))
+        met = {id(group_of[end]): group_of[end] for end in ends}
+        largest = max(met.values(), key=len)
+        for group in met.values():
+            groups.pop(id(group), None)
+            if group is not largest:
+                largest |= group
+                group_of.update(dict.fromkeys(group, largest))
+        groups[id(largest)] = largest
 
     for joint in model.joints:
         # a force may act from the ground, as on feet and wheels
@@ -88,7 +94,7 @@ def _groups(inspection: Inspection) -> list[set[int]]:
         join(named | {_end(inspection, surface.place) for surface in contact.surfaces})
     for part in np.unique(inspection.rows.supports().nodes[:, 0]):
         join({int(part), _GROUND})
-    return groups
+    return list(groups.values())
 
 
 def _end(inspection: Inspection, marker: Attachment) -> int:

@@ -106,10 +106,15 @@ def _named_entities(dimension: int) -> dict[str, list[int]]:
     import gmsh
 
     groups = {}
-    for dim, tag in gmsh.model.getPhysicalGroups(dimension):
-        name = gmsh.model.getPhysicalName(dim, tag)
+    if hasattr(gmsh.model, "getPhysicalGroupsEntities"):
+        tags, members = gmsh.model.getPhysicalGroupsEntities(dimension)
+        found = [[entity for _, entity in pairs] for pairs in members]
+    else:  # gmsh 4.13, which goes through all entities for each group
+        tags = gmsh.model.getPhysicalGroups(dimension)
+        found = [gmsh.model.getEntitiesForPhysicalGroup(*group) for group in tags]
+    for group, entities in zip(tags, found, strict=True):
+        name = gmsh.model.getPhysicalName(*group)
         if name:
-            entities = gmsh.model.getEntitiesForPhysicalGroup(dim, tag)
             groups[name] = [abs(int(entity)) for entity in entities]
     return groups
 

@@ -255,7 +255,10 @@ def inertia_matrix(mass: float, moment: FloatArray, inertia: FloatArray) -> Floa
     """
     x, y, z = moment.tolist()
     first = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    return np.block([[mass * np.eye(3), -first], [first, inertia]])
+    matrix = np.zeros((6, 6))
+    matrix[0, 0] = matrix[1, 1] = matrix[2, 2] = mass
+    matrix[:3, 3:], matrix[3:, :3], matrix[3:, 3:] = -first, first, inertia
+    return matrix
 
 
 @declared(eq=True)
