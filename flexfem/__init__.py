@@ -106,6 +106,8 @@ _MODULES = {
     "Body": "model.bodies.base",
     "NodeSetMarker": "model.bodies.ufl_body",
     "PointMass": "model.bodies.basic",
+    "Many": "model.many",
+    "each": "model.many",
     "BodyLine": "reduction.body_line",
     "ElasticPolynomial": "reduction.elastic_polynomial",
     "Box": "model.bodies.shapes",

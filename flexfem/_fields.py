@@ -117,12 +117,18 @@ def checked(
         kw_only: the argument is given by its name.
     """
     optional = default is None if none is None else none
+    left_out: list[Any] = []  # what is stored for the default, checked once for all objects
 
     def apply(owner: str, what: str, value: Any) -> Any:
         if optional and value is None:
             return None
+        if value is default and left_out:
+            return left_out[0]
         found = check(owner, what, value)
-        return value if as_given else found
+        stored = value if as_given else found
+        if value is default:
+            left_out.append(stored)
+        return stored
 
     return field(default=default, kw_only=kw_only, metadata={"check": apply})
 

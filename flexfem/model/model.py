@@ -16,6 +16,7 @@ from flexfem.model.bodies.shell import Shell
 from flexfem.model.contact import Contact
 from flexfem.model.controller import Controller
 from flexfem.model.event import Event
+from flexfem.model.many import Many
 from flexfem.model.modal_damping import ModalDamping
 from flexfem.model.probes.base import AnyProbe
 from flexfem.model.structure.structure import Structure
@@ -94,7 +95,8 @@ class Model(Structure):
         """Add bodies, joints, loads, contacts, probes, events, controllers, damping or gravity.
 
         Args:
-            *things: What to add, in any order; references by name are checked by `validate`.
+            *things: What to add, in any order, also :class:`Many` of a class at once; references
+                by name are checked by `validate`.
 
         Returns:
             The object when a single one was given, otherwise None.
@@ -111,6 +113,9 @@ class Model(Structure):
                         f"{_checks.show(thing.acceleration.tolist())}"
                     )
                 self.gravity = thing
+            elif isinstance(thing, Many):
+                for one in thing:
+                    self._add_named(one)
             else:
                 self._add_named(thing)
         return things[0] if len(things) == 1 else None

@@ -1,0 +1,171 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Many objects in one declaration, and set-up that grows with their number."""
+
+import dataclasses
+import sys
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import flexfem as ff
+from flexfem.simulation.dynamics import simulate
+from flexfem.simulation.motion.stepping import Simulation
+from tests.unit.refusals import assert_on_page
+
+INERTIA = (1e-3, 1.0 / 12.0, 1.0 / 12.0)
+SECTION = ff.Section.circle(0.01, ff.Material(2.1e9, 0.3, 1000.0))
+Y = (0.0, 1.0, 0.0)
+
+
+def places(count: int) -> np.ndarray:
+    """Centres of rods of 1 m in a row."""
+    return np.column_stack([np.arange(count) + 0.5, np.zeros((count, 2))])
+
+
+def declared_at_once(count: int) -> ff.Model:
+    """A chain of rods of one metre, from which flexible cords hang."""
+    cords = [f"cord_{i}" for i in range(count)]
+    ends = [[(i + 1.0, 0.0, 0.0), (i + 1.0, 0.0, -0.5)] for i in range(count)]
+    model = ff.Model("rods", mesh=ff.LineMesh.straight(dict(zip(cords, ends, strict=True)), 2))
+    model.add(ff.Gravity((0.0, 0.0, -9.81)))
+    rods = model.add(ff.Many(ff.RigidBody, "rod", 1.0, INERTIA, position=ff.each(places(count))))
+    starts, tips = (rods.markers(offset=(x, 0.0, 0.0)) for x in (-0.5, 0.5))
+    hung = ff.Many(ff.Beam, cords, SECTION, orientation=Y)
+    model.add(
+        ff.Many(ff.Revolute, "pin{}", ff.each([ff.Ground(), *tips[:-1]]), ff.each(starts), axis=Y),
+        hung,
+        ff.Many(ff.Spherical, "eye", ff.each(tips), ff.each(hung.markers("start"))),
+        ff.Many(ff.PointForce, "push", ff.each(starts), ff.each(places(count) * 0.01)),
+        ff.PositionProbe("tip", hung.markers("end")[-1]),
+        ff.ReactionProbe("last", f"pin{count - 1}"),
+    )
+    return model
+
+
+def declared_one_by_one(count: int) -> ff.Model:
+    """The same."""
+    cords = {f"cord_{i}": [(i + 1.0, 0.0, 0.0), (i + 1.0, 0.0, -0.5)] for i in range(count)}
+    model = ff.Model("rods", mesh=ff.LineMesh.straight(cords, 2))
+    model.add(ff.Gravity((0.0, 0.0, -9.81)))
+    for i, place in enumerate(places(count)):
+        model.add(ff.RigidBody(f"rod_{i}", 1.0, INERTIA, position=place))
+    before: ff.Marker | ff.Ground = ff.Ground()
+    for i in range(count):
+        start = ff.Marker(f"rod_{i}", offset=(-0.5, 0.0, 0.0))
+        model.add(ff.Revolute(f"pin{i}", before, start, axis=Y))
+        before = ff.Marker(f"rod_{i}", offset=(0.5, 0.0, 0.0))
+    for name in cords:
+        model.add(ff.Beam(name, SECTION, orientation=Y))
+    for i in range(count):
+        tip = ff.Marker(f"rod_{i}", offset=(0.5, 0.0, 0.0))
+        model.add(ff.Spherical(f"eye_{i}", tip, ff.Marker(f"cord_{i}", "start")))
+    for i, place in enumerate(places(count)):
+        start = ff.Marker(f"rod_{i}", offset=(-0.5, 0.0, 0.0))
+        model.add(ff.PointForce(f"push_{i}", start, 0.01 * place))
+    model.add(
+        ff.PositionProbe("tip", ff.Marker(f"cord_{count - 1}", "end")),
+        ff.ReactionProbe("last", f"pin{count - 1}"),
+    )
+    return model
+
+
+def contents(thing: object) -> object:
+    """All fields of a declaration."""
+    if dataclasses.is_dataclass(thing) and not isinstance(thing, type):
+        names = [field.name for field in dataclasses.fields(thing)]
+        return type(thing), [contents(getattr(thing, name)) for name in names]
+    if isinstance(thing, tuple):
+        return [contents(part) for part in thing]
+    return thing.tolist() if isinstance(thing, np.ndarray) else thing
+
+
+@pytest.mark.serial
+def test_they_are_the_single_ones() -> None:
+    many, single = declared_at_once(5), declared_one_by_one(5)
+    assert [thing.name for thing in many.things] == [thing.name for thing in single.things]
+    for one, other in zip(many.things, single.things, strict=True):
+        assert contents(one) == contents(other)
+    assert many["rod_3"] is many.rigid_bodies[3]
+
+
+def test_the_motion_is_the_same(tmp_path: Path) -> None:
+    """Run on several ranks, too: not a bit may differ, as declarations are the same."""
+    options = {"dt": 2e-3, "t_end": 8e-3, "quiet": True}
+    histories = [
+        simulate(make(4), ff.RunOptions(output=tmp_path / make.__name__, **options)).history
+        for make in (declared_at_once, declared_one_by_one)
+    ]
+    assert sorted(histories[0]) == sorted(histories[1])
+    for name, column in histories[0].items():
+        np.testing.assert_array_equal(column, histories[1][name])
+
+
+@pytest.mark.serial
+def test_names_and_numbers() -> None:
+    rods = ff.Many(ff.RigidBody, "bay {} rod", 1.0, INERTIA, count=3)
+    assert rods.names == ("bay 0 rod", "bay 1 rod", "bay 2 rod")
+    assert [rod.name for rod in rods] == list(rods.names)
+    assert rods[-1].name == "bay 2 rod"
+    assert len(rods[:2]) == 2
+    heavy = ff.Many(ff.RigidBody, ["a", "b"], mass=ff.each([1.0, 2.0]), inertia=(1.0, 1.0, 1.0))
+    assert [body.mass for body in heavy] == [1.0, 2.0]
+
+
+REFUSED: list[tuple[Callable[[], object], str]] = [
+    (lambda: ff.each(3.0), "each: values must be an array or a list, got 3.0"),
+    (lambda: ff.each("abc"), "each: values must be an array or a list, got 'abc'"),
+    (lambda: ff.each(np.array(1.0)), r"each: values must be an array or a list, got array\(1.\)"),
+    (lambda: ff.Many(ff.RigidBody, "rod", 1.0, INERTIA), "needs names, a count or values of each"),
+    (
+        lambda: ff.Many(ff.RigidBody, "rod", 1.0, INERTIA, position=ff.each(np.zeros((0, 3)))),
+        "needs names, a count or values of each",
+    ),
+    (
+        lambda: ff.Many(ff.RigidBody, ["a", "b"], ff.each([1.0] * 3), INERTIA),
+        "numbers of objects differ, got {'argument 1': 3, 'names': 2}",
+    ),
+    (
+        lambda: ff.Many(ff.RigidBody, "rod", 1.0, INERTIA, count=0),
+        "count must be at least 1, got 0",
+    ),
+    (
+        lambda: ff.Many(ff.RigidBody, "rod", ff.each([1.0, -1.0]), INERTIA),
+        'RigidBody "rod_1": mass must be positive, got -1.0',
+    ),
+    (lambda: ff.Many("rod", "rod", count=1), "Many: kind must be a class, got 'rod'"),
+]  # fmt: skip
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("make", "message"), REFUSED)
+def test_mistakes_are_named(make: Callable[[], object], message: str) -> None:
+    with pytest.raises((ValueError, TypeError), match=message) as raised:
+        make()
+    assert "\n" not in str(raised.value)
+    assert_on_page(str(raised.value))
+
+
+def calls_of_set_up(make: Callable[[int], ff.Model], count: int) -> int:
+    """Calls of functions while a model is declared and set up."""
+    calls = 0
+
+    def note(*_: object) -> None:
+        nonlocal calls
+        calls += 1
+
+    sys.setprofile(note)
+    try:
+        Simulation(make(count), ff.RunOptions(dt=1e-3, t_end=1.0, quiet=True))
+    finally:
+        sys.setprofile(None)
+    return calls
+
+
+@pytest.mark.serial
+def test_set_up_grows_with_the_number_of_bodies() -> None:
+    """Twice the bodies take 1.97 times the calls; with a look at all bodies for each one 2.4."""
+    calls_of_set_up(declared_at_once, 4)  # compiles
+    few, many = (calls_of_set_up(declared_at_once, count) for count in (60, 120))
+    assert many < 2.05 * few
