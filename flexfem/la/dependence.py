@@ -8,6 +8,7 @@ of rigid bodies.
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 
@@ -22,10 +23,11 @@ _DENSE = 300
 #: Singular values below this are zero; the rows have length one. Two pins a micrometre apart on
 #: bodies of a metre give 1e-6.
 _ZERO = 1e-9
-#: The same for larger groups, where only squares of singular values are within reach.
-_ZERO_SPARSE = 1e-7
-#: Vectors and sweeps of the inverse iteration for larger groups.
-_VECTORS, _SWEEPS = 8, 4
+#: The same where more vanish than the inverse iteration has vectors, and squares are counted.
+_ZERO_SQUARED = 1e-7
+#: Vectors and sweeps of the inverse iteration for larger groups; shift of a matrix that is singular
+#: in all digits.
+_VECTORS, _SWEEPS, _SHIFT = 8, 3, 1e-15
 
 
 @dataclass(frozen=True)
@@ -83,10 +85,11 @@ def dependence_count(rows: NodeRows) -> int:
     count = 0
     for terms in groups(rows):
         group = np.unique(rows.row[terms])
-        if len(group) <= _DENSE:
-            count += _null_vectors(rows, terms, group).shape[1]
-        else:
-            count += _small_eigenvalues(rows, terms, group)
+        find = _null_vectors if len(group) <= _DENSE else _null_vectors_of_many
+        found = find(rows, terms, group).shape[1]
+        if len(group) > _DENSE and found == _VECTORS:  # perhaps there are more
+            found = _small_eigenvalues(rows, terms, group)
+        count += found
     return count
 
 
@@ -116,20 +119,35 @@ def _null_vectors(rows: NodeRows, terms: IntArray, group: IntArray) -> FloatArra
     return np.asarray(left[:, int(np.sum(sizes > _ZERO)) :])
 
 
+def _zero(count: int) -> float:
+    """Singular values of so many rows of length one that are below this are zero.
+
+    Those of long chains are small: 2.5 / n^2 of n straight links with hinges, five rows each.
+    """
+    return min(_ZERO, 1.0 / count**2)
+
+
+def _sparse(rows: NodeRows, terms: IntArray, group: IntArray) -> Any:
+    """Gradients of the rows of a group, scaled to the length one, as a sparse matrix."""
+    from scipy.sparse import coo_array
+
+    i, j, values = _entries(rows, terms, group)
+    matrix = coo_array((values, (i, j)), shape=(len(group), int(j.max()) + 1)).tocsr()
+    length = np.sqrt(np.asarray(matrix.multiply(matrix).sum(axis=1)).ravel())
+    return matrix.multiply(1.0 / np.where(length > 0.0, length, 1.0)[:, np.newaxis]).tocsr()
+
+
 def _small_eigenvalues(rows: NodeRows, terms: IntArray, group: IntArray) -> int:
     """Number of singular values of many rows that are zero: linear in the length of a chain.
 
     By Sylvester's law of inertia it is the number of negative pivots of ``G G^T - s^2 I``, where s
     is what counts as zero.
     """
-    from scipy.sparse import coo_array, eye_array
+    from scipy.sparse import eye_array
     from scipy.sparse.linalg import splu
 
-    i, j, values = _entries(rows, terms, group)
-    matrix = coo_array((values, (i, j)), shape=(len(group), int(j.max()) + 1)).tocsr()
-    length = np.sqrt(np.asarray(matrix.multiply(matrix).sum(axis=1)).ravel())
-    matrix = matrix.multiply(1.0 / np.where(length > 0.0, length, 1.0)[:, np.newaxis]).tocsr()
-    shifted = (matrix @ matrix.T - _ZERO_SPARSE**2 * eye_array(len(group))).tocsc()
+    matrix = _sparse(rows, terms, group)
+    shifted = (matrix @ matrix.T - _ZERO_SQUARED**2 * eye_array(len(group))).tocsc()
     # pivots stay on the diagonal, so that their signs are those of the eigenvalues
     options = {"SymmetricMode": True}
     factor = splu(shifted, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0, options=options)
@@ -139,40 +157,32 @@ def _small_eigenvalues(rows: NodeRows, terms: IntArray, group: IntArray) -> int:
 def _null_vectors_of_many(rows: NodeRows, terms: IntArray, group: IntArray) -> FloatArray:
     """The same by inverse iteration with ``G G^T``, sparse: linear in the length of a chain.
 
-    At most as many as the iteration has vectors are found.
+    It solves with the matrix ``[[I, G^T], [G, 0]]``, whose condition is that of G, not its square
+    (A. Bjorck, Numerical Methods for Least Squares Problems (1996), section 2.7). At most as many
+    as the iteration has vectors are found.
     """
-    from petsc4py import PETSc  # only large groups need it
-
-    i, j, values = _entries(rows, terms, group)
-    matrix = PETSc.Mat().createAIJ((len(group), int(j.max()) + 1), comm=PETSc.COMM_SELF)
-    matrix.setPreallocationCOO(i.astype(PETSc.IntType), j.astype(PETSc.IntType))
-    matrix.setValuesCOO(values, PETSc.InsertMode.INSERT)
-    product = matrix.matTransposeMult(matrix)
-    length = np.sqrt(product.getDiagonal().getArray())
-    scales = 1.0 / np.where(length > 0.0, length, 1.0)
-    scaling = PETSc.Vec().createWithArray(scales, comm=PETSc.COMM_SELF)
-    matrix.diagonalScale(L=scaling)
-    product = matrix.matTransposeMult(matrix)
-    product.shift(_ZERO_SPARSE**2)
-    solver = PETSc.PC().create(comm=PETSc.COMM_SELF)
-    solver.setType(PETSc.PC.Type.LU)
-    solver.setFactorOrdering("nd")
-    solver.setFactorPivot(zeropivot=1e-30)  # the smallest pivots are the ones searched
-    solver.setOperators(product)
-    solver.setUp()
+    matrix = _sparse(rows, terms, group)
+    solve = _augmented_solver(matrix)
     vectors = np.random.default_rng(1).normal(size=(len(group), _VECTORS))
-    x, y = product.createVecs()
+    right = np.zeros((sum(matrix.shape), _VECTORS))
     for _ in range(_SWEEPS):
-        for k in range(_VECTORS):
-            x.setArray(vectors[:, k])
-            solver.apply(x, y)
-            vectors[:, k] = y.getArray()
-        vectors = np.linalg.qr(vectors)[0]
-    images = np.empty((matrix.size[1], _VECTORS))
-    image = matrix.createVecRight()
-    for k in range(_VECTORS):
-        x.setArray(vectors[:, k])
-        matrix.multTranspose(x, image)
-        images[:, k] = image.getArray()
-    _, sizes, right = np.linalg.svd(images, full_matrices=False)
-    return np.asarray(vectors @ right[sizes < _ZERO_SPARSE].T)
+        right[matrix.shape[1] :] = vectors
+        vectors = np.linalg.qr(solve(right)[matrix.shape[1] :])[0]
+    _, sizes, combined = np.linalg.svd(matrix.T @ vectors, full_matrices=False)
+    return np.asarray(vectors @ combined[sizes < _zero(len(group))].T)
+
+
+def _augmented_solver(matrix: Any) -> Any:
+    """Solver with ``[[I, G^T], [G, 0]]``, with pivots."""
+    from scipy.sparse import block_array, eye_array
+    from scipy.sparse.linalg import splu
+
+    count, columns = matrix.shape
+    for shift in (0.0, _SHIFT):
+        lower = -shift * eye_array(count)
+        augmented = block_array([[eye_array(columns), matrix.T], [matrix, lower]])
+        try:
+            return splu(augmented.tocsc()).solve
+        except RuntimeError:  # a pivot is zero in all digits
+            continue
+    raise AssertionError("a shifted matrix has no pivots that vanish")

@@ -7,7 +7,8 @@ import pytest
 import flexfem as ff
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.core.status import Status
-from flexfem.lie import se3
+from flexfem.la.dependence import NodeRows, dependence_count, groups, null_vectors
+from flexfem.lie import se3, so3
 from flexfem.simulation.motion.stepping import Simulation
 
 POLICIES = ("auto", "updated", "frozen")
@@ -176,3 +177,40 @@ def test_long_chains_are_looked_at_too():
     # only the guilty ones, not their neighbours
     text = str(raised.value)
     assert text.startswith('Revolute "joint_60", Spherical "pin": 3 of 8 constraints are redundant')
+
+
+def _chain_rows(links: int, twice: tuple[int, ...] = ()) -> NodeRows:
+    """Five rows of each hinge about e2 of links of 1 m in a row; some hinges are there twice."""
+    gradient = np.zeros((5, 2, 6))
+    for side, sign in enumerate((-1.0, 1.0)):
+        arm = np.array([-0.5 * sign, 0.0, 0.0])
+        gradient[:3, side, :3] = sign * np.eye(3)
+        gradient[:3, side, 3:] = -sign * so3.skew(arm)
+        gradient[3:, side, 3:] = sign * np.eye(3)[[0, 2]]
+    hinges = np.array([*range(links), *twice])
+    nodes = np.repeat(np.stack([hinges - 1, hinges], axis=1), 5, axis=0)
+    return NodeRows(np.arange(5 * len(hinges)), nodes, np.tile(gradient, (len(hinges), 1, 1)))
+
+
+@pytest.mark.serial
+def test_long_chains_are_not_taken_for_redundant():
+    """The smallest singular value of n links is (pi / 2)^2 / n^2, where it is clamped at one end.
+
+    With squares of singular values 6e3 links and more were refused, and redundant hinges of long
+    chains not told from the chain itself.
+    """
+    links = 8000
+    (terms,) = groups(_chain_rows(links))
+    _, none = null_vectors(_chain_rows(links), terms)
+    assert none.shape[1] == 0
+    assert dependence_count(_chain_rows(links)) == 0
+    rows = _chain_rows(links, (17,))
+    (terms,) = groups(rows)
+    group, null = null_vectors(rows, terms)
+    assert null.shape[1] == 5
+    # the rows of hinge 17 and its copy, and no others: parts of others are round-off
+    part = np.abs(null).max(axis=1) > 1e-6
+    assert set(group[part].tolist()) == {*range(85, 90), *range(5 * links, 5 * links + 5)}
+    assert dependence_count(rows) == 5
+    # more than the inverse iteration has vectors
+    assert dependence_count(_chain_rows(1000, (17, 300, 600))) == 15
