@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 from weakref import WeakKeyDictionary
 
 from mpi4py import MPI
@@ -34,6 +35,8 @@ __all__ = ["JointEnds", "all_ends", "connect", "connect_alone", "joint_ends"]
 #: Distance of a slider from its line, relative to the line's length, that counts as zero.
 _GAP = 1e-6
 _STEPS, _SMALL = 50, 1e-13
+#: Frame at the origin, with inertial axes.
+_INERTIAL = np.array([0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0])
 #: An element lies within this multiple of the distance of its nodes from their middle.
 _BENT = 1.5
 
@@ -76,12 +79,55 @@ def all_ends(serial: NumberedModel) -> list[JointEnds]:
         ValueError: as of :func:`joint_ends`.
     """
     if serial not in _ENDS:
-        _ENDS[serial] = [joint_ends(serial, joint) for joint in serial.joints]
+        placed = _at_nodes(serial, [m for joint in serial.joints for m in joint.markers])
+        _ENDS[serial] = [_joint_ends(serial, joint, placed) for joint in serial.joints]
     return _ENDS[serial]
 
 
 def joint_ends(serial: NumberedModel, joint: Joint) -> JointEnds:
     """Find the markers of a joint.
+
+    Raises:
+        ValueError: as of :func:`all_ends`.
+    """
+    return _joint_ends(serial, joint, _at_nodes(serial, joint.markers))
+
+
+class _Placed(NamedTuple):
+    """A marker at a node, or on the ground: its node, its frame there, and its pose."""
+
+    key: NodeKey | None
+    frame: FloatArray
+    pose: Pose
+
+
+def _at_nodes(serial: NumberedModel, markers: Sequence[Attachment]) -> dict[int, _Placed]:
+    """The markers that are on the ground or at one node with axes, by their ``id``."""
+    found: dict[int, tuple[Attachment, NodeKey | None]] = {}
+    carriers = []
+    for marker in markers:
+        if id(marker) in found or isinstance(marker, Carrier):
+            continue
+        if serial.surface_place(marker) is None and serial.point(marker) is None:
+            key = serial.key(marker)
+            found[id(marker)] = marker, key
+            carriers.append(_INERTIAL if key is None else serial.node_frames(key[0])[key[1]])
+    if not found:
+        return {}
+    own = [marker for marker, _ in found.values()]
+    carrier = np.array(carriers)
+    turns = np.array([marker.rotation for marker in own])
+    turns = np.swapaxes(se3.rotation(carrier), -1, -2) @ turns
+    frames = se3.frame([m.offset if isinstance(m, Marker) else m.position for m in own], turns)
+    poses = se3.compose(carrier, frames)
+    return {
+        number: _Placed(key, frame, Pose(pose[:3], pose[3:].reshape(3, 3)))
+        for (number, (_, key)), frame, pose in zip(found.items(), frames, poses, strict=True)
+    }
+
+
+def _joint_ends(serial: NumberedModel, joint: Joint, placed: dict[int, _Placed]) -> JointEnds:
+    """Find the markers of a joint, of which some are placed.
 
     Raises:
         ValueError: a slider is not on its line at the start, or a joint has no rows, e.g. a spring
@@ -91,14 +137,15 @@ def joint_ends(serial: NumberedModel, joint: Joint) -> JointEnds:
     points: list[LinePoint | None] = []
     frames, poses, surfaces = [], [], dict[int, SurfacePlace]()
     for number, marker in enumerate(joint.markers):
-        point, key, frame = None, None, se3.frame(np.zeros(3), np.eye(3))
-        if isinstance(marker, Carrier):
+        point, key, frame = None, None, _INERTIAL
+        if id(marker) in placed:
+            key, frame, pose = placed[id(marker)]
+        elif isinstance(marker, Carrier):
             point, pose = _slider(serial, joint, marker)
         elif (place := serial.surface_place(marker)) is not None:
             surfaces[number], pose = place, serial.marker_pose(marker)
         else:
             point = serial.point(marker)
-            key = serial.key(marker) if point is None else None
             frame, pose = serial.marker_frame(marker), serial.marker_pose(marker)
         nodes.append(key)
         points.append(point)

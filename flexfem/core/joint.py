@@ -43,6 +43,9 @@ __all__ = [
     "unit",
 ]
 
+#: Inertial axes; rows of joints share them.
+_AXES: FloatArray = _checks.freeze(np.eye(3))
+
 
 @declared
 class Joint:
@@ -282,7 +285,7 @@ def check_sliding(action: JointAction) -> None:
 
 def perpendicular(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two unit vectors that complete a unit axis to a right-handed basis (axis, p, q)."""
-    p = _cross(axis, np.eye(3)[np.argmin(np.abs(axis))])
+    p = _cross(axis, _AXES[np.argmin(np.abs(axis))])
     p /= np.linalg.norm(p)
     return p, _cross(axis, p)
 
@@ -296,7 +299,7 @@ def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
 @cache
 def coincidence(b: int = 1) -> tuple[Row, ...]:
     """Three rows that keep the origins of the first marker and of marker ``b`` together."""
-    return tuple(Row((Term(RowKind.INERTIAL, u=e, b=b),)) for e in _checks.freeze(np.eye(3)))
+    return tuple(Row((Term(RowKind.INERTIAL, u=e, b=b),)) for e in _AXES)
 
 
 def parallelism(axis: FloatArray, a: Pose, b: Pose) -> tuple[Row, ...]:

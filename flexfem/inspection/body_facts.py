@@ -2,8 +2,8 @@
 """Mass, mass centre, inertia, size and unknowns of the bodies of a model."""
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
-from functools import partial
+from dataclasses import dataclass, field
+from functools import cached_property, partial
 from typing import Any
 
 import numpy as np
@@ -39,7 +39,7 @@ class BodyFacts:
         body: the body or point mass of the model.
         kind: "point mass", or what its family calls it: "beam", "shell", "rigid body", "floating
             body", "element body".
-        masses: its mass properties; flexible bodies as they are unstrained.
+        find_masses: computes its mass properties, on first use.
         size: edges of its box along the inertial axes, (3,), m.
         elements: number of its finite elements.
         nodes: number of its nodes; nodes that shells share count for the first of them.
@@ -49,12 +49,17 @@ class BodyFacts:
 
     body: Any
     kind: str
-    masses: MassFacts
+    find_masses: Callable[[], MassFacts] = field(repr=False)
     size: FloatArray
     elements: int = 0
     nodes: int = 0
     unknowns: int = 0
     fixed: int = 0
+
+    @cached_property
+    def masses(self) -> MassFacts:
+        """Its mass properties; of flexible bodies as they are unstrained."""
+        return self.find_masses()
 
     @property
     def name(self) -> str:
@@ -81,9 +86,9 @@ def body_facts(serial: NumberedModel) -> list[BodyFacts]:
         number, width = {body.name: k for k, body in enumerate(bodies)}, family.held.shape[1]
         for body in family.own:
             points, k = family.outline(body), number[body.name]
-            inertia = partial(family.inertia, body)
+            masses = partial(_masses, partial(family.inertia, body), points.mean(axis=0))
             facts[body.name] = BodyFacts(
-                body, family.noun, _masses(inertia, points.mean(axis=0)), np.ptp(points, axis=0),
+                body, family.noun, masses, np.ptp(points, axis=0),
                 family.elements(body), int(nodes[k]), int(nodes[k]) * width, int(held[k]),
             )  # fmt: skip
     # bodies in the order of the model, then cables with mass
@@ -91,7 +96,7 @@ def body_facts(serial: NumberedModel) -> list[BodyFacts]:
     found = [facts[name] for name in order]
     for mass in serial.model.point_masses:
         at = serial.marker_pose(mass.marker).position
-        own = _masses(partial(serial.mass_inertia, mass), at)
+        own = partial(_masses, partial(serial.mass_inertia, mass), at)
         found.append(BodyFacts(mass, "point mass", own, np.zeros(3)))
     return found
 

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Constraint equations of all joints at the start, on nodes and on rigidly moving bodies."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Sequence
 
 from mpi4py import MPI
 
@@ -14,7 +14,7 @@ from flexfem.constraints.node_table import NodeTable
 from flexfem.core.joint import Joint
 from flexfem.kinematics.rigid_parts import RigidParts
 from flexfem.la.dependence import NodeRows
-from flexfem.layout.node_key import NodeKey
+from flexfem.layout.node_key import NodeKey, by_kind
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 
@@ -99,7 +99,7 @@ class StartRows:
         """Part (n,) that carries each node, and maps (n, 6, 6) from its twist to the node's."""
         serial, parts = self._serial, self._parts
         part, rest = np.zeros(len(keys), dtype=np.int64), np.zeros(len(keys), dtype=np.bool_)
-        for kind, at, nodes in _by_kind(keys):
+        for kind, at, nodes in by_kind(keys):
             bodies = serial.families[kind].bodies
             part[at] = [parts.number[bodies[i].name] for i in serial.bodies(kind, nodes).tolist()]
             rest[at] = ~serial.families[kind].placed[nodes]
@@ -125,18 +125,10 @@ def _table(serial: NumberedModel, keys: Sequence[NodeKey]) -> NodeTable:
     count = len(keys)
     frames, velocities = np.zeros((count, 12)), np.zeros((count, 6))
     held, width = np.zeros((count, 6), dtype=np.bool_), np.full(count, 6, dtype=np.int64)
-    for kind, at, nodes in _by_kind(keys):
+    for kind, at, nodes in by_kind(keys):
         family = serial.families[kind]
         frames[at], velocities[at] = family.frames[nodes], family.velocities[nodes]
         own = family.held[nodes]
         width[at] = own.shape[1]
         held[at, : own.shape[1]] = own
     return NodeTable(keys, frames, velocities, held, width)
-
-
-def _by_kind(keys: Sequence[NodeKey]) -> Iterator[tuple[int, IntArray, IntArray]]:
-    """Kinds of families, where their keys are, and their nodes."""
-    kinds, nodes = np.array(keys, dtype=np.int64).reshape(-1, 2).T
-    for kind in np.unique(kinds).tolist():
-        at = np.flatnonzero(kinds == kind)
-        yield kind, at, nodes[at]

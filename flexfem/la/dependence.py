@@ -47,23 +47,22 @@ class NodeRows:
 
 def groups(rows: NodeRows) -> Iterator[IntArray]:
     """Terms of each group of nodes connected by rows; the ground connects nothing."""
-    parent: dict[int, int] = {}
+    from scipy.sparse import coo_array
+    from scipy.sparse.csgraph import connected_components
 
-    def root(node: int) -> int:
-        while parent.setdefault(node, node) != node:
-            parent[node] = node = parent[parent[node]]
-        return node
-
-    nodes = [(a if a >= 0 else b, b if b >= 0 else a) for a, b in rows.nodes.tolist()]
-    first: dict[int, int] = {}  # a node of each row: rows with several terms connect all of them
-    for row, (a, b) in zip(rows.row.tolist(), nodes, strict=True):
-        parent[root(a)] = root(b)
-        parent[root(first.setdefault(row, a))] = root(a)
-    members: dict[int, list[int]] = {}
-    for term, (a, _) in enumerate(nodes):
-        members.setdefault(root(a), []).append(term)
-    for terms in members.values():
-        yield np.array(terms, dtype=np.int64)
+    if len(rows.row) == 0:
+        return
+    # the other node in the place of the ground, and rows with several terms connect all of them
+    ends = np.where(rows.nodes >= 0, rows.nodes, rows.nodes[:, ::-1])
+    _, first, row = np.unique(rows.row, return_index=True, return_inverse=True)
+    known, number = np.unique(ends, return_inverse=True)
+    a, b = number.reshape(-1, 2).T
+    links = np.concatenate([a, a]), np.concatenate([b, a[first][row.reshape(-1)]])
+    graph = coo_array((np.ones(len(links[0])), links), shape=(len(known), len(known)))
+    group = connected_components(graph, directed=False)[1][a]
+    order = np.argsort(group, kind="stable").astype(np.int64)
+    parts = np.split(order, np.flatnonzero(np.diff(group[order])) + 1)
+    yield from sorted(parts, key=lambda terms: int(terms[0]))
 
 
 def null_vectors(rows: NodeRows, terms: IntArray) -> tuple[IntArray, FloatArray]:

@@ -28,6 +28,7 @@ from flexfem.forms.beam_law import law_expressions
 from flexfem.la.linear_solver import LinearSolver
 from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import Family
+from flexfem.layout.node_key import by_kind
 from flexfem.layout.node_loads import NodeForces, NodeMasses
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.layout.placed_loads import marker_forces
@@ -83,10 +84,9 @@ def build(
     ]
     if contacts is not None:
         _add_contacts(contacts, parts)
-    bodies, clusters = (
-        np.array([of(kind, np.array([node]))[0] for kind, node in interface.keys], dtype=np.int64)
-        for of in (serial.bodies, serial.clusters)
-    )
+    bodies, clusters = np.zeros((2, len(interface.keys)), dtype=np.int64)
+    for kind, at, nodes in by_kind(interface.keys):
+        bodies[at], clusters[at] = serial.bodies(kind, nodes), serial.clusters(kind, nodes)
     system = System(
         comm, parts, interface, constraints, bodies, clusters, model.loads, gravity, linear
     )

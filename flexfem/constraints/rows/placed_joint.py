@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import cached_property
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.joint import Joint
@@ -39,7 +40,7 @@ class PlacedJoint:
     owned: bool
     shared: bool
 
-    @property
+    @cached_property
     def on_lines(self) -> bool:
         """True if a marker is on a line."""
         return any(point is not None for point in self.points)

@@ -7,6 +7,7 @@ from mpi4py import MPI
 
 from flexfem._checks import InputError
 from flexfem._faults import watched
+from flexfem._packages import without_collection
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.linear_solver import LinearSolver
 from flexfem.layout.numbered_model import NumberedModel
@@ -47,8 +48,9 @@ def set_up(
     check_memory(model, comm, linear)
 
     def make() -> NumberedModel:
-        model.validate()
-        return NumberedModel(driven_model(model, controls), kernels)
+        with without_collection():
+            model.validate()
+            return NumberedModel(driven_model(model, controls), kernels)
 
     try:
         serial = agreed(comm, make)
@@ -58,7 +60,8 @@ def set_up(
         destroy_dropped(comm)  # models that were built before
         if comm.rank == 0:
             compile_beside(serial, comm.size)
-        system = build(serial, comm, split_above, linear)
+        with without_collection():
+            system = build(serial, comm, split_above, linear)
         if moving:
             attach_modal_damping(serial, system, split_above)
         return serial, system
