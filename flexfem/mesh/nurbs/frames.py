@@ -2,6 +2,7 @@
 """Section frames along NURBS curves, and the frames of their control points."""
 
 from typing import TYPE_CHECKING
+from weakref import WeakKeyDictionary
 
 import numpy as np
 import numpy.typing as npt
@@ -27,6 +28,9 @@ _SHORT = 1e-6
 # The frames of the control points are found when the rotations differ by less, radians
 _TOLERANCE = 1e-13
 _ITERATIONS = 60
+# Frames of curves, with the direction for which they are: models are validated before they are
+# numbered, and once more where a run is set up
+_KNOWN: WeakKeyDictionary["NurbsCurve", tuple[object, FloatArray]] = WeakKeyDictionary()
 
 
 def section_rotations(
@@ -86,6 +90,19 @@ def control_rotations(curve: "NurbsCurve", orientation: Orientation = None) -> F
         TypeError: as for `section_rotations`.
         ValueError: as for `section_rotations`.
     """
+    if callable(orientation):
+        return _control_rotations(curve, orientation)
+    direction = None if orientation is None else tuple(np.ravel(orientation).tolist())
+    known = _KNOWN.get(curve)
+    if known is None or known[0] != direction:
+        rotations = _control_rotations(curve, orientation)
+        rotations.setflags(write=False)
+        known = _KNOWN[curve] = direction, rotations
+    return known[1]
+
+
+def _control_rotations(curve: "NurbsCurve", orientation: Orientation) -> FloatArray:
+    """See :func:`control_rotations`."""
     if curve.degree > 1:
         return section_rotations(curve, greville(curve.degree, curve.knots), orientation)
     refuse_corners(curve)
