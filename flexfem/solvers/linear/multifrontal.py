@@ -81,8 +81,7 @@ class Fronts:
         position[order[sequence]] = np.arange(count)
         fronts, pivots = _fronts(touched, size)
         owner = np.repeat(np.arange(len(fronts)), [m or size - count for m in pivots])
-        places = [{int(row): k for k, row in enumerate(front)} for front in fronts]
-        self._tree = _tree(fronts, pivots, owner, places, position, i, j)
+        self._tree = _tree(fronts, pivots, owner, position, i, j)
         self._values = np.zeros(self._tree.at[-1])
         largest = int(self._tree.sizes.max(initial=0))
         self._front, self._work = np.zeros(largest**2), np.zeros(largest)
@@ -114,10 +113,12 @@ def _elimination(
         Sorted later rows of each eliminated row, and the old numbers of the eliminated rows, both
         in a new order of these with children before their parents.
     """
-    later: list[set[int]] = [set() for _ in range(size)]
-    for a, b in zip(np.minimum(i, j).tolist(), np.maximum(i, j).tolist(), strict=True):
-        if a != b:
-            later[a].add(b)
+    pairs = np.sort((np.minimum(i, j) * size + np.maximum(i, j))[i != j])
+    pairs = pairs[np.diff(pairs, prepend=-1) > 0]  # each once
+    a, b = pairs // size, pairs % size
+    first = np.searchsorted(a, np.arange(size + 1)).tolist()
+    columns = b.tolist()
+    later = [set(columns[first[k] : first[k + 1]]) for k in range(size)]
     children: list[list[int]] = [[] for _ in range(size)]
     roots: list[int] = []
     for k in range(count):
@@ -158,43 +159,49 @@ def _fronts(touched: list[IntArray], size: int) -> tuple[list[IntArray], list[in
 
 
 def _tree(
-    fronts: list[IntArray], pivots: list[int], owner: IntArray, places: list[dict[int, int]],
-    position: IntArray, i: IntArray, j: IntArray,
+    fronts: list[IntArray], pivots: list[int], owner: IntArray, position: IntArray, i: IntArray,
+    j: IntArray,
 ) -> _Tree:  # fmt: skip
     """The fronts in arrays.
 
     Args:
-        fronts: positions of the rows of each front.
+        fronts: positions of the rows of each front, ascending.
         pivots: number of eliminated unknowns.
         owner: front of every position.
-        places: of the positions in each front.
         position: of every row.
         i: row of every entry.
         j: its column.
     """
-    parents, into = [], []
-    for front, m in zip(fronts, pivots, strict=True):
-        rest = front[m:].tolist() if m else []
-        parents.append(int(owner[rest[0]]) if rest else -1)
-        into += [*[-1] * (len(front) - len(rest)), *(places[parents[-1]][k] for k in rest)]
     sizes, numbers = np.array([len(front) for front in fronts], dtype=np.int64), np.array(pivots)
+    start, listed = starts(sizes), np.concatenate(fronts)
+    size = len(position)
+    keys = np.repeat(np.arange(len(fronts)), sizes) * size + listed  # ascending
+
+    def places(front: IntArray, row: IntArray) -> IntArray:
+        """Places of positions in fronts that contain them."""
+        return np.asarray(np.searchsorted(keys, front * size + row) - start[front])
+
+    has_rest = (numbers > 0) & (numbers < sizes)
+    parents = np.full(len(fronts), -1, dtype=np.int64)
+    parents[has_rest] = owner[listed[(start[:-1] + numbers)[has_rest]]]
+    rest = np.arange(len(listed)) - np.repeat(start[:-1] + numbers, sizes) >= 0
+    rest &= np.repeat(has_rest, sizes)
+    into = np.full(len(listed), -1, dtype=np.int64)
+    into[rest] = places(np.repeat(parents, sizes)[rest], listed[rest])
     first = owner[np.minimum(position[i], position[j])]
     entries = np.argsort(first, kind="stable")
-    row, column = (
-        [places[f][k] for f, k in zip(first[entries], position[rows][entries], strict=True)]
-        for rows in (i, j)
-    )
+    row, column = (places(first[entries], position[rows][entries]) for rows in (i, j))
     return _Tree(
         sizes=sizes,
         pivots=numbers,
-        parents=np.array(parents, dtype=np.int64),
-        start=starts(sizes),
-        rows=np.argsort(position)[np.concatenate(fronts)],
-        into=np.array(into, dtype=np.int64),
+        parents=parents,
+        start=start,
+        rows=np.argsort(position)[listed],
+        into=into,
         at=starts(numbers * (2 * sizes - numbers)),
         entry_start=starts(np.bincount(first, minlength=len(fronts))),
         entries=entries,
-        to=np.array(row) * sizes[first[entries]] + np.array(column),
+        to=row * sizes[first[entries]] + column,
     )
 
 
