@@ -1,7 +1,8 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Constraint equations and force laws (rows) of all joints of this rank, as one batch."""
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Sequence
+from functools import cached_property
 
 from mpi4py import MPI
 
@@ -31,10 +32,11 @@ from flexfem.constraints.rows.kernels import (
 )
 from flexfem.constraints.rows.laws import elastic_part, static_forces
 from flexfem.constraints.rows.placed_joint import PlacedJoint
-from flexfem.core.laws import DAMPED_BY_COEFFICIENT, STORING_FUNCTIONS, LawKind
+from flexfem.core.laws import APPLIED, DAMPED_BY_COEFFICIENT, STORING_FUNCTIONS, LawKind
 from flexfem.core.nodes.action_kernels import add_turning_forces
 from flexfem.core.row import Row, RowKind
 from flexfem.core.state import State
+from flexfem.kernels.sequence import Call, Number, Step, sequence
 
 __all__ = ["Constraints"]
 
@@ -135,6 +137,7 @@ class Constraints(NumberedRows):
         of_rate = ~np.isin(self.elastic[:, 0], (*DAMPED_BY_COEFFICIENT, LawKind.ELEMENT))
         damping = (self.elastic[:, 2] != 0.0) | of_rate
         self._damped = bool(damping.any())
+        self._dynamics, self._velocity = np.ones(2), Number(1.0)
         self._holds = bool(interface.held.any())
         self._functions = Functions(self)
 
@@ -369,14 +372,17 @@ class Constraints(NumberedRows):
             self.targets[self.start[i] : self.start[i + 1]] = np.nan
 
     def _write_drive(self, i: int, joint: PlacedJoint, t: float) -> None:
-        targets = joint.targets(t)
-        if targets is None:
+        own = slice(self.start[i], self.start[i + 1])
+        targets, forces = joint.targets(t), joint.joint.applied(t)
+        if targets is not None:
+            self.targets[own] = targets
+        elif forces is not None:
+            self.elastic[own, APPLIED] = forces
+        else:
             rows = joint.rows(t)
             if not self._fit(i, rows):
                 raise ReturnError("rows must be as many, of as many terms, at all times")
             self.write(i, rows)
-        else:
-            self.targets[self.start[i] : self.start[i + 1]] = targets
 
     def _fit(self, i: int, rows: Sequence[Row]) -> bool:
         """True if there is room for these rows of a joint, as there was for the first ones."""
@@ -421,22 +427,50 @@ class Constraints(NumberedRows):
             dynamics: (2,) ``gamma/(beta h)`` and ``beta h^2``.
             elements: False to leave out the laws of force elements.
         """
-        face = self.interface
-        if self.lines.joints:
-            self.lines.evaluate(face.frames, self.poses, self.force_jacobian)
-        evaluate_rows(self.own.memory, face.interface_nodes.memory, dynamics)
-        if self._functions.places:
-            self._functions.watch(self)
-        if self._damped:
-            add_dampers(
-                self.own.memory, face.interface_nodes.memory, dynamics[0], False, self.slopes,
-                self.step_jacobian,
-            )  # fmt: skip
-            self._add_line_dampers(self.slopes[:, 1], dynamics[0])
-        self.hold_gradients()
+        self.use(dynamics)
+        self._evaluate_rows()
         if elements and self.elements.groups:
-            self.elements.evaluate(self, dynamics)
-            self.hold_gradient(self.step_jacobian)
+            self._evaluate_elements()
+
+    def use(self, dynamics: FloatArray) -> None:
+        """Use these factors, see :meth:`evaluate`, in :attr:`steps` from now on."""
+        self._dynamics[:] = dynamics
+        self._velocity.set(float(dynamics[0]))
+
+    @property
+    def steps(self) -> list[Step]:
+        """What :meth:`evaluate` does, for sequences that contain it."""
+        every = self._steps_of_rows()
+        return [*every, self._evaluate_elements] if self.elements.groups else every
+
+    def _steps_of_rows(self) -> list[Step]:
+        """Steps of all rows, without the laws of force elements."""
+        face, steps = self.interface, list[Step]()
+        nodes = face.interface_nodes.memory
+        if self.lines.joints:
+            steps.append(lambda: self.lines.evaluate(face.frames, self.poses, self.force_jacobian))
+        steps.append(Call(evaluate_rows, self.own.memory, nodes, self._dynamics))
+        if self._functions.places:
+            steps.append(lambda: self._functions.watch(self))
+        if self._damped:
+            given = self._velocity, False, self.slopes, self.step_jacobian
+            steps.append(Call(add_dampers, self.own.memory, nodes, *given))
+            if self.lines.joints:
+                steps.append(
+                    lambda: self._add_line_dampers(self.slopes[:, 1], self._velocity.value)
+                )
+        if self._holds:
+            steps.append(self.hold_gradients)
+        return steps
+
+    @cached_property
+    def _evaluate_rows(self) -> Callable[[], None]:
+        return sequence(self._steps_of_rows())
+
+    def _evaluate_elements(self) -> None:
+        """Write the equations of force elements."""
+        self.elements.evaluate(self, self._dynamics)
+        self.hold_gradient(self.step_jacobian)
 
     def node_velocities(self) -> FloatArray:
         """(n + 1, 6) local twists of the interface nodes, and of the ground, whose number is -1."""

@@ -7,7 +7,8 @@ velocity). Joints between bodies on two ranks are evaluated on both, so that no 
 multiplier ever has to be sent.
 """
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
+from functools import cached_property
 
 from mpi4py import MPI
 
@@ -20,6 +21,7 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.frame_kernels import Nodes
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.records import Memory, unpack
+from flexfem.kernels.sequence import Call, Step, sequence
 from flexfem.layout.node_key import NodeKey
 from flexfem.lie._blocks import copy_entries
 
@@ -159,9 +161,22 @@ class Interface:
 
     def update(self) -> None:
         """Fetch frames, increments and velocities of all interface nodes (collective)."""
-        for block, local, nodes in self._sources:
-            _collect(block.nodes.memory, local, nodes, self.interface_nodes.memory)
-        self._exchange((self.frames, self.increments, self.velocities))
+        self._update()
+
+    @property
+    def steps_of_update(self) -> list[Step]:
+        """What :meth:`update` does, for sequences that contain it."""
+        steps: list[Step] = [
+            Call(_collect, block.nodes.memory, local, nodes, self.interface_nodes.memory)
+            for block, local, nodes in self._sources
+        ]
+        if self._send or self._receive:
+            steps.append(lambda: self._exchange((self.frames, self.increments, self.velocities)))
+        return steps
+
+    @cached_property
+    def _update(self) -> Callable[[], None]:
+        return sequence(self.steps_of_update)
 
     def update_steps(self) -> None:
         """Fetch the blocks' steps at all interface nodes (collective)."""

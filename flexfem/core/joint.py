@@ -169,6 +169,13 @@ class Joint:
         """
         return None
 
+    def applied(self, t: float) -> Sequence[float] | None:
+        """Forces of rows that carry an ``applied`` one at time ``t`` (s), nothing else changes.
+
+        None where it does, as of :meth:`targets`.
+        """
+        return None
+
 
 @declared
 class AxisJoint(Joint):

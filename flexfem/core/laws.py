@@ -14,6 +14,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.core.user_function import FunctionKind, UserFunction
 
 __all__ = [
+    "APPLIED",
     "DAMPED_BY_COEFFICIENT",
     "FRICTION_LAWS",
     "LINEAR_LAWS",
@@ -67,6 +68,8 @@ class LawKind(IntEnum):
 LINEAR_LAWS = (LawKind.RIGID, LawKind.SPRING, LawKind.POTENTIAL)
 #: Laws without a force at rest, which statics leave out; theirs depends on the iterate.
 FRICTION_LAWS = (LawKind.FRICTION, LawKind.NORMAL_FRICTION, LawKind.CAPSTAN)
+#: Column of ``first`` in arrays of laws: the force of ``applied``.
+APPLIED = 3
 #: Laws by functions that store energy.
 STORING_FUNCTIONS = (LawKind.CURVE, LawKind.PRESS)
 #: Laws whose force changes with the rate only if there is a damping coefficient.

@@ -57,5 +57,8 @@ class Actuator(AxisJoint):
 
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
-        force = _checks.returned_number("force", self.force(t))
-        return (Row((self.coordinate(poses),), 0.0, applied(-force)),)
+        return (Row((self.coordinate(poses),), 0.0, applied(*self.applied(t))),)
+
+    def applied(self, t: float) -> tuple[float]:
+        """See :meth:`Joint.applied`."""
+        return (-_checks.returned_number("force", self.force(t)),)

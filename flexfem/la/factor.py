@@ -1,14 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Factors of a distributed matrix that are kept over many solves."""
 
+import ctypes
 from collections.abc import Callable
-from functools import partial
+from functools import cache, partial
 
 from petsc4py import PETSc
 
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.kernels.sequence import ForeignCall
 from flexfem.la.whole import WholeMatrix, taken_whole
 
 __all__ = ["Factor"]
@@ -110,6 +112,14 @@ class Factor:
         # PETSc's own call, without a frame between: it is one of the most frequent of a run
         return partial(solve, *vectors)
 
+    def solve_call(self, rhs: FloatArray, solution: FloatArray) -> ForeignCall | None:
+        """The same for sequences of compiled loops; None where a solve is more than PETSc's."""
+        solve = self.solver(rhs, solution)
+        if not isinstance(solve, partial) or self._whole is not None:
+            return None
+        objects = self._factor, *solve.args
+        return ForeignCall(_mat_solve(), [one.handle for one in objects], solve)
+
     def solve_columns(
         self, right: FloatArray, solution: FloatArray, *, transposed: bool = False
     ) -> None:
@@ -158,6 +168,13 @@ def _solve_whole(
     solution: FloatArray,
 ) -> None:  # fmt: skip
     solution[:] = whole.solve(solve, rhs)
+
+
+@cache
+def _mat_solve() -> int:
+    """Address of PETSc's MatSolve, in the library that petsc4py is linked to."""
+    function = ctypes.CDLL(PETSc.__file__).MatSolve
+    return ctypes.cast(function, ctypes.c_void_p).value or 0
 
 
 def _nothing() -> None:

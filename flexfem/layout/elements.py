@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from flexfem.core.nodes.frame_block import FrameBlock
     from flexfem.core.nodes.step_kernels import StepNodes
     from flexfem.core.state import Numbering
+    from flexfem.kernels.sequence import Call, Number
 
 __all__ = [
     "DampedElements",
@@ -25,6 +26,7 @@ __all__ = [
     "HistoryElements",
     "MultigridElements",
     "ResultantElements",
+    "SequencedElements",
     "StepForces",
     "StepMatrices",
     "SteppedElements",
@@ -176,6 +178,17 @@ class StresslessElements:
     def viscous_at(self) -> tuple[IntArray, FloatArray]:
         """See :class:`ElementFamily`."""
         return np.empty(0, dtype=np.int64), np.empty(0)
+
+
+@runtime_checkable
+class SequencedElements(Protocol):
+    """Elements whose residual is that of compiled loops alone, with arguments that stay."""
+
+    def residual_calls(
+        self, block: FrameBlock, gravity: FloatArray, scale: Number
+    ) -> Sequence[Call]:
+        """Calls that do what ``add_residual`` does by the present stresses."""
+        ...
 
 
 @runtime_checkable

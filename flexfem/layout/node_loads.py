@@ -11,6 +11,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.bodies.node_forces import Wrenches, add_forces, force_states, force_tangent
 from flexfem.bodies.node_inertia import add_inertia, add_mass_motion, inertia_tangent
 from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.kernels.sequence import Call, Number
 
 __all__ = ["Force", "NodeForces", "NodeMasses", "Wrench", "wrenches"]
 
@@ -31,6 +32,10 @@ class NodeMasses:
         """Add ``scale`` times inertia and gravity forces to the block's residual."""
         add_inertia(self.nodes, self.matrices, block.nodes.memory, gravity, scale)
 
+    def residual_call(self, block: FrameBlock, gravity: FloatArray, scale: Number) -> Call:
+        """Call of the loop of :meth:`add_residual`."""
+        return Call(add_inertia, self.nodes, self.matrices, block.nodes.memory, gravity, scale)
+
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,
         local: bool = False,
@@ -45,6 +50,16 @@ class NodeMasses:
             shifts, scale, out,
         )  # fmt: skip
         return out
+
+    def tangent_call(
+        self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: Number,
+        out: FloatArray,
+    ) -> Call:  # fmt: skip
+        """Call of the loop of :meth:`tangent`, which writes to ``out`` (k, 6, 6)."""
+        return Call(
+            inertia_tangent, self.nodes, self.matrices, block.nodes.memory, gravity, block.inertial,
+            shifts, scale, out,
+        )  # fmt: skip
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (k,) masses, see ``flexfem.core.nodes.motion``."""
@@ -114,6 +129,12 @@ class NodeForces:
     def add_residual(self, block: FrameBlock, factors: FloatArray, scale: float) -> None:
         """Subtract ``scale`` times the forces from the block's residual."""
         add_forces(self.nodes, self.wrenches.memory, block.nodes.memory, factors, scale)
+
+    def residual_call(self, block: FrameBlock, factors: FloatArray, scale: Number) -> Call:
+        """Call of the loop of :meth:`add_residual`."""
+        return Call(
+            add_forces, self.nodes, self.wrenches.memory, block.nodes.memory, factors, scale
+        )
 
     def tangent(self, block: FrameBlock, factors: FloatArray, scale: float) -> FloatArray:
         """(k, 6, 6) derivative of the residual along local twists."""

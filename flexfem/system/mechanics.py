@@ -176,11 +176,25 @@ class EndPoint(Mechanics):
     def evaluate(self, system: System, shifts: Shifts, strains: PartStrains | None = None) -> None:
         """See :class:`Mechanics`."""
         system.begin_evaluation(shifts.acceleration)
+        if strains is None and system.modal_dampers is None:
+            self._evaluate_at_once(system, shifts)
+            return
         for part, own in zip(system.parts, system.damped(strains or system.present), strict=True):
             part.add_residual(system.gravity, system.factors, shifts.scale, own)
         system.interface.update()
         self.evaluate_rows(system, shifts)
         system.add_constraint_forces(system.constraints.multipliers)
+
+    def _evaluate_at_once(self, system: System, shifts: Shifts) -> None:
+        """The same with the present stresses."""
+        evaluation = system.evaluation
+        evaluation.use(shifts)
+        if type(self).evaluate_rows is EndPoint.evaluate_rows:
+            evaluation.whole()
+            return
+        evaluation.before()
+        self.evaluate_rows(system, shifts)
+        evaluation.after()
 
     def evaluate_rows(self, system: System, shifts: Shifts) -> None:
         """Equations and gradients of all rows at the interface's state."""

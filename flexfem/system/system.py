@@ -31,6 +31,7 @@ from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.node_loads import NodeForces, NodeMasses
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 from flexfem.system.contact_share import ContactShare
+from flexfem.system.evaluation import Evaluation
 from flexfem.system.modal_dampers import ModalDampers
 
 __all__ = ["GYROSCOPIC", "MASS", "BlockPart", "Counters", "PartStrains", "Shifts", "System"]
@@ -237,6 +238,7 @@ class System:
         self.interface, self.constraints = interface, constraints
         self._loads, self.gravity = list(loads), gravity
         self._factors = np.ones(len(self._loads))
+        self._evaluation: Evaluation | None = None
         self.linear = linear or LinearSolver()
         self.counters = Counters()
         self.time = self.lead = 0.0
@@ -408,6 +410,13 @@ class System:
         for part in self.parts:
             if len(part.interface_nodes):
                 self.constraints.add_forces(multipliers, part.interface_nodes, part.block.residual)
+
+    @property
+    def evaluation(self) -> Evaluation:
+        """Residuals at the ends of steps, as sequences of loops."""
+        if self._evaluation is None or self._evaluation.gravity is not self.gravity:
+            self._evaluation = Evaluation(self)
+        return self._evaluation
 
     def shift(self, sign: float) -> float:
         """Apply the blocks' steps to the positions alone; largest entry on this rank."""

@@ -18,6 +18,7 @@ from flexfem.families.beam_se3.energy_momentum import EnergyBeams
 from flexfem.families.beam_se3.group import BeamCells, BeamGroup
 from flexfem.families.common.section_groups import materials
 from flexfem.kernels.driver import add_forces
+from flexfem.kernels.sequence import Call, Number
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 from flexfem.materials.section import Section
 
@@ -151,6 +152,16 @@ class SE3Beams:
                 group.residual.memory, cells.memory, block.nodes.memory, gravity, scale,
                 block.residual,
             )  # fmt: skip
+
+    def residual_calls(self, block: FrameBlock, gravity: FloatArray, scale: Number) -> list[Call]:
+        """See :class:`flexfem.layout.elements.SequencedElements`."""
+        return [
+            Call(
+                add_forces, group.residual.memory, group.cells.memory, block.nodes.memory, gravity,
+                scale, block.residual,
+            )
+            for _, group in self.groups
+        ]  # fmt: skip
 
     def tangent(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: float,

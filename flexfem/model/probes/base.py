@@ -3,7 +3,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
-from typing import Any, ClassVar
+from typing import Any, ClassVar, Self
 
 import numpy as np
 
@@ -48,6 +48,22 @@ class MarkerState:
     start: FloatArray = field(default_factory=lambda: np.eye(3))
     acceleration: FloatArray = field(default_factory=lambda: np.zeros(3))
     angular_acceleration: FloatArray = field(default_factory=lambda: np.zeros(3))
+
+    @classmethod
+    def of_motion(
+        cls, motion: FloatArray, start: FloatArray, arc: float = 0.0, arc_rate: float = 0.0
+    ) -> Self:
+        """State by position, rotation row by row, velocity, spin, and their rates, shape (24,).
+
+        The arrays are parts of the given one.
+        """
+        state = object.__new__(cls)  # the constructor of frozen attributes takes four times as long
+        state.__dict__.update(
+            position=motion[:3], rotation=motion[3:12].reshape(3, 3), velocity=motion[12:15],
+            angular_velocity=motion[15:18], arc=arc, arc_rate=arc_rate, start=start,
+            acceleration=motion[18:21], angular_acceleration=motion[21:],
+        )  # fmt: skip
+        return state
 
     @property
     def turn(self) -> FloatArray:

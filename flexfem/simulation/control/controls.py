@@ -290,10 +290,11 @@ class Controls:
         for loop in self.loops:
             if isinstance(loop, ContinuousLoop):
                 found.update(loop.feedback(model))
-        names = [output for controller in model.controllers for output in controller.outputs]
-        for joint in model.joints:
-            if isinstance(joint, Actuator) and joint.name in names and joint.name not in found:
-                found[joint.name] = _driven_joint(joint, names.index(joint.name), self.outputs)
+        for loop in self.loops:
+            for number, name in enumerate(loop.controller.outputs):
+                joint = model.get(name)
+                if isinstance(joint, Actuator) and name not in found:
+                    found[name] = _driven_joint(joint, number, loop.outputs)
         return found
 
     def outputs(self, t: float) -> FloatArray:

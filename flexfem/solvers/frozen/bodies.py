@@ -11,7 +11,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.la.dense import inverted
+from flexfem.kernels.sequence import Call, Number, Step
+from flexfem.la.dense import SMALLEST_PIVOT
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.factor import Factor
 from flexfem.la.krylov import KrylovFactor
@@ -22,11 +23,12 @@ from flexfem.solvers.linear.mass_operator import mass_operator
 from flexfem.solvers.linear.schur_kernels import (
     BodyColumns,
     interface_response,
+    invert_blocks,
     multiply_blocks,
     rigid_responses,
 )
 from flexfem.solvers.linear.tangent import part_pattern, part_values
-from flexfem.system.mechanics import Mechanics
+from flexfem.system.mechanics import EndPoint, Mechanics
 from flexfem.system.system import MASS, BlockPart, Shifts, System
 
 __all__ = ["Bodies", "FlexibleBodies", "KeptFactor", "RigidBodies"]
@@ -108,14 +110,13 @@ class RigidBodies:
         group: the bodies with their responses.
     """
 
-    _inverses: FloatArray
-
     def __init__(self, system: System, group: Bodies, mechanics: Mechanics) -> None:
         """Store the bodies and the equations."""
         self._system, self.group, self._mechanics = system, group, mechanics
         self._of_masses = False  # the inverses are those of the masses
         nodes = group.part.masses.nodes
         self._single = np.array_equal(nodes, np.arange(group.part.block.owned))  # one mass each
+        self._inverses = np.zeros((group.part.block.owned, 6, 6))
 
     def invert(self, shifts: Shifts) -> bool:
         """Invert the matrices at the trial state, with compliances; False if one is singular."""
@@ -130,10 +131,42 @@ class RigidBodies:
             np.add.at(blocks, part.masses.nodes, masses)
         if len(part.forces.nodes):
             np.add.at(blocks, part.forces.nodes, self._mechanics.forces(system, part, shifts))
-        self._inverses, regular = inverted(blocks)
+        regular = bool(invert_blocks(blocks, self._inverses, SMALLEST_PIVOT))
         rigid_responses(group.own.memory, self._inverses)
         self._of_masses = regular and shifts is MASS  # which are constant in the bodies' axes
         return regular
+
+    @property
+    def plain(self) -> bool:
+        """True if there are no matrices besides those of one mass for each body."""
+        of_masses = type(self._mechanics).masses is EndPoint.masses
+        return self._single and of_masses and not len(self.group.part.forces.nodes)
+
+    def inversion(self, rates: FloatArray, scale: Number) -> list[Call]:
+        """What :meth:`invert` does if they are ``plain``, but for masses alone.
+
+        The second call returns whether all are regular.
+
+        Args:
+            rates: ``Shifts.array``, which may change.
+            scale: see ``Shifts``.
+        """
+        system, part, own = self._system, self.group.part, self.group.own
+        matrices = np.zeros_like(self._inverses)
+        return [
+            part.masses.tangent_call(part.block, system.gravity, rates, scale, matrices),
+            Call(invert_blocks, matrices, self._inverses, SMALLEST_PIVOT),
+            Call(rigid_responses, own.memory, self._inverses),
+        ]
+
+    def solution(self) -> list[Step]:
+        """What :meth:`solve` does."""
+        block = self.group.part.block
+        return [Call(multiply_blocks, self._inverses, self.group.own.right, block.step)]
+
+    def response(self, y: FloatArray) -> Step:
+        """What :meth:`respond` does."""
+        return Call(interface_response, self.group.own.memory, y)
 
     def of_nodes(self) -> FloatArray:
         """Compliances (n_owned, 1, 6, 6) of the bodies."""
@@ -400,6 +433,20 @@ class FlexibleBodies:
             piece.right[:] = right[piece.nodes]
             solve()
             step[piece.nodes] = piece.solution
+
+    def solution(self) -> list[Step]:
+        """What :meth:`solve` does with the factors in use."""
+        block = self.group.part.block
+        call = None
+        if self._whole and block.dirichlet is None:
+            call = self._kept.factors[0].solve_call(self._right, block.owned_step)
+        return [self.solve if call is None else call]
+
+    def response(self, y: FloatArray) -> Step:
+        """What :meth:`respond` does with the factors in use."""
+        if self._kept.direct or self.split:
+            return lambda: self.respond(y)
+        return Call(interface_response, self.group.own.memory, y)
 
     def add_product(self, factor: float) -> bool:
         """Add ``factor`` times the matrices of the factors, times the steps, to the residual.

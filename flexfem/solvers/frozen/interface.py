@@ -15,9 +15,16 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.runs import starts
+from flexfem.kernels.sequence import Call, Step
 from flexfem.solvers.frozen.bodies import Bodies
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
-from flexfem.solvers.linear.schur_kernels import BodyColumns, row_products, schur
+from flexfem.solvers.linear.schur_kernels import (
+    BodyColumns,
+    add_diagonal,
+    row_products,
+    schur,
+    steps_beyond,
+)
 from flexfem.system.system import BlockPart, System
 
 __all__ = ["MultiplierSystem", "Responding"]
@@ -28,6 +35,10 @@ class Responding(Protocol):
 
     def respond(self, y: FloatArray) -> None:
         """Write ``J A^-1 r`` into interface nodes and components (n, 6)."""
+        ...
+
+    def response(self, y: FloatArray) -> Step:
+        """Step of a sequence that does the same."""
         ...
 
 
@@ -224,6 +235,49 @@ class MultiplierSystem:
         factors = self._eliminate()
         values = self._values if self._coupled is None else self._values[self._coupled]
         return factors.factor(values, regular)
+
+    @property
+    def correction(self) -> FloatArray:
+        """(r,) result of the last solve, always the same array."""
+        return self._correction
+
+    @property
+    def banded(self) -> bool:
+        """True if the system of this rank alone is a band, known after a factorisation."""
+        made = self._factors is not None and self._coupled is None
+        return made and self._factors is not None and self._factors.band is not None
+
+    def factorisation(self) -> tuple[list[Step], list[Call]]:
+        """What :meth:`factor` does if the system is ``banded``, and the calls that test it."""
+        rows, factors = self._system.constraints, self._factors
+        assert factors is not None
+        assert factors.band is not None
+        test = factors.band.factor_call(self._values)
+        steps: list[Step] = [
+            *(Call(schur, group.own.memory, rows.own.memory) for group in self.groups),
+            Call(
+                add_diagonal, rows.owned, rows.compliance, rows.coupled, rows.coupling,
+                self._diagonal, self._coupling,
+            ),
+            test,
+        ]  # fmt: skip
+        return steps, [test]
+
+    def solution(
+        self, values: FloatArray, bodies: Sequence[Responding], *, beyond: bool
+    ) -> list[Step]:
+        """What :meth:`solve` does if the system is ``banded``."""
+        rows, steps = self._system.constraints, self._response
+        calls = [one.response(self._response) for one in bodies]
+        if beyond:
+            owned, steps = np.ascontiguousarray(self._owned_node[:, 0]), self._beyond
+            moved = self._system.interface.steps
+            calls.append(Call(steps_beyond, owned, moved, self._response, steps))
+        given = self._local_node, steps, rows.owned, values, self._correction
+        calls.append(Call(row_products, rows.own.memory, *given))
+        assert self._factors is not None
+        assert self._factors.band is not None
+        return [*calls, self._factors.band.solve_call(self._correction)]
 
     def solve(
         self, values: FloatArray, bodies: Sequence[Responding], *, beyond: bool = False

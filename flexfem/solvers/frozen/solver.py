@@ -32,6 +32,7 @@ from flexfem.solvers.frozen.bodies import FlexibleBodies, KeptFactor, RigidBodie
 from flexfem.solvers.frozen.interface import MultiplierSystem
 from flexfem.solvers.frozen.refine import KeptOperator, Refined, Refinement
 from flexfem.solvers.frozen.secants import Secants
+from flexfem.solvers.frozen.sequences import FrozenSequences
 from flexfem.solvers.frozen.stiff_rows import StiffRows
 from flexfem.solvers.frozen.vectors import StepVectors
 from flexfem.solvers.linear.iterative import iterates
@@ -114,6 +115,9 @@ class FrozenSolver:
         self._refinement = Refinement(system, mechanics, self._vectors)
         self._stiff = StiffRows(system, self._vectors)
         self.secants = Secants(self._vectors)
+        self._sequences: FrozenSequences | None = None
+        # by step size, where they have been made; of rigid bodies alone they serve all sizes
+        self._often: dict[Shifts | None, FrozenSequences | None] = {}
 
     @classmethod
     def of_masses(cls, system: System) -> "FrozenSolver":
@@ -140,7 +144,7 @@ class FrozenSolver:
             return
         self._kept[shifts] = kept  # the latest used is the last
         self._stiff.forget()
-        self.shifts = shifts
+        self.shifts, self._sequences = shifts, self._often.get(shifts)
         for flexible, one in zip(self._flexible, kept.parts, strict=True):
             flexible.use(one)
 
@@ -155,15 +159,19 @@ class FrozenSolver:
         self._stiff.forget()
         if not self._flexible:
             return
+        self._sequences = None
         system = self.system
         if shifts.stiffness:
             system.counters.factorizations += 1
         else:
             system.counters.mass_factorizations += 1
         self._kept.pop(shifts, None)
+        self._often.pop(shifts, None)
         large = any(iterates(system, part, shifts) for part in system.parts)
         while len(self._kept) >= (_KEPT_MATRICES if large else _KEPT):
-            del self._kept[next(iter(self._kept))]
+            oldest = next(iter(self._kept))
+            del self._kept[oldest]
+            self._often.pop(oldest, None)
         requests = self._requests(shifts, strains)
         parts = [
             flexible.factorise(shifts, request)
@@ -214,6 +222,7 @@ class FrozenSolver:
             return
         self.system.counters.factorizations += 1
         self._stiff.forget()
+        self._sequences = self._often[self.shifts] = None
         requests = self._requests(self.shifts, strains)
         for flexible, request, chosen in zip(self._flexible, requests, worst.pieces, strict=True):
             if chosen is not None:
@@ -358,10 +367,26 @@ class FrozenSolver:
         False if it is singular. The residuals are evaluated; :meth:`again` solves after it.
         """
         self._multipliers.follow_sliders()
+        sequences = self._sequences
+        if sequences is not None and shifts.stiffness:
+            return sequences.prepare(shifts)
         regular = True
         for rigid in self.rigid:
             regular = rigid.invert(shifts) and regular
-        return self._multipliers.factor(regular)
+        regular = self._multipliers.factor(regular)
+        if regular and shifts.stiffness:
+            self._make_sequences()
+        return regular
+
+    def _make_sequences(self) -> None:
+        """Make sequences for the factors in use, if they are used for the second time."""
+        key, often = (self.shifts if self._flexible else None), self._often
+        if key in often:
+            self._sequences = often[key] = FrozenSequences.of(
+                self.system, self._multipliers, self.rigid, self._flexible
+            )
+        else:
+            often[key] = None
 
     def _solve(self, values: FloatArray, *, beyond: bool = False) -> FloatArray:
         """Solve with the frozen operator for the blocks' residuals and the given row values.
@@ -375,6 +400,8 @@ class FrozenSolver:
         Returns:
             Correction of the multipliers (r,), always the same array.
         """
+        if self._sequences is not None:
+            return self._sequences.solve(values, beyond=beyond)
         correction = self._load(values, self.bodies, beyond=beyond)
         for flexible in self._flexible:
             flexible.solve()

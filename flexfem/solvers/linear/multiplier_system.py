@@ -15,6 +15,7 @@ from scipy.linalg.lapack import dgetrf, dgetrs
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.kernels.compiled import kernel
+from flexfem.kernels.sequence import Call
 from flexfem.la.dense import SMALLEST_PIVOT
 from flexfem.solvers.linear.banded import band_factor, band_solve
 from flexfem.solvers.linear.multifrontal import Fronts
@@ -56,7 +57,7 @@ def _scatter_add(index: IntArray, select: IntArray, values: FloatArray, out: Flo
         out[index[k]] += values[select[k]]
 
 
-class _Band:
+class Band:
     """Elimination in the order of reverse Cuthill and McKee: narrow bands for chains and trees."""
 
     def __init__(self, i: IntArray, j: IntArray, order: IntArray, half: int, size: int) -> None:
@@ -80,6 +81,19 @@ class _Band:
             index = np.where(first, i, i - count) * shape[1] + np.where(last, j, j - count)
             self._blocks.append((index[select], select, np.zeros(shape)))
         self._to_left, self._from_first, self.complement = (b[2] for b in self._blocks)
+
+    def factor_call(self, values: FloatArray) -> Call:
+        """Call of the loop of :meth:`factor`, if all rows are eliminated."""
+        return Call(band_factor, self._index, values, self._band)
+
+    def solve_call(self, x: FloatArray) -> Call:
+        """Call of the loop of :meth:`reduce`, if all rows are eliminated."""
+        return Call(band_solve, self._band, self._order, self._work, x)
+
+    @property
+    def whole(self) -> bool:
+        """True if all rows are eliminated."""
+        return self._left == 0 and self._inner is None
 
     def factor(self, values: FloatArray) -> bool:
         """See :class:`_Elimination`."""
@@ -169,7 +183,7 @@ def _elimination(i: IntArray, j: IntArray, count: int, size: int) -> _Eliminatio
     rank[order] = np.arange(count)
     half = int(np.abs(rank[first] - rank[second]).max(initial=0))
     if half <= _WIDEST:
-        return _Band(i, j, order, half, size)
+        return Band(i, j, order, half, size)
     # minimum degree: for some thousand rows of trees, lattices and grids less fill than dissection;
     # the other rows form a full matrix, so that rows coupled to them come late
     others = np.arange(count, size)
@@ -211,6 +225,13 @@ class InterfaceSystem:
         self._buffer = np.zeros(shared_size**2 + 1)
         self._matrix = self._buffer[:-1].reshape(shared_size, shared_size)
         self._vector = np.zeros(shared_size)
+
+    @property
+    def band(self) -> Band | None:
+        """The factors if this rank alone has the rows, in a narrow band."""
+        own = self._own
+        alone = self._comm.size == 1 and not self._sharing
+        return own if alone and isinstance(own, Band) and own.whole else None
 
     def factor(self, values: FloatArray, regular: bool = True) -> bool:
         """Factorise (collective); False on all ranks when the system is singular on one.

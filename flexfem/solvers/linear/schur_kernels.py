@@ -8,19 +8,22 @@ compliance.
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.constraints.rows.data import RowArrays
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.records import Float1D, Float2D, Int1D, Int2D, Memory, Record, unpack
 
 __all__ = [
     "BodyColumns",
+    "add_diagonal",
     "interface_response",
+    "invert_blocks",
     "largest_entry",
     "multiply_blocks",
     "rigid_responses",
     "row_products",
     "schur",
+    "steps_beyond",
 ]
 
 
@@ -167,6 +170,70 @@ def multiply_blocks(inverses: FloatArray, residual: FloatArray, step: FloatArray
             for j in range(6):
                 total += inverses[k, i, j] * residual[k, j]
             step[k, i] = total
+
+
+@kernel
+def steps_beyond(
+    owned: BoolArray, steps: FloatArray, response: FloatArray, out: FloatArray
+) -> None:
+    """``steps`` (n, 6) of owned nodes and the response to more forces."""
+    for n in range(out.shape[0]):
+        for i in range(6):
+            out[n, i] = response[n, i] + steps[n, i] if owned[n] else response[n, i]
+
+
+@kernel
+def add_diagonal(
+    owned: FloatArray, compliance: FloatArray, coupled: IntArray, coupling: FloatArray,
+    diagonal: FloatArray, couplings: FloatArray,
+) -> None:  # fmt: skip
+    """Compliances of rows (r,), and between coupled ones (k, 2), where this rank owns them."""
+    for r in range(owned.size):
+        diagonal[r] = owned[r] * compliance[r]
+    for k in range(coupling.size):
+        couplings[k] = owned[coupled[k, 0]] * coupling[k]
+
+
+@kernel
+def invert_blocks(matrices: FloatArray, inverses: FloatArray, smallest: float) -> bool:
+    """Inverses of matrices (k, 6, 6) by Gauss and Jordan with partial pivoting.
+
+    Returns:
+        False if one is singular: the product of the largest entries of a matrix and its inverse is
+        at least ``1 / smallest``, or not a number. Its inverse has no meaning then.
+    """
+    A, regular = np.empty((6, 12)), True
+    for k in range(matrices.shape[0]):
+        largest = 0.0
+        for i in range(6):
+            for j in range(6):
+                A[i, j], A[i, 6 + j] = matrices[k, i, j], 1.0 if i == j else 0.0
+                largest = max(largest, abs(A[i, j]))
+        for c in range(6):
+            best = c
+            for i in range(c + 1, 6):
+                if abs(A[i, c]) > abs(A[best, c]):
+                    best = i
+            if best != c:
+                for j in range(12):
+                    A[c, j], A[best, j] = A[best, j], A[c, j]
+            over = 1.0 / A[c, c]
+            for j in range(12):
+                A[c, j] *= over
+            for i in range(6):
+                factor = A[i, c]
+                if i != c and factor != 0.0:
+                    for j in range(12):
+                        A[i, j] -= factor * A[c, j]
+        most = 0.0
+        for i in range(6):
+            for j in range(6):
+                inverses[k, i, j] = A[i, 6 + j]
+                size = abs(A[i, 6 + j])
+                if size > most or size != size:
+                    most = size
+        regular = regular and largest * most < 1.0 / smallest
+    return regular
 
 
 @kernel

@@ -7,11 +7,14 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import BoolArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.marker import Ground, Marker, Observed
+from flexfem.core.nodes.frame_kernels import Nodes
+from flexfem.kernels.compiled import kernel
+from flexfem.kernels.records import Memory, unpack
+from flexfem.kernels.sequence import Call, copy, sequence
 from flexfem.layout.element_places import places_on_rank
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.lie import se3
 from flexfem.model.probes.base import MarkerState
 from flexfem.system.measure.sliders import Sliders
 from flexfem.system.system import System
@@ -19,6 +22,61 @@ from flexfem.system.system import System
 __all__ = ["MarkerStates", "without_spin"]
 
 _WIDTH = 26  # frame, local twist, arc length and its rate, rate of the twist
+
+
+@kernel
+def _collect_nodes(memory: Memory, local: IntArray, places: IntArray, out: FloatArray) -> None:
+    """Frame, twist and its rate of some ``local`` nodes into rows of ``out`` (n, 26)."""
+    nodes = unpack(Nodes, memory)
+    for k in range(local.size):
+        node, to = local[k], places[k]
+        for i in range(12):
+            out[to, i] = nodes.frames[node, i]
+        for i in range(6):
+            out[to, 12 + i] = nodes.velocity[node, i]
+            out[to, 20 + i] = nodes.acceleration[node, i]
+
+
+@kernel
+def _marker_motions(
+    nodes: FloatArray, offsets: FloatArray, bare: BoolArray, out: FloatArray
+) -> None:
+    """Motion (m, 24) of markers in inertial axes, see ``MarkerState.of_motion``.
+
+    Args:
+        nodes: (m, 26) motion of their nodes, in these nodes' axes.
+        offsets: (m, 12) frames of the markers relative to the nodes.
+        bare: (m,) True where spins are unknown.
+        out: see above.
+    """
+    arm, speed, rate = np.empty(3), np.empty(3), np.empty(3)
+    for m in range(nodes.shape[0]):
+        own, offset, to = nodes[m], offsets[m], out[m]
+        spin, turning = own[15:18], own[23:26]
+        for i in range(3):
+            arm[i] = offset[i]
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            speed[i] = own[12 + i] + (spin[j] * arm[k] - spin[k] * arm[j])
+            rate[i] = own[20 + i] + (turning[j] * arm[k] - turning[k] * arm[j])
+        for i in range(3):
+            j, k = (i + 1) % 3, (i + 2) % 3
+            rate[i] += spin[j] * speed[k] - spin[k] * speed[j]
+        for i in range(3):
+            R = own[3 + 3 * i : 6 + 3 * i]
+            to[i] = own[i]
+            to[12 + i], to[15 + i], to[18 + i], to[21 + i] = 0.0, 0.0, 0.0, 0.0
+            for j in range(3):
+                to[i] += R[j] * arm[j]
+                to[3 + 3 * i + j] = 0.0
+                for k in range(3):
+                    to[3 + 3 * i + j] += R[k] * offset[3 + 3 * k + j]
+                to[12 + i] += R[j] * speed[j]
+                to[15 + i] += R[j] * spin[j]
+                to[18 + i] += R[j] * rate[j]
+                to[21 + i] += R[j] * turning[j]
+            if bare[m]:
+                to[15 + i] = to[21 + i] = np.nan
 
 
 class MarkerStates:
@@ -37,11 +95,14 @@ class MarkerStates:
             for k, marker in enumerate(markers):
                 if isinstance(marker, Ground):
                     self._ground[k, [3, 7, 11]] = 1.0
-        self._sources = []
+        self._nodes = np.empty_like(self._ground)
+        calls = [Call(copy, self._ground, self._nodes)]
         for part in system.parts:
-            local = [serial.local_node(m, part.kind, part.block) for m in markers]
-            places = [k for k, node in enumerate(local) if node >= 0]
-            self._sources.append((part.block, places, [local[k] for k in places]))
+            local = np.array([serial.local_node(m, part.kind, part.block) for m in markers])
+            places = np.flatnonzero(local >= 0)
+            at = local[places].astype(np.int64)
+            calls.append(Call(_collect_nodes, part.block.nodes.memory, at, places, self._nodes))
+        self._collect = sequence(calls)
         self._inside = [
             (part.block, points, places)
             for part in system.parts
@@ -50,10 +111,8 @@ class MarkerStates:
 
     def evaluate(self) -> list[MarkerState]:
         """States of all markers (collective)."""
-        nodes = self._ground.copy()
-        for block, places, local in self._sources:
-            nodes[places, :12], nodes[places, 12:18] = block.frames[local], block.velocity[local]
-            nodes[places, 20:] = block.acceleration[local]
+        nodes = self._nodes
+        self._collect()
         for block, points, which in self._inside:
             nodes[which, :12], nodes[which, 12:18] = points.motion(block)
             nodes[which, 20:] = points.twist_rates(block)
@@ -63,24 +122,13 @@ class MarkerStates:
             nodes[self._sliders.places, 20:] = np.nan
         if self._comm.size > 1:  # one rank owns a node, the others add zeros
             self._comm.Allreduce(MPI.IN_PLACE, nodes, op=MPI.SUM)
-        frames = se3.compose(nodes[:, :12], self._offsets)
-        turn = se3.rotation(nodes[:, :12])
-        arm = self._offsets[:, :3]
-        spins, turning = nodes[:, 15:18], nodes[:, 23:]
-        speed = nodes[:, 12:15] + np.cross(spins, arm)
-        rates = nodes[:, 20:23] + np.cross(turning, arm) + np.cross(spins, speed)
-        for rotational in (spins, turning):
-            rotational[self._bare] = np.nan
+        motions = np.empty((len(nodes), 24))
+        _marker_motions(nodes, self._offsets, self._bare, motions)
+        arcs = nodes[:, 18:20].tolist()
         return [
-            MarkerState(
-                H[:3].copy(), H[3:].reshape(3, 3).copy(), R @ v, R @ spin, float(arc), float(rate),
-                start, R @ a, R @ alpha,
-            )
-            for H, R, v, spin, (arc, rate), start, a, alpha in zip(
-                frames, turn, speed, spins, nodes[:, 18:20], self._start, rates, turning,
-                strict=True,
-            )
-        ]  # fmt: skip
+            MarkerState.of_motion(motion, start, *arc)
+            for motion, start, arc in zip(motions, self._start, arcs, strict=True)
+        ]
 
 
 def without_spin(serial: NumberedModel, markers: Sequence[Observed]) -> BoolArray:

@@ -1,0 +1,98 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""The frozen solver of one rank as sequences of compiled loops.
+
+They do what ``FrozenSolver.prepare`` and its solve do, by the same loops in the same order. There
+are none where ranks share rows, and where the multipliers' system is not a narrow band: its
+factorisation takes longer than the calls then.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from functools import cached_property
+
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.constraints.rows.kernels import add_forces
+from flexfem.kernels.sequence import Call, Number, Step, copy, sequence
+from flexfem.solvers.frozen.bodies import FlexibleBodies, RigidBodies
+from flexfem.solvers.frozen.interface import MultiplierSystem
+from flexfem.system.system import Shifts, System
+
+__all__ = ["FrozenSequences"]
+
+
+class FrozenSequences:
+    """Sequences for the factors in use.
+
+    Attributes:
+        correction: (r,) of the multipliers by the last solve.
+    """
+
+    def __init__(
+        self, system: System, multipliers: MultiplierSystem,
+        rigid: Sequence[RigidBodies], flexible: Sequence[FlexibleBodies],
+    ) -> None:  # fmt: skip
+        """Write down the calls of all loops; the multipliers' system has been factorised once."""
+        self._system, self._multipliers = system, multipliers
+        self._rates, self._scale = np.zeros(3), Number(1.0)
+        self._values = np.zeros(system.constraints.size)
+        self._bodies: list[RigidBodies | FlexibleBodies] = [*rigid, *flexible]
+        self.correction = multipliers.correction
+        inversions = [one.inversion(self._rates, self._scale) for one in rigid]
+        factorisation, self._tests = multipliers.factorisation()
+        self._tests += [calls[1] for calls in inversions]
+        self._prepare = sequence([call for calls in inversions for call in calls] + factorisation)
+        self._at_rows = sequence(self._solve(system.constraints.values, beyond=False))
+
+    @classmethod
+    def of(
+        cls, system: System, multipliers: MultiplierSystem,
+        rigid: Sequence[RigidBodies], flexible: Sequence[FlexibleBodies],
+    ) -> FrozenSequences | None:  # fmt: skip
+        """Make them, None where there are none."""
+        if not (multipliers.banded and all(one.plain for one in rigid)):
+            return None
+        return cls(system, multipliers, rigid, flexible)
+
+    def prepare(self, shifts: Shifts) -> bool:
+        """See ``FrozenSolver.prepare``."""
+        self._rates[:] = shifts.array
+        self._scale.set(shifts.scale)
+        self._prepare()
+        for call in self._tests:
+            if not call.result[0]:
+                return False
+        return True
+
+    def solve(self, values: FloatArray, *, beyond: bool) -> FloatArray:
+        """See ``FrozenSolver._solve``."""
+        if values is self._system.constraints.values and not beyond:
+            self._at_rows()
+            return self.correction
+        self._values[:] = values
+        (self._beyond if beyond else self._again)()
+        return self.correction
+
+    @cached_property
+    def _again(self) -> Callable[[], None]:
+        return sequence(self._solve(self._values, beyond=False))
+
+    @cached_property
+    def _beyond(self) -> Callable[[], None]:
+        return sequence(self._solve(self._values, beyond=True))
+
+    def _solve(self, values: FloatArray, *, beyond: bool) -> list[Step]:
+        """Steps of a solve with the given values of rows."""
+        steps: list[Step] = []
+        for one in self._bodies:
+            steps.append(Call(copy, one.group.part.block.residual, one.group.own.right))
+        steps += self._multipliers.solution(values, self._bodies, beyond=beyond)
+        rows = self._system.constraints.own.memory
+        for one in self._bodies:
+            own, nodes = one.group.own, one.group.part.interface_nodes
+            steps.append(Call(add_forces, rows, self.correction, nodes, own.right))
+        for one in reversed(self._bodies):
+            steps += one.solution()
+        return steps
