@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Constraint equations and force laws (rows) of all joints of this rank, as one batch."""
 
+import weakref
 from collections.abc import Callable, Iterator, Sequence
 from functools import cached_property
 
@@ -430,7 +431,7 @@ class Constraints(NumberedRows):
         self.use(dynamics)
         self._evaluate_rows()
         if elements and self.elements.groups:
-            self._evaluate_elements()
+            self.evaluate_elements()
 
     def use(self, dynamics: FloatArray) -> None:
         """Use these factors, see :meth:`evaluate`, in :attr:`steps` from now on."""
@@ -440,34 +441,34 @@ class Constraints(NumberedRows):
     @property
     def steps(self) -> list[Step]:
         """What :meth:`evaluate` does, for sequences that contain it."""
-        every = self._steps_of_rows()
-        return [*every, self._evaluate_elements] if self.elements.groups else every
+        every, own = self._steps_of_rows(), weakref.proxy(self)
+        return [*every, _later(own, "evaluate_elements")] if self.elements.groups else every
 
     def _steps_of_rows(self) -> list[Step]:
         """Steps of all rows, without the laws of force elements."""
-        face, steps = self.interface, list[Step]()
-        nodes = face.interface_nodes.memory
+        # they have no references to those who hold them, which would outlive their runs
+        own: Constraints = weakref.proxy(self)
+        frames, nodes = self.interface.frames, self.interface.interface_nodes.memory
+        steps: list[Step] = []
         if self.lines.joints:
-            steps.append(lambda: self.lines.evaluate(face.frames, self.poses, self.force_jacobian))
+            steps.append(lambda: own.lines.evaluate(frames, own.poses, own.force_jacobian))
         steps.append(Call(evaluate_rows, self.own.memory, nodes, self._dynamics))
         if self._functions.places:
-            steps.append(lambda: self._functions.watch(self))
+            steps.append(lambda: own._functions.watch(own))
         if self._damped:
             given = self._velocity, False, self.slopes, self.step_jacobian
             steps.append(Call(add_dampers, self.own.memory, nodes, *given))
             if self.lines.joints:
-                steps.append(
-                    lambda: self._add_line_dampers(self.slopes[:, 1], self._velocity.value)
-                )
+                steps.append(lambda: own._add_line_dampers(own.slopes[:, 1], own._velocity.value))
         if self._holds:
-            steps.append(self.hold_gradients)
+            steps.append(_later(own, "hold_gradients"))
         return steps
 
     @cached_property
     def _evaluate_rows(self) -> Callable[[], None]:
         return sequence(self._steps_of_rows())
 
-    def _evaluate_elements(self) -> None:
+    def evaluate_elements(self) -> None:
         """Write the equations of force elements."""
         self.elements.evaluate(self, self._dynamics)
         self.hold_gradient(self.step_jacobian)
@@ -614,6 +615,10 @@ class Constraints(NumberedRows):
         """Add ``G^T multipliers`` to the owned nodes of one block; ``local`` node of each node."""
         add_forces(self.own.memory, multipliers, local, residual)
 
+    def forces_call(self, multipliers: FloatArray, local: IntArray, residual: FloatArray) -> Call:
+        """Call of the loop of :meth:`add_forces`."""
+        return Call(add_forces, self.own.memory, multipliers, local, residual)
+
     def leave_out(self, chosen: BoolArray) -> None:
         """Replace the equations of rows (r,) that have been evaluated by zero forces."""
         self.values[chosen] = -self.multipliers[chosen]
@@ -727,3 +732,12 @@ class Constraints(NumberedRows):
     def rates(self) -> FloatArray:
         """(r,) time derivative of every row at the interface's velocities, drives fixed."""
         return self.changes(self.interface.velocities)
+
+
+def _later(own: Constraints, name: str) -> Callable[[], None]:
+    """A method of a weak reference, which is looked up when it is called: it would be strong."""
+
+    def call() -> None:
+        getattr(own, name)()
+
+    return call

@@ -10,13 +10,14 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from flexfem._faults import FAILURES, ReturnError, noted
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.terms.compiled_functions import check, kind_number
 from flexfem.constraints.terms.dispatch import term as evaluate_term
 from flexfem.core.laws import STORING_FUNCTIONS, Law, LawKind
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind
 from flexfem.core.user_function import FunctionKind, UserFunction
+from flexfem.kernels.compiled import kernel
 from flexfem.lie import se3
 
 if TYPE_CHECKING:
@@ -131,8 +132,7 @@ class Functions:
 
         The rows are left not finite, which makes the step fail on all ranks.
         """
-        values, gradients = rows.values[self._rows], rows.force_jacobian[self._terms]
-        if np.isfinite(values).all() and np.isfinite(gradients).all():
+        if _finite(rows.values, self._rows, rows.force_jacobian, self._terms):
             return
         velocities, sums, rates = rows.interface.velocities, rows.sums(), rows.rates()
         if not (np.isfinite(rows.poses).all() and np.isfinite(velocities).all()):
@@ -160,6 +160,19 @@ class Functions:
         value = float(sums[r] - rows.targets[r])
         known = np.isfinite(value) and np.isfinite(rate)
         return (value, rate, float(rows.function_data[r, 0])) if known else ()
+
+
+@kernel
+def _finite(values: FloatArray, rows: IntArray, gradients: FloatArray, terms: IntArray) -> bool:
+    """True if values of some rows, and gradients (t, 2, 6) of some terms, are finite."""
+    total = 0.0
+    for r in rows:
+        total += 0.0 * values[r]
+    for t in terms:
+        for side in range(2):
+            for i in range(6):
+                total += 0.0 * gradients[t, side, i]
+    return total == 0.0
 
 
 def _blame(user: UserFunction, arguments: tuple[Any, ...]) -> None:

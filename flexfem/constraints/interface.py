@@ -7,6 +7,7 @@ velocity). Joints between bodies on two ranks are evaluated on both, so that no 
 multiplier ever has to be sent.
 """
 
+import weakref
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
@@ -171,7 +172,9 @@ class Interface:
             for block, local, nodes in self._sources
         ]
         if self._send or self._receive:
-            steps.append(lambda: self._exchange((self.frames, self.increments, self.velocities)))
+            # a reference to those who hold it would outlive their runs
+            own, tables = weakref.proxy(self), (self.frames, self.increments, self.velocities)
+            steps.append(lambda: own._exchange(tables))
         return steps
 
     @cached_property

@@ -90,7 +90,9 @@ class Call:
 
     def __call__(self) -> None:
         """Run it alone, from Python."""
-        self.loop(*(x.value if isinstance(x, Number) else x for x in self.arguments))
+        found = self.loop(*(x.value if isinstance(x, Number) else x for x in self.arguments))
+        if found is not None:
+            self.result[:] = found
 
 
 class ForeignCall:

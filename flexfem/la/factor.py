@@ -10,7 +10,6 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.kernels.sequence import ForeignCall
 from flexfem.la.whole import WholeMatrix, taken_whole
 
 __all__ = ["Factor"]
@@ -112,13 +111,17 @@ class Factor:
         # PETSc's own call, without a frame between: it is one of the most frequent of a run
         return partial(solve, *vectors)
 
-    def solve_call(self, rhs: FloatArray, solution: FloatArray) -> ForeignCall | None:
-        """The same for sequences of compiled loops; None where a solve is more than PETSc's."""
+    def foreign_solver(
+        self, rhs: FloatArray, solution: FloatArray
+    ) -> tuple[int, list[int], Callable[[], None]] | None:
+        """Address of PETSc's function, the pointers it takes, and the same solve from Python.
+
+        None where a solve is more than one call.
+        """
         solve = self.solver(rhs, solution)
         if not isinstance(solve, partial) or self._whole is not None:
             return None
-        objects = self._factor, *solve.args
-        return ForeignCall(_mat_solve(), [one.handle for one in objects], solve)
+        return _mat_solve(), [one.handle for one in (self._factor, *solve.args)], solve
 
     def solve_columns(
         self, right: FloatArray, solution: FloatArray, *, transposed: bool = False

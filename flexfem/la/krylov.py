@@ -138,6 +138,9 @@ class KrylovFactor:
         accuracy = min(self._tolerance, _LASTING) if lasting else self._tolerance
         return partial(self._solve, accuracy, *vectors)
 
+    def foreign_solver(self, rhs: FloatArray, solution: FloatArray) -> None:
+        """See ``Factor``: an iteration is no single call."""
+
     def solve_columns(
         self, right: FloatArray, solution: FloatArray, *, transposed: bool = False
     ) -> None:

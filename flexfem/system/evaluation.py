@@ -3,20 +3,17 @@
 
 from __future__ import annotations
 
-from functools import partial
-from typing import TYPE_CHECKING
+from collections.abc import Callable, Sequence
+from math import isnan, nan
 
-from flexfem.constraints.rows.kernels import add_forces
-from flexfem.kernels.sequence import Call, Number, Step, clear, sequence
-from flexfem.layout.elements import SequencedElements
+import numpy as np
 
-if TYPE_CHECKING:
-    from collections.abc import Callable
-
-    from flexfem._types import FloatArray
-    from flexfem.core.nodes.frame_block import FrameBlock
-    from flexfem.layout.inner_forces import InnerForces
-    from flexfem.system.system import BlockPart, Shifts, System
+from flexfem._types import FloatArray
+from flexfem.constraints.batch import Constraints
+from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.nodes.frame_kernels import accept, correct
+from flexfem.core.nodes.prediction import Misses
+from flexfem.kernels.sequence import Call, Number, Step, sequence
 
 __all__ = ["Evaluation"]
 
@@ -24,60 +21,55 @@ __all__ = ["Evaluation"]
 class Evaluation:
     """Residuals of all blocks, with the forces of all rows, by the present stresses.
 
-    They are those of ``BlockPart.add_residual``, ``Interface.update``, ``Constraints.evaluate`` and
-    ``System.add_constraint_forces``, by the same loops in the same order.
-
     Attributes:
         gravity: array of the system that the sequences read.
-        whole: all of it; the rest is without the rows, before and after them.
+        before, after: sequences of what comes before the rows, and after them.
+        whole: all of it.
     """
 
-    def __init__(self, system: System) -> None:
-        """Write down the calls of all loops."""
-        self.gravity, self._rows = system.gravity, system.constraints
-        self._scale = Number(1.0)
-        before: list[Step] = []
-        for part in system.parts:
-            before += self._residual(part, system)
-        before += system.interface.steps_of_update
-        after: list[Step] = [
-            Call(
-                add_forces, self._rows.own.memory, self._rows.multipliers, part.interface_nodes,
-                part.block.residual,
-            )
-            for part in system.parts
-            if len(part.interface_nodes)
-        ]  # fmt: skip
+    def __init__(
+        self, blocks: Sequence[FrameBlock], rows: Constraints, gravity: FloatArray, scale: Number,
+        before: Sequence[Step], after: Sequence[Step],
+    ) -> None:  # fmt: skip
+        """Write down the calls of all loops.
+
+        Args:
+            blocks: all blocks.
+            rows: all rows.
+            gravity: see the attribute.
+            scale: factor of the residuals.
+            before: residuals of blocks, and the exchange of interface nodes.
+            after: forces of the rows.
+        """
+        self.gravity, self._rows, self._scale, self._blocks = gravity, rows, scale, blocks
         self.before, self.after = sequence(before), sequence(after)
-        self.whole: Callable[[], None] = sequence([*before, *self._rows.steps, *after])
+        self.whole: Callable[[], None] = sequence([*before, *rows.steps, *after])
+        spread = [block.spread_step for block in blocks if block.has_ghosts]
+        self._moves = [Call(correct, block.nodes.memory, -1.0) for block in blocks]
+        self._move = sequence([*spread, *self._moves])
+        self._h, self._law = Number(0.0), np.zeros(3)
+        self._ends = [
+            Call(accept, block.nodes.memory, self._law, self._h, block.owned) for block in blocks
+        ]
+        self._accept = sequence(self._ends)
 
-    def use(self, shifts: Shifts) -> None:
-        """Use the factors of a scheme from now on."""
-        self._scale.set(shifts.scale)
-        self._rows.use(shifts.dynamics)
+    def use(self, scale: float, dynamics: FloatArray) -> None:
+        """Use the factors of a scheme from now on, see ``Shifts``."""
+        self._scale.set(scale)
+        self._rows.use(dynamics)
 
-    def _residual(self, part: BlockPart, system: System) -> list[Step]:
-        """Steps of ``BlockPart.add_residual``."""
-        block, scale = part.block, self._scale
-        steps: list[Step] = [Call(clear, block.residual)]
-        elements = part.elements
-        if isinstance(elements, SequencedElements):
-            steps += elements.residual_calls(block, system.gravity, scale)
-        elif elements is not None:
-            steps.append(lambda: elements.add_residual(block, system.gravity, scale.value))
-        if elements is not None:
-            steps += [partial(self._add, one, block, system.factors) for one in part.line_forces]
-            if block.has_ghosts:
-                steps.append(block.add_ghosts)
-        if len(part.masses.nodes):
-            steps.append(part.masses.residual_call(block, system.gravity, scale))
-        if len(part.forces.nodes):
-            steps.append(part.forces.residual_call(block, system.factors, scale))
-        if part.contacts is not None:
-            contacts = part.contacts
-            steps.append(lambda: contacts.add_residual(scale.value))
-        return steps
+    def move(self) -> float:
+        """Subtract the blocks' steps; largest entry on this rank (collective)."""
+        self._move()
+        sizes = [float(call.result[0]) for call in self._moves]
+        # the maximum alone may drop a NaN
+        return nan if any(map(isnan, sizes)) else max(sizes, default=0.0)
 
-    def _add(self, forces: InnerForces, block: FrameBlock, factors: FloatArray) -> None:
-        """Add forces inside elements."""
-        forces.add_residual(block, factors, self._scale.value)
+    def accept(self, law: FloatArray, h: float) -> list[Misses]:
+        """Accept the trial state of all blocks, see ``FrameBlock.accept``."""
+        for block in self._blocks:
+            block.settle()
+        self._law[:] = law
+        self._h.set(h)
+        self._accept()
+        return [tuple(call.result.tolist()) for call in self._ends]

@@ -188,7 +188,7 @@ class EndPoint(Mechanics):
     def _evaluate_at_once(self, system: System, shifts: Shifts) -> None:
         """The same with the present stresses."""
         evaluation = system.evaluation
-        evaluation.use(shifts)
+        evaluation.use(shifts.scale, shifts.dynamics)
         if type(self).evaluate_rows is EndPoint.evaluate_rows:
             evaluation.whole()
             return
@@ -208,6 +208,8 @@ class EndPoint(Mechanics):
 
     def move(self, system: System, sign: float) -> float:
         """See :class:`Mechanics`."""
+        if sign == -1.0:
+            return system.evaluation.move()
         sizes = [part.block.correct(sign) for part in system.parts]
         # the maximum alone may drop a NaN
         return nan if any(map(isnan, sizes)) else max(sizes, default=0.0)

@@ -8,7 +8,7 @@ and ``Phi = 0`` with ``L = s lambda``.
 
 from collections.abc import Callable, Sequence
 from dataclasses import astuple, dataclass
-from functools import cached_property
+from functools import cached_property, partial
 from typing import Any
 
 from mpi4py import MPI
@@ -24,8 +24,15 @@ from flexfem.core.load import Load
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State, counts
+from flexfem.kernels.sequence import Call, Number, Step, clear
 from flexfem.la.linear_solver import LinearSolver
-from flexfem.layout.elements import ElementFamily, HistoryElements, StrainedElements, TimedElements
+from flexfem.layout.elements import (
+    ElementFamily,
+    HistoryElements,
+    SequencedElements,
+    StrainedElements,
+    TimedElements,
+)
 from flexfem.layout.family import Family
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.node_loads import NodeForces, NodeMasses
@@ -185,6 +192,34 @@ class BlockPart:
         if self.contacts is not None:
             self.contacts.add_residual(scale)
 
+    def residual_steps(self, gravity: FloatArray, factors: FloatArray, scale: Number) -> list[Step]:
+        """Steps of a sequence that does what :meth:`add_residual` does by the present stresses."""
+        block, elements = self.block, self.elements
+        steps: list[Step] = [Call(clear, block.residual)]
+        if isinstance(elements, SequencedElements):
+            steps += elements.residual_calls(block, gravity, scale)
+        elif elements is not None:
+            steps.append(partial(_add, elements, block, gravity, scale))
+        if elements is not None:
+            steps += [partial(_add, one, block, factors, scale) for one in self.line_forces]
+            if block.has_ghosts:
+                steps.append(block.add_ghosts)
+        if len(self.masses.nodes):
+            steps.append(self.masses.residual_call(block, gravity, scale))
+        if len(self.forces.nodes):
+            steps.append(self.forces.residual_call(block, factors, scale))
+        if self.contacts is not None:
+            contacts = self.contacts
+            steps.append(lambda: contacts.add_residual(scale.value))
+        return steps
+
+
+def _add(
+    one: ElementFamily | InnerForces, block: FrameBlock, given: FloatArray, scale: Number
+) -> None:
+    """Add the residual of elements, or of forces inside them, with the present factor."""
+    one.add_residual(block, given, scale.value)
+
 
 class System:
     """All blocks and constraints of a model on this rank.
@@ -192,6 +227,8 @@ class System:
     Attributes:
         comm: communicator.
         parts: the blocks that exist, in the order of the nest.
+        contacts: contacts of all blocks together, none or one.
+        repels: True if these repel by barriers.
         thin: True if there are thin elements.
         present: None for each part: tangents take the present stresses.
         interface, constraints: nodes with joints and the rows between them.
@@ -225,6 +262,9 @@ class System:
         """Store the parts, the interface nodes and the rows."""
         self.comm, self.parts = comm, list(parts)
         self.present: PartStrains = len(self.parts) * (None,)
+        found = [part.contacts.contacts for part in self.parts if part.contacts is not None]
+        self.contacts: list[Contacts | BarrierContacts] = found[:1]
+        self.repels = any(isinstance(contacts, BarrierContacts) for contacts in found)
         self.thin = any(p.elements is not None and p.elements.thin for p in self.parts)
         every: list[Any] = [part.elements for part in self.parts]
         self._strained = [e for e in every if isinstance(e, StrainedElements) and e.strained]
@@ -277,16 +317,6 @@ class System:
                 contacts.begin_row()
 
     @property
-    def contacts(self) -> list[Contacts | BarrierContacts]:
-        """Contacts of all blocks together, none or one."""
-        return [part.contacts.contacts for part in self.parts if part.contacts is not None][:1]
-
-    @property
-    def repels(self) -> bool:
-        """True if there are contacts that repel by barriers."""
-        return any(isinstance(contacts, BarrierContacts) for contacts in self.contacts)
-
-    @property
     def unknowns(self) -> int:
         """Number of unknowns of all blocks on all ranks, without multipliers."""
         return sum(p.block.sizes[1] for p in self.parts)
@@ -315,7 +345,7 @@ class System:
         self.constraints.set_time(instant)
         for elements in self._timed:
             elements.set_time(instant)
-        if self.timed:
+        if self._strained and self.timed:
             self.set_initial_strains()
         for contacts in self.contacts:
             contacts.time = t
@@ -415,7 +445,20 @@ class System:
     def evaluation(self) -> Evaluation:
         """Residuals at the ends of steps, as sequences of loops."""
         if self._evaluation is None or self._evaluation.gravity is not self.gravity:
-            self._evaluation = Evaluation(self)
+            scale = Number(1.0)
+            before: list[Step] = []
+            for part in self.parts:
+                before += part.residual_steps(self.gravity, self._factors, scale)
+            rows = self.constraints
+            after = [
+                rows.forces_call(rows.multipliers, part.interface_nodes, part.block.residual)
+                for part in self.parts
+                if len(part.interface_nodes)
+            ]
+            self._evaluation = Evaluation(
+                [part.block for part in self.parts], rows, self.gravity, scale,
+                before + self.interface.steps_of_update, after,
+            )  # fmt: skip
         return self._evaluation
 
     def shift(self, sign: float) -> float:
@@ -430,7 +473,7 @@ class System:
 
     def accept(self, law: FloatArray, h: float) -> None:
         """End a step: accept the trial state, and choose the best prediction."""
-        self.choose_prediction([part.block.accept(law, h) for part in self.parts])
+        self.choose_prediction(self.evaluation.accept(law, h))
         self._remember()
 
     def take(self) -> None:

@@ -124,7 +124,9 @@ def add_dampers(
     own, nodes = unpack(RowArrays, memory), unpack(InterfaceNodes, interface_nodes)
     h, J, by_v, by_w = np.empty((12, 12)), np.empty((2, 6, 6)), np.zeros(36), np.empty(36)
     rates, nothing = np.array([by_increment, 0.0]), np.zeros(6)
-    v, w, velocities, factors = np.empty(12), np.empty(6), nodes.velocities, own.factors
+    v, w, rate, velocities, factors = (
+        np.empty(12), np.empty(6), np.empty(6), nodes.velocities, own.factors
+    )  # fmt: skip
     for t in range(own.kinds.size):
         slope = slopes[own.row_of_term[t], 1]
         if slope == 0.0 or own.kinds[t] == ON_LINES:
@@ -140,16 +142,16 @@ def add_dampers(
                     nodes.inertial[node], nodes.increments[node], velocities[node], nothing,
                     rates, by_v, by_w,
                 )  # fmt: skip
-            for j in range(6):
-                w[j] = 0.0
-                for i in range(12):
+            w[:], rate[:] = 0.0, 0.0
+            for i in range(12):
+                for j in range(6):
                     w[j] += factors[t] * v[i] * h[i, 6 * side + j]
+            for i in range(6):
+                for j in range(6):
+                    rate[j] += w[i] * J[side, i, j]
+                    rate[j] += gradient[i] * by_v[6 * i + j]
             for j in range(6):
-                rate = 0.0
-                for i in range(6):
-                    rate += w[i] * J[side, i, j]
-                    rate += gradient[i] * by_v[6 * i + j]
-                out[t, side, j] += slope * rate
+                out[t, side, j] += slope * rate[j]
 
 
 @kernel

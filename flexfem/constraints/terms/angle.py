@@ -12,11 +12,11 @@ from flexfem.constraints.terms.vectors import (
     dot,
     mean,
     multiply,
-    product,
+    product_into,
     put,
     rotate_back_into,
     rotate_into,
-    skew,
+    skew_into,
 )
 from flexfem.core.nodes.step_kernels import add
 from flexfem.core.row import RowKind
@@ -52,6 +52,15 @@ def value(
     return turned
 
 
+@subroutine
+def _add_product(
+    h: FloatArray, i: int, j: int, sign: float, A: FloatArray, B: FloatArray, work: FloatArray
+) -> None:
+    """Add ``sign A B`` to the block of ``h`` at (i, j); ``work`` (3, 3)."""
+    product_into(A, B, work)
+    add_block(h, i, j, sign, work)
+
+
 @on_demand
 def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray, s: FloatArray) -> None:
     """Derivative of the gradient."""
@@ -61,7 +70,8 @@ def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray, s: F
     cross_into(u, p, side, 0)
     cosine, sine = dot(p, y), dot(side, y)
     square = cosine * cosine + sine * sine
-    D = np.empty((3, 3))  # derivative of g with respect to y
+    work = np.zeros((9, 3, 3))
+    D, Y, V, G, dy_b, DY, Db, VR, one = work  # D: derivative of g with respect to y
     for i in range(3):
         g[i] = (cosine * side[i] - sine * p[i]) / square
     for i in range(3):
@@ -69,20 +79,24 @@ def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray, s: F
             D[i, j] = (
                 side[i] * p[j] - p[i] * side[j] - 2.0 * g[i] * (cosine * p[j] + sine * side[j])
             ) / square
-    Y, V = skew(y), skew(v)
-    dy_b = product(Rab, V)  # dy = skew(y) Omega_a - R_ab skew(v) Omega_b
-    G = skew(g)
-    add_block(h, 3, 3, 1.0, product(G, Y))
-    add_block(h, 3, 9, -1.0, product(G, dy_b))
-    DY, Db = product(D, Y), product(D, dy_b)
-    add_block(h, 3, 3, -1.0, product(Y, DY))
-    add_block(h, 3, 9, 1.0, product(Y, Db))
+    skew_into(y, 1.0, Y, 0, 0)
+    skew_into(v, 1.0, V, 0, 0)
+    skew_into(g, 1.0, G, 0, 0)
+    product_into(Rab, V, dy_b)  # dy = skew(y) Omega_a - R_ab skew(v) Omega_b
+    _add_product(h, 3, 3, 1.0, G, Y, one)
+    _add_product(h, 3, 9, -1.0, G, dy_b, one)
+    product_into(D, Y, DY)
+    product_into(D, dy_b, Db)
+    _add_product(h, 3, 3, -1.0, Y, DY, one)
+    _add_product(h, 3, 9, 1.0, Y, Db, one)
+    product_into(V, Rba, VR)
+    _add_product(h, 9, 3, 1.0, VR, DY, one)
+    _add_product(h, 9, 9, -1.0, VR, Db, one)
+    _add_product(h, 9, 3, -1.0, VR, G, one)
     multiply(Rba, g, s[3])
-    VR = product(V, Rba)
-    add_block(h, 9, 3, 1.0, product(VR, DY))
-    add_block(h, 9, 9, -1.0, product(VR, Db))
-    add_block(h, 9, 3, -1.0, product(VR, G))
-    add_block(h, 9, 9, 1.0, product(V, skew(s[3])))
+    Y[:] = 0.0
+    skew_into(s[3], 1.0, Y, 0, 0)
+    _add_product(h, 9, 9, 1.0, V, Y, one)
 
 
 @inlined

@@ -23,7 +23,7 @@ import flexfem.constraints.terms.inertial as inertial
 import flexfem.constraints.terms.span as span
 from flexfem._types import FloatArray
 from flexfem.constraints.terms.function import evaluate_function, function_hessian
-from flexfem.constraints.terms.vectors import product, put
+from flexfem.constraints.terms.vectors import put
 from flexfem.core.nodes.step_kernels import add, turn
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import kernel, subroutine
@@ -88,10 +88,15 @@ def term_hessian(kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: Fl
     h[:] = 0.0
     if kind == _TWIST:
         return
-    Ra, Rb = Ha[3:].copy().reshape(3, 3), Hb[3:].copy().reshape(3, 3)
-    Rab = product(Ra.T.copy(), Rb)
-    Rba = Rab.T.copy()
-    s = np.empty((5, 3))
+    turns, s = np.empty((4, 3, 3)), np.empty((5, 3))
+    Ra, Rb, Rab, Rba = turns
+    for i in range(3):
+        for j in range(3):
+            Ra[i, j], Rb[i, j] = Ha[3 + 3 * i + j], Hb[3 + 3 * i + j]
+    for i in range(3):
+        for j in range(3):
+            Rab[i, j] = Ra[0, i] * Rb[0, j] + Ra[1, i] * Rb[1, j] + Ra[2, i] * Rb[2, j]
+            Rba[j, i] = Rab[i, j]
     if kind == _AXES:
         axes.hessian(Rab, Rba, d, h, s)
     elif kind == _ANGLE:

@@ -77,12 +77,17 @@ def skew(v: FloatArray) -> FloatArray:
 @subroutine
 def product(A: FloatArray, B: FloatArray) -> FloatArray:
     """``A B`` of matrices (3, 3)."""
-    C = np.zeros((3, 3))
+    C = np.empty((3, 3))
+    product_into(A, B, C)
+    return C
+
+
+@subroutine
+def product_into(A: FloatArray, B: FloatArray, C: FloatArray) -> None:
+    """``C = A B`` of matrices (3, 3)."""
     for i in range(3):
         for j in range(3):
-            for k in range(3):
-                C[i, j] += A[i, k] * B[k, j]
-    return C
+            C[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
 
 
 @subroutine

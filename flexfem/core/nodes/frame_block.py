@@ -267,12 +267,16 @@ class FrameBlock:
         Returns:
             Errors of the predictions.
         """
+        self.settle()
+        misses: Misses = accept(self.nodes.memory, law, h, self.owned)
+        return misses
+
+    def settle(self) -> None:
+        """Take motions by :meth:`shift` out of the increments before they are accepted."""
         if self._offset is not None:
             self.increment -= self._offset
             self._velocity_base += self._rates[0] * self._offset
             self._acceleration_base += self._rates[1] * self._offset
-        misses: Misses = accept(self.nodes.memory, law, h, self.owned)
-        return misses
 
     def start(self) -> None:
         """Accept the trial velocities and accelerations as those of the start."""

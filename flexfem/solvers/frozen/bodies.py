@@ -11,7 +11,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.kernels.sequence import Call, Number, Step
+from flexfem.kernels.sequence import Call, ForeignCall, Number, Step
 from flexfem.la.dense import SMALLEST_PIVOT
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.factor import Factor
@@ -437,10 +437,10 @@ class FlexibleBodies:
     def solution(self) -> list[Step]:
         """What :meth:`solve` does with the factors in use."""
         block = self.group.part.block
-        call = None
+        found = None
         if self._whole and block.dirichlet is None:
-            call = self._kept.factors[0].solve_call(self._right, block.owned_step)
-        return [self.solve if call is None else call]
+            found = self._kept.factors[0].foreign_solver(self._right, block.owned_step)
+        return [self.solve if found is None else ForeignCall(*found)]
 
     def response(self, y: FloatArray) -> Step:
         """What :meth:`respond` does with the factors in use."""

@@ -37,6 +37,10 @@ class Responding(Protocol):
         """Write ``J A^-1 r`` into interface nodes and components (n, 6)."""
         ...
 
+
+class Sequenced(Protocol):
+    """The same as a step of a sequence."""
+
     def response(self, y: FloatArray) -> Step:
         """Step of a sequence that does the same."""
         ...
@@ -264,7 +268,7 @@ class MultiplierSystem:
         return steps, [test]
 
     def solution(
-        self, values: FloatArray, bodies: Sequence[Responding], *, beyond: bool
+        self, values: FloatArray, bodies: Sequence[Sequenced], *, beyond: bool
     ) -> list[Step]:
         """What :meth:`solve` does if the system is ``banded``."""
         rows, steps = self._system.constraints, self._response

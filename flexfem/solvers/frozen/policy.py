@@ -163,7 +163,7 @@ class FrozenPolicy:
         """See :class:`Policy`."""
         frozen, equations = self._frozen, equations or self._mechanics
         self._again = frozen.again
-        if frozen.shifts != shifts:
+        if frozen.shifts is not shifts and frozen.shifts != shifts:
             frozen.use(shifts, self._system.accepted_strains())
         elif self._failed and self.slow is not None and not self._system.timed:
             # a restarted run computes them again, with initial strains of its own time

@@ -14,7 +14,6 @@ from functools import cached_property
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.constraints.rows.kernels import add_forces
 from flexfem.kernels.sequence import Call, Number, Step, copy, sequence
 from flexfem.solvers.frozen.bodies import FlexibleBodies, RigidBodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
@@ -61,10 +60,7 @@ class FrozenSequences:
         self._rates[:] = shifts.array
         self._scale.set(shifts.scale)
         self._prepare()
-        for call in self._tests:
-            if not call.result[0]:
-                return False
-        return True
+        return all(call.result[0] for call in self._tests)
 
     def solve(self, values: FloatArray, *, beyond: bool) -> FloatArray:
         """See ``FrozenSolver._solve``."""
@@ -89,10 +85,10 @@ class FrozenSequences:
         for one in self._bodies:
             steps.append(Call(copy, one.group.part.block.residual, one.group.own.right))
         steps += self._multipliers.solution(values, self._bodies, beyond=beyond)
-        rows = self._system.constraints.own.memory
+        rows = self._system.constraints
         for one in self._bodies:
             own, nodes = one.group.own, one.group.part.interface_nodes
-            steps.append(Call(add_forces, rows, self.correction, nodes, own.right))
+            steps.append(rows.forces_call(self.correction, nodes, own.right))
         for one in reversed(self._bodies):
             steps += one.solution()
         return steps
