@@ -10,21 +10,18 @@ import numpy as np
 
 import flexfem as ff
 from flexfem.simulation.motion.stepping import Simulation
+from flexfem.system.measure.marker_states import MarkerStates
+from tests.benchmarks.robot_data import (
+    AXES,
+    DAMPING,
+    MASSES,
+    PLACES,
+    SPAN,
+    STIFFNESS,
+    TARGETS,
+    inertia,
+)
 
-#: Origin of each joint before the first move, m, and its axis; the last one is the tip.
-PLACES = np.array(
-    [
-        (0.0, 0.0, 0.0), (0.0, 0.0, 0.3), (0.0, 0.0, 0.9), (0.5, 0.0, 0.9), (0.6, 0.0, 0.9),
-        (0.7, 0.0, 0.9), (0.8, 0.0, 0.9),
-    ]
-)  # fmt: skip
-AXES = ((0, 0, 1), (0, 1, 0), (0, 1, 0), (1, 0, 0), (0, 1, 0), (1, 0, 0))
-#: Masses of the links, kg.
-MASSES = (8.0, 10.0, 5.0, 2.0, 2.0, 0.5)
-#: Gains, N m / rad and N m s / rad, and angles to be reached, rad, within a time, s.
-STIFFNESS = (2000.0, 2000.0, 1000.0, 100.0, 100.0, 20.0)
-DAMPING = (100.0, 100.0, 50.0, 5.0, 5.0, 1.0)
-TARGETS, SPAN = (1.0, 0.6, -0.8, 0.7, 0.9, -1.2), 1.0
 #: Radius of the flexible link, m, and its elements; length, m, and mass at the end, kg, as a tool.
 RADIUS, ELEMENTS, TOOL, LOAD = 0.02, 8, 0.4, 2.0
 #: Number of the link that is flexible as an arm; mass, kg, and inertia, kg m^2, of its hub, with
@@ -118,40 +115,57 @@ def _link(model: ff.Model, k: int, *, hub: bool) -> tuple[ff.Marker, ff.Marker]:
         model.add(ff.RigidBody(name, HUB[0], 3 * (HUB[1],), position=start))
         model.add(ff.Rigid("clamp", ff.Marker(name), ff.Marker("beam", "start")))
         return ff.Marker(name), ff.Marker("beam", "end")
-    middle, length = 0.5 * (start + end), float(np.linalg.norm(end - start))
-    inertia = MASSES[k] * (length**2 / 12.0 + 0.05**2)
-    model.add(ff.RigidBody(name, MASSES[k], 3 * (inertia,), position=middle))
+    middle = 0.5 * (start + end)
+    model.add(ff.RigidBody(name, MASSES[k], 3 * (inertia(k),), position=middle))
     return ff.Marker(name, offset=start - middle), ff.Marker(name, offset=end - middle)
 
 
+def run(model: ff.Model, h: float, steps: int, tolerance: float) -> tuple[list[float], Simulation]:
+    """Processor time of each of some steps of a size, s, and the simulation."""
+    options = ff.RunOptions(dt=h, t_end=steps * h, quiet=True, tolerance=tolerance)
+    simulation, spent = Simulation(model, options), []
+    for _ in range(steps):
+        begin = time.process_time()
+        status = simulation.advance(h)
+        spent.append(time.process_time() - begin)
+        if status.name != "OK":
+            return [float("nan")], simulation
+    return spent, simulation
+
+
+def _tip(simulation: Simulation, model: ff.Model) -> np.ndarray:
+    """Position of the tip, m."""
+    probe = model.get("tip")
+    states = MarkerStates(simulation.system, simulation.serial, probe.markers).evaluate()
+    return states[0].position
+
+
 def main() -> None:
-    """Print the time of a step of every kind."""
+    """Print the time of a step of every kind, and errors of the tip after 1 s."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--steps", type=int, default=1000)
-    parser.add_argument("--dt", type=float, default=1e-3)
     parser.add_argument("--laws", default="compiled,sampled,continuous")
     parser.add_argument("--flexible", default="none,tool,arm")
+    parser.add_argument("--steps", default="1e-3", help="sizes of steps, s")
+    parser.add_argument("--tolerance", type=float, default=1e-6)
+    parser.add_argument("--errors", action="store_true", help="against an eighth of the least step")
     given = parser.parse_args()
+    sizes = [float(h) for h in given.steps.split(",")]
     for law in given.laws.split(","):
         for flexible in given.flexible.split(","):
-            model = robot(law, flexible, given.dt)
-            options = ff.RunOptions(dt=given.dt, t_end=given.steps * given.dt, quiet=True)
-            simulation = Simulation(model, options)
-            spent = []
-            for _ in range(given.steps):
-                begin = time.process_time()
-                status = simulation.advance(given.dt)
-                spent.append(time.process_time() - begin)
-                if status.name != "OK":
-                    break
-            counts = simulation.system.counters
-            print(
-                f"{law:10} {flexible:5} "
-                f"{1e3 * np.median(spent[1:]):.4f} ms a step, "
-                f"{counts.newton_iterations / given.steps:.2f} iterations, "
-                f"{counts.factorizations} factorisations, "
-                f"tip {simulation.system.interface.frames[-1, :3]}"
-            )
+            exact = None
+            if given.errors:
+                model, h = robot(law, flexible, min(sizes) / 8.0), min(sizes) / 8.0
+                exact = _tip(run(model, h, round(1.0 / h), 1e-12)[1], model)
+            for h in sizes:
+                model = robot(law, flexible, h)
+                spent, simulation = run(model, h, round(1.0 / h), given.tolerance)
+                counts, tip = simulation.system.counters, _tip(simulation, model)
+                error = "" if exact is None else f", error {np.linalg.norm(tip - exact):.2e} m"
+                print(
+                    f"{law:10} {flexible:5} h {1e3 * h:g} ms: {1e3 * np.median(spent[1:]):.4f} ms "
+                    f"a step, {counts.newton_iterations / len(spent):.2f} iterations, "
+                    f"{counts.factorizations} factorisations, tip {tip}{error}"
+                )
 
 
 if __name__ == "__main__":
