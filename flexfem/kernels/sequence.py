@@ -25,6 +25,7 @@ import numpy as np
 from llvmlite import ir
 from numba import typeof
 from numba.core import types
+from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
@@ -38,6 +39,8 @@ _WORD = ir.IntType(64)
 _NONE = -2
 #: Where they store errors, which are raised by another call from Python.
 _ERROR = np.zeros(1, dtype=np.int64)
+#: Most numbers that a loop returns.
+_MOST = 3
 #: Results of loops in memory.
 _RESULTS = {types.none: np.int64, types.float64: np.float64, types.boolean: np.bool_}
 
@@ -104,7 +107,9 @@ class ForeignCall:
     def __init__(self, function: int, pointers: Iterable[int], alone: Callable[[], None]) -> None:
         """Write down its address and its arguments."""
         self.words: IntArray = np.array([function, *pointers], dtype=np.int64)
-        self.address, self._alone = _foreign_caller(len(self.words) - 1), alone
+        compiled = isinstance(_run, Dispatcher)  # not with NUMBA_DISABLE_JIT
+        self.address = _foreign_caller(len(self.words) - 1) if compiled else 0
+        self._alone = alone
 
     def __call__(self) -> None:
         """Run it alone, from Python."""
@@ -134,7 +139,7 @@ def sequence(steps: Iterable[Step]) -> Callable[[], None]:
     parts: list[Callable[[], None]] = []
     calls: list[Call | ForeignCall] = []
     for step in steps:
-        if isinstance(step, Call | ForeignCall):
+        if isinstance(step, Call | ForeignCall) and step.address:
             calls.append(step)
             continue
         if calls:
@@ -203,7 +208,9 @@ def _run(table: IntArray) -> int:
 def _compiled(loop: Any, arguments: list[Any]) -> tuple[int, int, Any]:
     """Addresses of a loop and of the function that calls it, and an array for its results."""
     kinds = tuple([types.unliteral(typeof(x)) for x in arguments])
-    compiled = loop.overloads.get(kinds)
+    if not isinstance(loop, Dispatcher):  # with NUMBA_DISABLE_JIT
+        return 0, 0, np.zeros(_MOST)
+    compiled: Any = loop.overloads.get(kinds)
     if compiled is None:
         loop.compile(kinds)
         compiled = loop.overloads[kinds]
