@@ -16,11 +16,14 @@ from typing import Any
 from mpi4py import MPI
 
 import ufl
+from ufl.algorithms import expand_derivatives, strip_variables
 
 from flexfem._packages import without_collection
 from flexfem._trust import private_folder, trusted
 
-__all__ = ["compile_options", "compiled_form", "kernel_folder", "quick_compiler"]
+__all__ = [
+    "compile_options", "compiled_form", "kernel_folder", "quick_compiler", "without_variables",
+]  # fmt: skip
 
 #: Default arguments of the C compiler: those of DOLFINx.
 _ARGUMENTS = ("-O2", "-g0")
@@ -53,6 +56,15 @@ def compiled_form(form: ufl.Form) -> Any:
     options = compile_options(form.ufl_domain().ufl_cargo().comm)
     with quick_compiler():
         return fem.form(form, **options)
+
+
+def without_variables(expression: Any) -> Any:
+    """The same UFL expression with its derivatives taken, and without variables.
+
+    Variables have numbers, which count all of a process: FFCx names what it compiles by them, and
+    would not find it in its cache after another number of variables.
+    """
+    return strip_variables(expand_derivatives(expression))
 
 
 @contextmanager

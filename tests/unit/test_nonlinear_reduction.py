@@ -10,13 +10,14 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import ufl
-from dolfinx import fem, mesh
+from dolfinx import fem, jit, mesh
 
 import flexfem as ff
 from flexfem.families.floating.inertia import room_for
 from flexfem.families.floating.loops import tangents_into
 from flexfem.families.floating.nodes import body_data
 from flexfem.lie import se3, so3
+from flexfem.reduction.fem.body.strain_energy import law_energy
 from flexfem.reduction.fem.modes.derivatives import NonlinearBasis
 from tests.unit.reduction_bodies import at
 from tests.unit.refusals import assert_on_page
@@ -250,6 +251,24 @@ def test_tetrahedra_have_points_enough() -> None:
     assert made.energy is not None
     # a rule of degree one would let cells hourglass
     assert made.energy.quadrature == 2
+
+
+@serial
+def test_derivatives_of_a_law_are_compiled_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """The second body with the law takes the file of the first: a second for each of them else."""
+    names, compiled = set(), jit.ffcx_jit
+
+    def noted(*arguments: Any, **more: Any) -> Any:
+        found = compiled(*arguments, **more)
+        names.add(found[1].__name__)
+        return found
+
+    monkeypatch.setattr(jit, "ffcx_jit", noted)
+    for _ in range(2):
+        energy = law_energy("body", STEEL, 2)
+        assert energy is not None
+        assert energy.derivatives
+    assert len(names) == 1
 
 
 @serial

@@ -14,6 +14,7 @@ import ufl
 import flexfem as ff
 from flexfem.constraints.elements.differences import law_derivatives
 from flexfem.core.laws import ElementMotion
+from flexfem.kernels.users.ufl_function import UFLFunction
 
 A, B = ff.Marker("a"), ff.Marker("b")
 OPTIONS = ff.RunOptions(dt=0.02, t_end=0.4, quiet=True)
@@ -137,6 +138,19 @@ def test_springs_and_friction() -> None:
         found.append(ff.simulate(made, OPTIONS).history)
     for name, values in found[0].items():
         assert np.abs(found[1][name] - values).max() < 1e-12, name
+
+
+@pytest.mark.serial
+def test_the_same_law_is_compiled_once() -> None:
+    """However many variables of UFL there were before: the second one takes the first one's file.
+
+    Names with the variables' numbers in them would be found again by no other run.
+    """
+    modules = {
+        UFLFunction.of_vector("energy", lambda x: ufl.cos(x[0]) * x[1], 2)._module.__name__
+        for _ in range(2)
+    }
+    assert len(modules) == 1
 
 
 def foreign(t: Any, ends: Any, z: Any) -> Any:

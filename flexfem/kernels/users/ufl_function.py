@@ -18,14 +18,13 @@ from ufl.constantvalue import ConstantValue
 from ufl.core.expr import Expr
 from ufl.core.multiindex import MultiIndex
 from ufl.core.terminal import Terminal
-from ufl.variable import Label
 
 from flexfem import _checks
 from flexfem._faults import ReturnError
 from flexfem._types import FloatArray
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.ffcx import compile_arguments, tabulate
-from flexfem.kernels.ffcx_options import compile_options, quick_compiler
+from flexfem.kernels.ffcx_options import compile_options, quick_compiler, without_variables
 
 __all__ = ["UFLFunction", "uses_ufl"]
 
@@ -97,8 +96,8 @@ class UFLFunction:
         from ffcx.codegeneration.jit import compile_expressions
 
         # FFCx needs an argument in each, which constant values and derivatives do not have
-        vectors = [ufl.as_vector([self.x[0], *values]) for values in lists]
-        known = (ConstantValue, MultiIndex, Label)
+        vectors = [without_variables(ufl.as_vector([self.x[0], *values])) for values in lists]
+        known = (ConstantValue, MultiIndex)
         for vector in vectors:
             for one in extract_type(vector, Terminal):
                 if not isinstance(one, known) and one != self._constant:

@@ -24,7 +24,7 @@ from ufl.corealg.traversal import unique_pre_traversal
 from flexfem import _checks
 from flexfem._types import FloatArray
 from flexfem.forms.energy import Parameters
-from flexfem.kernels.ffcx_options import compile_options, quick_compiler
+from flexfem.kernels.ffcx_options import compile_options, quick_compiler, without_variables
 
 __all__ = ["StrainEnergy", "law_energy"]
 
@@ -83,7 +83,7 @@ class StrainEnergy:
             found.append(change)
         with quick_compiler():
             expression = fem.Expression(
-                ufl.as_vector(found), np.full((1, 3), 0.25), comm=MPI.COMM_SELF,
+                without_variables(ufl.as_vector(found)), np.full((1, 3), 0.25), comm=MPI.COMM_SELF,
                 **compile_options(MPI.COMM_SELF),
             )  # fmt: skip
         tensors = [np.zeros((9,) * order) for order in range(1, 5)]
