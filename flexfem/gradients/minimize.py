@@ -134,7 +134,9 @@ def minimize(
     if objective is None and (cost is None or not constraints):
         raise ValueError("minimize: without an objective give a cost and constraints")
     of = [*(() if objective is None else (objective,)), *(one for one, *_ in constraints)]
-    problem = _Problem(Differentiation(build, of, options, ks_rho=ks_rho, comm=comm), values, comm)
+    once = [one for k, one in enumerate(of) if one not in of[:k]]  # one may have several bounds
+    analysis = Differentiation(build, once, options, ks_rho=ks_rho, comm=comm)
+    problem = _Problem(analysis, [once.index(one) for one in of], values, comm)
     problem.only_cost = objective is None
     problem.cost, problem.most = cost, most
     problem.scale = scales("minimize", values, scale or {})
@@ -162,10 +164,11 @@ class _Problem:
     report: Callable[[Mapping[str, float]], None] | None
 
     def __init__(
-        self, analysis: Differentiation, values: Values, comm: MPI.Intracomm | None
-    ) -> None:
+        self, analysis: Differentiation, order: Sequence[int], values: Values,
+        comm: MPI.Intracomm | None,
+    ) -> None:  # fmt: skip
         self._analysis, self._start = analysis, values
-        self._names = [one.name for one in analysis.functionals]
+        self._names = [analysis.functionals[k].name for k in order]
         self._comm = comm or MPI.COMM_WORLD
         self._kept = False  # there is a file of this run
         #: Evaluations without the cost by parameters, and with it by scaled ones.

@@ -23,7 +23,15 @@ from flexfem.gradients.gradient import SOLVED, Differentiation, made_of
 from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.functionals import TIME, Functional, change, parse
 from flexfem.gradients.motion.influence import NumberInfluence
-from flexfem.gradients.motion.parameters import Build, Values, flat, model_with, named, plain
+from flexfem.gradients.motion.parameters import (
+    Build,
+    Values,
+    check_once,
+    flat,
+    model_with,
+    named,
+    plain,
+)
 from flexfem.gradients.motion.records import Storage
 from flexfem.gradients.motion.runs import forward
 from flexfem.gradients.motion.support import check_columns
@@ -126,6 +134,7 @@ class ProductsOfMotion:
         ]
         rows = TimeGrid.of(options.dt, options.t_end).count + 1
         self.names = [one if isinstance(one, str) else one.name for one in self._results]
+        check_once(self.names)
         for one in self._results if options.adaptive else ():
             if isinstance(one, str):
                 raise InputError(

@@ -242,3 +242,11 @@ def test_nodes_without_derivatives_are_refused(case: int) -> None:
         ff.gradient(build(), of, [path], options, comm=SELF)
     assert "\n" not in str(told.value)
     assert_on_page(str(told.value))
+
+
+@pytest.mark.serial
+def test_groups_that_share_nodes_are_refused() -> None:
+    """Places of the second one undo those of the first, whose derivatives would be zero there."""
+    with pytest.raises(ValueError, match="name the same; leave one of them out") as told:
+        ff.gradient(rod(), "final:tip_z", [FREE, "mesh.nodes[rod]"], MOTION, comm=SELF)
+    assert_on_page(str(told.value))

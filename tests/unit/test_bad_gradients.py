@@ -43,6 +43,11 @@ WRONG = [
     ("ks:tip_z needs a positive ks_rho, got -1.0", {"of": "ks:tip_z", "ks_rho": -1.0}),
     ("nothing to derive, name functionals", {"of": []}),
     ("nothing to derive by, name parameters", {"wrt": []}),
+    # results by name keep one of both, and steps of one parameter are undone by the other's value
+    ('"final:tip_z" is given twice', {"of": ["final:tip_z", " final:tip_z"]}),
+    ('"bob.mass" is given twice', {"wrt": ["bob.mass", "bob.mass"]}),
+    ('"gravity[2]" and "gravity.acceleration[2]" name the same',
+     {"wrt": ["gravity[2]", "gravity.acceleration[2]"]}),
     ('there is no column "tip_w", did you mean', {"of": "final:tip_w"}),
     ('"bob.mas" leads nowhere at mas', {"wrt": ["bob.mas"]}),
     ('"bob.position[7]" leads nowhere at [7]', {"wrt": ["bob.position[7]"]}),
@@ -412,7 +417,10 @@ def test_the_command(command_folder, capsys):
     assert "final:path_z" in printed
     assert "with 0 factorisations; adjoint and tangent agree to" in printed
     assert (command_folder / "results/tutorial_1_pendulum_gradient/gradient.json").is_file()
-    assert command([*line, "--of", "final:path_z", "--wrt", "gravit"]) == 2
-    error = capsys.readouterr().err.strip()
-    assert "did you mean gravity" in error
-    assert_on_page(error.removeprefix("error: "))
+    for names, text in (
+        ("gravit", "did you mean gravity"), ("gravity,gravity", '"gravity" is given twice'),
+    ):  # fmt: skip
+        assert command([*line, "--of", "final:path_z", "--wrt", names]) == 2
+        error = capsys.readouterr().err.strip()
+        assert text in error
+        assert_on_page(error.removeprefix("error: "))

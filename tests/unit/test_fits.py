@@ -51,7 +51,7 @@ def test_minimum_with_a_constraint_and_a_cost(shared_tmp_path):
     """The cheapest damper for which the mass does not overshoot by more than 20 mm."""
     found = ff.minimize(
         oscillator, ff.Functional("none", (), lambda h: 0.0, lambda h: np.zeros((0, len(h["t"])))),
-        {"damping": 30.0}, OPTIONS, constraints=[("min:x", -0.02, None)],
+        {"damping": 30.0}, OPTIONS, constraints=[("min:x", -0.02, None), ("min:x", None, 0.2)],
         cost=lambda damping: (damping, {"damping": 1.0}), tolerance=1e-8, output=shared_tmp_path,
     )  # fmt: skip
     ratio = float(found.values["damping"]) / (2.0 * np.sqrt(400.0 * MASS))

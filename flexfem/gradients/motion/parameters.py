@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Callable, Iterable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
 from contextlib import contextmanager
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
@@ -25,7 +25,8 @@ from flexfem.options import meant
 
 __all__ = [
     "Build", "NodePath", "Values", "along", "build_of", "build_with_options", "check_names",
-    "checked_values", "flat", "flattened", "model_with", "named", "parameters", "plain", "refusing",
+    "check_once", "checked_values", "flat", "flattened", "model_with", "named", "parameters",
+    "plain", "refusing",
 ]  # fmt: skip
 
 #: A model of values by name.
@@ -231,6 +232,36 @@ def check_names(analysis: str, what: str, values: Values, given: Iterable[str]) 
             raise ValueError(f'{analysis}: {what} names "{name}", which is no parameter')
 
 
+def check_once(names: Sequence[str]) -> None:
+    """Raise ValueError where a name of a number or of a parameter is there again."""
+    for k, name in enumerate(names):
+        if name in names[:k]:
+            raise ValueError(f'gradient: "{name}" is given twice')
+
+
+def _check_apart(model: Model, paths: Iterable[str]) -> None:
+    """Refuse paths to the same numbers: values of one would undo changes of the other.
+
+    Raises:
+        ValueError: a path leads to what another one leads to.
+    """
+    seen: dict[Hashable, str] = {}
+    for path in paths:
+        for one in _targets(model, path):
+            if (other := seen.setdefault(one, path)) != path:
+                raise ValueError(
+                    f'gradient: "{other}" and "{path}" name the same; leave one of them out'
+                )
+
+
+def _targets(model: Model, path: str) -> list[Hashable]:
+    """What a path leads to: a number, or nodes."""
+    if nodes := NodePath.of(path):
+        return [(nodes.body, nodes.surface, int(node)) for node in nodes.nodes(model)]
+    first, steps = _parsed(path)
+    return [(first, *(_gravity(steps) if first == "gravity" else steps))]
+
+
 def scales(analysis: str, values: Values, given: Mapping[str, npt.ArrayLike]) -> Values:
     """Changes of parameters that are alike, of their shapes: their sizes by default, 1 of zeros.
 
@@ -260,6 +291,7 @@ def build_of(model: Model, names: list[str]) -> tuple[Build, Values]:
     Raises:
         ValueError: a path leads nowhere, or not to a number.
     """
+    check_once(names)
     return partial(model_with, model), checked_values({name: _value(model, name) for name in names})
 
 
@@ -277,6 +309,7 @@ def build_with_options(
     Raises:
         ValueError: a name is none of them.
     """
+    check_once(names)
     own = [name for name in names if not NodePath.of(name) and _parsed(name)[0] in given]
     inside = [name for name in names if name not in own]
     for name in inside:
@@ -304,7 +337,12 @@ def build_with_options(
 
 
 def model_with(model: Model, **values: npt.ArrayLike) -> Model:
-    """A model with other values at some paths, see :func:`build_of`."""
+    """A model with other values at some paths, see :func:`build_of`.
+
+    Raises:
+        ValueError: two of them lead to the same.
+    """
+    _check_apart(model, values)
     numbers = dict(values)
     for path in values:
         if nodes := NodePath.of(path):

@@ -18,7 +18,7 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.analyses.modes import LinearOptions, ModeOptions
 from flexfem.analyses.statics import StaticOptions
 from flexfem.gradients.motion.functionals import Functional, parse
-from flexfem.gradients.motion.parameters import Build, Values
+from flexfem.gradients.motion.parameters import Build, Values, check_once
 from flexfem.gradients.motion.support import check_columns
 from flexfem.gradients.states.buckling import BucklingLoads
 from flexfem.gradients.states.modes import Frequencies
@@ -90,7 +90,8 @@ def numbers_of(
 
     Raises:
         TypeError: the options are those of another one.
-        ValueError: there are none, or one is not of the form of the analysis.
+        ValueError: there are none, two have the same name, or one is not of the form of the
+            analysis.
     """
     others = StaticOptions, ModeOptions, LinearOptions
     if not isinstance(options, RunOptions) and type(options) not in others:
@@ -101,7 +102,9 @@ def numbers_of(
     every = [of] if isinstance(of, str | Functional) else list(of)
     if not every:
         raise ValueError("gradient: nothing to derive, name functionals")
-    return [_number(one, ks_rho, options) for one in every]
+    found = [_number(one, ks_rho, options) for one in every]
+    check_once([one.name for one in found])
+    return found
 
 
 def _number(one: str | Functional, ks_rho: float | None, options: Options) -> Number:
