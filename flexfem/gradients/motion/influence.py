@@ -3,7 +3,8 @@
 
 Both are differentiated by central differences between two models that differ in one parameter: at a
 fixed state, one step after the other, not between two motions. What is linear in a parameter is
-exact.
+exact. Where nodes move, forces of bodies are small differences of what is rounded, and four models
+farther away give more digits, if nothing has a kink between them.
 """
 
 from __future__ import annotations
@@ -55,12 +56,15 @@ _FAR = 1e-3
 #: The same with contacts, stops and what goes slack, whose forces change within a small part of the
 #: sizes of bodies.
 _CLOSE = 3e-7
-#: The same of the start of nodes that move: rounding of positions, divided by a short difference,
-#: opens joints, and moves small rotary inertia by accelerations above those of the change itself.
-_LONG = 3e-3
+#: The same of nodes that move: rounding of positions, divided by a short difference, opens joints,
+#: and moves small rotary inertia by accelerations above those of the change itself.
+_LONG = 1e-3
 #: Squared error of second order over size, an estimate of that of fourth order, over what the
 #: length changes, up to which long differences are better than short ones.
 _BETTER = 0.5
+#: Part of the equations' changes that rounding is, with short differences: what differs more from
+#: long ones has a kink within their length.
+_SMOOTH = 1e-6
 #: Second differences of the equations over first ones, from which on they are no smooth functions
 #: of a parameter.
 _ROUGH = 3e-3
@@ -173,6 +177,8 @@ class NumberInfluence:
         # later the models are at other states
         for other in self._pair:
             _check_fixed(motion.system, other.system, self._name)
+        #: Models farther away, where nodes move and these exist.
+        self._far = list[Simulation]()
         self.start = self._start(changed)
         first, second = (motion.memories.start(one) for one in self._pair)
         self.numbers = (first - second) / (2.0 * self._step)
@@ -186,12 +192,15 @@ class NumberInfluence:
         first, second = (start_of(motion, one) for one in self._pair)
         short = (first - second) / (2.0 * self._step)
         if not motion.system.contacts and any(motion.largest(short[0])):
-            step, found = _LONG * self.scale, list[FloatArray]()
+            step, found, far = _LONG * self.scale, list[FloatArray](), list[Simulation]()
             with suppress(*FAILURES):  # the model may not exist so far away
                 for place, _ in STENCIL:
                     one = changed(place * step)
                     motion.scheme.begin(one)
                     found.append(start_of(motion, one))
+                    far.append(one)
+                if not (motion.system.constraints.has_unilateral or motion.remembering):
+                    self._far = far
                 long = differenced([weight / step for _, weight in STENCIL], found)
                 lower = (found[2] - found[1]) / (2.0 * step)
                 for k in range(len(short)):
@@ -239,7 +248,23 @@ class NumberInfluence:
             self._check_smooth(first, second, step)
         whole = 2.0 * self._step
         blocks = [(a - b) / whole for a, b in zip(first[0], second[0], strict=True)]
-        return blocks, (first[1] - second[1]) / whole, (numbers[0] - numbers[1]) / whole
+        blocks, rows = self._better(step, (blocks, (first[1] - second[1]) / whole))
+        return blocks, rows, (numbers[0] - numbers[1]) / whole
+
+    def _better(self, step: int, short: Equations) -> Equations:
+        """Differences of fourth order over a longer way, if they are better (collective)."""
+        motion, length = self._motion, _LONG * self.scale
+        if not self._far or motion.between is not None:
+            return short
+        every = [short, *(evaluated(motion, one, step) for one in self._far)]
+        better = []
+        for own, *found in zip(*([*one[0], one[1]] for one in every), strict=True):
+            long = differenced([weight / length for _, weight in STENCIL], found)
+            lower = (found[2] - found[1]) / (2.0 * length)
+            by_order, by_length, size = motion.largest(long - lower, long - own, long)
+            smooth = by_length <= _SMOOTH * size and by_order**2 <= _BETTER * by_length * size
+            better.append(long if smooth else own)
+        return better[:-1], better[-1]
 
     def _check_smooth(self, first: Equations, second: Equations, step: int) -> None:
         """Refuse equations that jump with the parameter, as those with other modes (collective)."""
