@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from mpi4py import MPI
 
@@ -38,6 +38,9 @@ __all__ = ["Identification", "identify"]
 #: Singular values of the derivatives over the largest, below which they are errors, and the part of
 #: a parameter in such directions from which on it is not told.
 _SEEN, _PART = SOLVED, 1e-6
+#: Deviations of measurements in a fit that advances, over the root of the mean square of what is
+#: left over: motions of wrong parameters differ as much from their linearisation.
+_SHARE = 0.5
 #: What is known of parameters before, by name: their means and standard deviations.
 Prior = Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]]
 
@@ -91,6 +94,7 @@ def identify(
     prior: Prior | None = None,
     bounds: Mapping[str, tuple[float | None, float | None]] | None = None,
     scale: Mapping[str, npt.ArrayLike] | None = None,
+    advance: float | None = None,
     most: int = 30,
     tolerance: float = 1e-10,
     comm: MPI.Intracomm | None = None,
@@ -100,6 +104,14 @@ def identify(
     The method is that of Levenberg and Marquardt as ``scipy.optimize.least_squares`` has it, with
     the derivatives of all columns from the linearised motion: one solve of it for each number, and
     no difference of motions. Standard errors are those of the linearised problem.
+
+    Long motions have wrong minima: an echo, an oscillation or a bounce comes too early or late by
+    more than it lasts. With ``advance`` the first motion is as short, and each further one by as
+    much longer than the one before (as of Pires, Vautard, Talagrand 1996), with a step of Gauss and
+    Newton in all parameters after each. Measurements count in it with deviations of a share of
+    what is left over, where that is more than their noise, so that the prior holds what they do not
+    tell yet (the iteratively regularised method of Bakushinskii 1992). The fit to all goes on from
+    there.
 
     Args:
         build: model of the parameters' values.
@@ -114,13 +126,16 @@ def identify(
             the columns do not tell. It needs ``noise``, to be weighed against.
         bounds: least and largest value of parameters by name, None for none.
         scale: changes of parameters that are alike; their sizes at the start by default.
+        advance: time by which motions become longer, s; all have the same length by default. It
+            needs a prior of all parameters, and steps of equal size.
         most: largest number of motions.
         tolerance: relative changes at which the method ends.
         comm: communicator, all ranks by default.
 
     Raises:
         InputError, TypeError, ValueError: as :func:`gradient`; measurements do not fit the history;
-            a prior without noise, of a name that is no parameter, or of another shape.
+            a prior without noise, of a name that is no parameter, or of another shape; an advance
+            without prior of all, with bounds, with adaptive steps, or shorter than a step.
         StoppedError: a motion failed.
     """
     _checks.instance("identify", "options", options, RunOptions)
@@ -131,6 +146,10 @@ def identify(
         raise ValueError("identify: a prior needs noise, the deviations of the measurements")
     problem.prior = _priors(values, prior or {})
     problem.scale = flat(values, scales("identify", values, scale or {}))
+    if advance is not None:
+        known = bool((problem.prior[1] > 0.0).all())
+        _check_advance(advance, options, prior=known, bounds=bool(bounds))
+        problem.advance(advance, (most, tolerance))
     return problem.solved(bounds or {}, (most, tolerance), known=noise is not None)
 
 
@@ -163,6 +182,7 @@ class _Fit:
 
         most, tolerance = limits
         begin = flat(self._start, self._start) / self.scale
+        most = max(most - self.motions, 1)
         found = least_squares(
             lambda x: self._of(x)[0], begin, jac=lambda x: self._of(x)[1], max_nfev=most,
             bounds=self._bounds(bounds), ftol=tolerance, xtol=tolerance, gtol=None,
@@ -180,6 +200,36 @@ class _Fit:
             bool(found.success), str(found.message),
             tuple(_untold(name, own) for name, own in unknown.items() if own.any()),
         )  # fmt: skip
+
+    def advance(self, time: float, limits: tuple[int, float]) -> None:
+        """Move the start by steps with longer and longer motions, to the whole one (collective)."""
+        rows = max(column.size for column in self._measured.values())
+        growth, end, change = round(time / self._options.dt), 0, np.inf
+        while end < rows - 1 or change > limits[1] ** 0.5:
+            if self.motions >= limits[0] - 1:
+                return
+            end = min(end + growth, rows - 1)
+            begin = flat(self._start, self._start) / self.scale
+            part = self if end == rows - 1 else self._until(end)
+            differences, jacobian = part._of(begin)
+            self.motions += part is not self
+            seen = len(differences) - np.count_nonzero(self.prior[1])
+            left = _SHARE * float(np.sqrt(np.mean(differences[:seen] ** 2)))
+            weights = np.where(np.arange(len(differences)) < seen, 1.0 / max(left, 1.0), 1.0)
+            step = np.linalg.lstsq(
+                weights[:, np.newaxis] * jacobian, -weights * differences, rcond=None
+            )[0]
+            change = float(np.abs(step).max())
+            self._start = self._named(begin + step)
+
+    def _until(self, end: int) -> _Fit:
+        """The same with the motion up to a row."""
+        step = self._options.t_end / (max(x.size for x in self._measured.values()) - 1)
+        options = replace(self._options, dt=step, t_end=end * step)
+        measured = {name: column[: end + 1] for name, column in self._measured.items()}
+        part = _Fit(self._build, measured, self._start, options, self._comm)
+        part.noise, part.prior, part.scale = self.noise, self.prior, self.scale
+        return part
 
     def _bounds(
         self, given: Mapping[str, tuple[float | None, float | None]]
@@ -236,6 +286,20 @@ class _Fit:
     def _named(self, x: FloatArray) -> Values:
         """Values by name of scaled numbers."""
         return named(self._start, np.asarray(x) * self.scale)
+
+
+def _check_advance(time: float, options: RunOptions, *, prior: bool, bounds: bool) -> None:
+    """Check that a fit may advance.
+
+    Raises:
+        ValueError: it may not.
+    """
+    if not options.dt <= time < np.inf:
+        raise ValueError(f"identify: an advance must be a step at least, got {time}")
+    if not prior:
+        raise ValueError("identify: an advance needs a prior of every parameter")
+    if bounds or options.adaptive:
+        raise ValueError("identify: an advance takes neither bounds nor adaptive steps")
 
 
 def _covariance(jacobian: FloatArray) -> tuple[FloatArray, BoolArray]:

@@ -269,6 +269,29 @@ def test_what_is_known_before():
     assert found.noise < 1e-3
 
 
+def test_a_fit_that_advances():
+    """A spring that is softer by a third at the start: after 2.5 s its mass is a period behind.
+
+    A fit to the whole motion ends in a minimum with another number of periods; so does one whose
+    motions all have the full length, or which does not keep what the last one has found.
+    """
+    options = ff.RunOptions(dt=0.05, t_end=2.5, rho_inf=1.0)
+    exact = columns(ff.simulate(oscillator(0.5, 400.0), options))["x"]
+    start, noise = {"damping": 1.0, "stiffness": 270.0}, {"x": 1e-4}
+    prior = {"damping": (1.0, 1.0), "stiffness": (270.0, 200.0)}
+    at_once = ff.identify(
+        oscillator, {"x": exact}, start, options, noise=noise, prior=prior, most=8
+    )
+    assert abs(at_once.values["stiffness"] / 400.0 - 1.0) > 0.05
+    found = ff.identify(
+        oscillator, {"x": exact}, start, options, noise=noise, prior=prior, advance=0.5
+    )
+    # the prior moves it by less than its deviation of 1e-2 over 200
+    assert found.values["stiffness"] == pytest.approx(400.0, rel=1e-5)
+    assert found.success
+    assert found.motions < 20
+
+
 WRONG = [
     (lambda: ff.misfit({}), "give values of a column at least"),
     (lambda: ff.misfit({"x": [1.0]}, {"x": 0.0}), "scale of x must be positive, got 0.0"),
@@ -296,6 +319,10 @@ WRONG = [
     (lambda: _known(damping=([12.0], 1.0)), "prior of damping must be numbers or have the shape"),
     (lambda: _known(damping=(12.0, 0.0)), "prior of damping must have finite means and positive"),
     (lambda: _known(damping=(np.nan, 1.0)), "prior of damping must have finite means and"),
+    (lambda: _identify({"x": [1.0]}, advance=0.1), "an advance needs a prior of every parameter"),
+    (lambda: _identify({"x": [1.0]}, advance=0.001), "an advance must be a step at least, got"),
+    (lambda: _identify({"x": [1.0]}, noise={"x": 1.0}, prior={"damping": (12.0, 1.0)}, advance=0.1,
+                       bounds={"damping": (0, 20)}), "an advance takes neither bounds nor"),
 ]  # fmt: skip
 
 
