@@ -25,6 +25,7 @@ from flexfem.contact.surfaces.surfaces import collision_surfaces
 from flexfem.core.marker import SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.forms.beam_law import law_expressions
+from flexfem.la.counting_comm import CountingComm
 from flexfem.la.linear_solver import LinearSolver
 from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import Family
@@ -59,7 +60,7 @@ def build(
     Raises:
         ValueError: a mistake in the model; raised on every rank before any communication.
     """
-    model = serial.model
+    model, comm = serial.model, CountingComm(comm)
     gravity = np.zeros(3) if model.gravity is None else np.array(model.gravity.acceleration)
     ends = all_ends(serial)
     joints_of_rows = [(joint, end.rows) for joint, end in zip(serial.joints, ends, strict=True)]

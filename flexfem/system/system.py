@@ -7,7 +7,7 @@ and ``Phi = 0`` with ``L = s lambda``.
 """
 
 from collections.abc import Callable, Sequence
-from dataclasses import astuple, dataclass
+from dataclasses import astuple, dataclass, field
 from functools import cached_property, partial
 from typing import Any
 
@@ -25,6 +25,7 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.prediction import Misses, Prediction
 from flexfem.core.state import Numbering, State, counts
 from flexfem.kernels.sequence import Call, Number, Step, clear
+from flexfem.la.counting_comm import CountingComm, Sent
 from flexfem.la.linear_solver import LinearSolver
 from flexfem.layout.elements import (
     ElementFamily,
@@ -60,6 +61,28 @@ class Counters:
     factorizations: int = 0
     mass_factorizations: int = 0
     fallbacks: int = 0
+
+
+@dataclass
+class Traffic:
+    """What iterations send since the start of a run or its restart, and the rows that it is for.
+
+    Attributes:
+        iterations: number of iterations.
+        sent: by this rank in them, the numbers of ``Sent``.
+        elimination: of the multipliers that this rank alone has; empty before the first one.
+        largest_front: rows of the largest front of those that this rank shares.
+    """
+
+    iterations: int = 0
+    sent: IntArray = field(default_factory=lambda: np.zeros(len(Sent._fields), dtype=np.int64))
+    elimination: str = ""
+    largest_front: int = 0
+
+    def add(self, sent: Sent, before: Sent) -> None:
+        """Add one iteration, from what this rank has sent at its end and at its start."""
+        self.iterations += 1
+        self.sent += np.subtract(sent, before)
 
 
 @dataclass(frozen=True)
@@ -235,6 +258,7 @@ class System:
         part_of_node, body_of_node, cluster_of_node: part, body and cluster of every interface node.
         gravity: (3,) acceleration in inertial axes, m/s^2.
         counters: counters of the run.
+        traffic: messages of its iterations on several ranks.
         linear: choice between factors and iterative solvers of flexible bodies.
         time: time of the trial state, s.
         lead: time by which loads and drives are evaluated later, s: not zero just before or after a
@@ -249,7 +273,7 @@ class System:
 
     def __init__(
         self,
-        comm: MPI.Intracomm,
+        comm: CountingComm,
         parts: Sequence[BlockPart],
         interface: Interface,
         constraints: Constraints,
@@ -280,7 +304,7 @@ class System:
         self._factors = np.ones(len(self._loads))
         self._evaluation: Evaluation | None = None
         self.linear = linear or LinearSolver()
-        self.counters = Counters()
+        self.counters, self.traffic = Counters(), Traffic()
         self.time = self.lead = 0.0
         self.withheld = 0.0
         self.prediction = Prediction.VELOCITY

@@ -6,7 +6,7 @@ that are connected rigidly at each point; the frame stands on the ground and swa
 gravity that is oblique. The beams are declared in the order ``order``: all along x, then y, then z
 ("kind"), by their height ("bay"), or shuffled ("random"). Motion does not depend on it.
 
-History: ``top_x, top_y, top_z`` of the last corner, m. The summary holds ``shared_multipliers`` and
+History: ``top_x, top_y, top_z`` of the last corner, m. The summary holds ``shared_rows`` and
 ``wall_seconds_steps``. Run from the source tree::
 
     python tests/benchmarks/space_frame.py --order kind

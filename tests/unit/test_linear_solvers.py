@@ -16,8 +16,10 @@ from flexfem.la.nest import CoordinateMatrix, create_nest_matrix, create_nest_ve
 from flexfem.solvers.linear.gmres import minimal_residual
 from flexfem.solvers.linear.multifrontal import Fronts
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
+from flexfem.solvers.linear.rank_dissection import RankDissection
 
 COMM = MPI.COMM_WORLD
+NOTHING = np.zeros(0, dtype=np.int64)
 
 
 @pytest.mark.parametrize("most", [3, 8, 12])
@@ -120,7 +122,10 @@ def test_interface_system_equals_a_dense_solve(interior, far, shared, rng):
     values = block[i, j].copy()
     values[:3] *= 0.25
     values[-3:] *= 0.75
-    system = InterfaceSystem(COMM, i, j, interior, np.arange(shared), shared)
+    others = np.arange(shared if size > 1 else 0)  # one rank shares nothing
+    system = InterfaceSystem(
+        COMM, i, j, interior + shared - len(others), others, np.full(len(others), size)
+    )
     right = rng.normal(size=total)
     expected = np.linalg.solve(every, right)
     for factor in (1.0, 2.0):  # the pattern is kept, the numbers change
@@ -135,17 +140,50 @@ def test_interface_system_equals_a_dense_solve(interior, far, shared, rng):
 
 
 @pytest.mark.three_ranks
+@pytest.mark.parametrize("joined", ["chain", "net"])
+def test_rank_dissection_equals_a_dense_solve(joined, rng):
+    """Rows that two to all ranks have, numbered without regard to the tree of ranks."""
+    rank, size = COMM.rank, COMM.size
+    if size == 1:
+        pytest.skip("one rank shares nothing")
+    holders = [[r, r + 1] for r in range(size - 1) for _ in range(3)]
+    if joined == "net":
+        far = [sorted(rng.choice(size, rng.integers(2, size + 1), False)) for _ in range(4 * size)]
+        holders += [[0, size - 1], *far]
+    holders = [holders[k] for k in rng.permutation(len(holders))]
+    total = len(holders)
+    every, right = np.zeros((total, total)), rng.normal(size=total)
+    for r in range(size):
+        own = np.array([k for k, ranks in enumerate(holders) if r in ranks])
+        block = rng.normal(size=(len(own), len(own))) + 2.0 * total * np.eye(len(own))
+        every[np.ix_(own, own)] += block
+        if r == rank:
+            mine, numbers = block, own[::-1].astype(np.int64)
+    system = RankDissection(COMM, numbers, np.array([len(holders[k]) for k in numbers]))
+    for factor in (1.0, 2.0):
+        assert system.factor(factor * mine[::-1, ::-1], True)
+        # each right-hand side is given by the first rank that has the row
+        x = np.array([right[k] if holders[k][0] == rank else 0.0 for k in numbers])
+        system.solve(x)
+        # round-off; a front without one rank's entries is off by order 1
+        np.testing.assert_allclose(factor * x, np.linalg.solve(every, right)[numbers], atol=1e-13)
+        assert not system.factor(mine[::-1, ::-1], rank < size - 1)  # singular on one rank alone
+
+
+@pytest.mark.three_ranks
 def test_interface_system_reports_a_singular_matrix():
     i = j = np.arange(3)
-    system = InterfaceSystem(COMM, i, j, 3, np.zeros(0, dtype=np.int64), 0)
+    system = InterfaceSystem(COMM, i, j, 3, NOTHING, NOTHING)
     assert not system.factor(np.array([1.0, 0.0, 2.0]))
     assert system.factor(np.array([1.0, 3.0, 2.0]))
 
 
 @pytest.mark.parametrize("scale", [0.0, 1e-15, np.nan])
 def test_interface_system_reports_singular_shared_rows(scale):
-    every = np.indices((2, 2)).reshape(2, -1)
-    system = InterfaceSystem(COMM, *every.astype(np.int64), 0, np.arange(2), 2)
+    every, others = np.indices((2, 2)).reshape(2, -1), np.arange(2 if COMM.size > 1 else 0)
+    system = InterfaceSystem(
+        COMM, *every.astype(np.int64), 2 - len(others), others, np.full(len(others), COMM.size)
+    )
     # two rows that are the same but for round-off: solved with, they would give any number
     assert not system.factor(np.array([1.0, 2.0, 1.0, 2.0 + scale]))
     assert system.factor(np.array([1.0, 2.0, 1.0, 2.1]))

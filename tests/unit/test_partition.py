@@ -146,7 +146,7 @@ def test_summary_counts_the_multipliers_between_ranks() -> None:
     for order in (list(range(13)), list(range(13))[::-1], [*range(0, 13, 2), *range(1, 13, 2)]):
         model, options = frame(order), ff.RunOptions(dt=1e-3, t_end=5e-3, quiet=True)
         outcome = ff.simulate(model, options)
-        shared = outcome.summary["shared_multipliers"]
+        shared = outcome.summary["shared_rows"]
         system = Simulation(model, options).system
         assert shared == shared_by_hand(system, comm)
         check_steps(system)

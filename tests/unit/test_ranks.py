@@ -226,7 +226,7 @@ def test_loads_and_drives_are_compared_by_all_analyses(analysis: str, what: str)
     if comm.size == 1 or what == "nothing":
         outcome = run()
         assert outcome.status == "ok" or analysis == "relaxation"
-        assert comm.size == 1 or outcome.summary["shared_multipliers"] > 0
+        assert comm.size == 1 or outcome.summary["shared_rows"] > 0
         return
     name = {"drive": 'PrescribedAngle "turn"', "load": 'PointForce "wind"'}[what]
     with pytest.raises(RuntimeError, match=f"{name}: gives .* on one rank and .*") as ended:

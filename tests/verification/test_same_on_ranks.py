@@ -99,7 +99,7 @@ def test_all_columns_are_the_same_on_any_number_of_ranks(
         found.append(ff.simulate(model, options, comm=comm))
     alone, together = found
     assert alone.status == together.status == "ok"
-    assert (together.summary["shared_multipliers"] > 0) == (COMM.size > 1)
+    assert (together.summary["shared_rows"] > 0) == (COMM.size > 1)
     if COMM.rank > 0:
         return
     assert list(alone.history) == list(together.history)

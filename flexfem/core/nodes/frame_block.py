@@ -21,6 +21,7 @@ from flexfem.core.nodes.frame_kernels import (
     slow,
     to_inertial,
 )
+from flexfem.core.nodes.ghosted_rows import GhostedRows
 from flexfem.core.nodes.prediction import Misses
 from flexfem.core.state import Numbering
 
@@ -81,8 +82,6 @@ class FrameBlock:
             dirichlet: (n, width) fixed unknowns, on all ranks or none.
             elements: see the attribute.
         """
-        from dolfinx import la
-
         self.name, self.comm, self.inertial, self.width = name, comm, inertial, width
         self.node_ids, self.index_map, self.dirichlet = node_ids, index_map, dirichlet
         self.elements = elements
@@ -107,9 +106,8 @@ class FrameBlock:
         self._offset: FloatArray | None = None
         self.shifted = False
         self._rates = np.zeros(2)
-        self._residual, self._step = la.vector(index_map, 6), la.vector(index_map, 6)
-        self.residual: FloatArray = self._residual.array.reshape(-1, 6)
-        self.step: FloatArray = self._step.array.reshape(-1, 6)
+        self._residual, self._step = (GhostedRows(comm, index_map, 6) for _ in range(2))
+        self.residual, self.step = self._residual.values, self._step.values
         own = np.s_[: self.owned, :width]
         self._owned = self.residual[own], self.step[own]
         self.nodes = Nodes(
@@ -349,11 +347,9 @@ class FrameBlock:
     def spread_step(self) -> None:
         """Copy the owners' steps to ghosts."""
         if self.has_ghosts:
-            self._step.scatter_forward()
+            self._step.spread()
 
     def add_ghosts(self) -> None:
         """Add the residual of ghosts to their owners (reverse halo exchange)."""
         if self.has_ghosts:
-            from dolfinx import la
-
-            self._residual.scatter_reverse(la.InsertMode.add)
+            self._residual.add_ghosts()

@@ -7,6 +7,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.nodes.ghosted_rows import GhostedRows
 from flexfem.families.common.corotating_loops import turn_nodes
 
 __all__ = ["CorotatingAxes"]
@@ -17,11 +18,7 @@ class CorotatingAxes:
 
     def __init__(self, block: FrameBlock) -> None:
         """Allocate the sums of rotations around the nodes (collective)."""
-        from dolfinx import la
-
-        self._add = la.InsertMode.add
-        self._vector = la.vector(block.index_map, 9)
-        self._sums: FloatArray = self._vector.array.reshape(-1, 9)
+        self._sums = GhostedRows(block.comm, block.index_map, 9)
         self._fixed = np.zeros(len(block.frames), dtype=np.bool_)
         if block.dirichlet is not None:
             self._fixed = block.dirichlet[:, :3].any(axis=1)
@@ -34,12 +31,13 @@ class CorotatingAxes:
             add_rotations: adds the weighted rotations since the start of this rank's elements
                 around each node to sums (n, 9).
         """
-        self._sums[:] = 0.0
-        add_rotations(self._sums)
+        sums = self._sums.values
+        sums[:] = 0.0
+        add_rotations(sums)
         if block.has_ghosts:
-            self._vector.scatter_reverse(self._add)
-            self._vector.scatter_forward()
+            self._sums.add_ghosts()
+            self._sums.spread()
         turn_nodes(
-            self._sums, block.start_frames, self._fixed, block.frames0, block.frames,
+            sums, block.start_frames, self._fixed, block.frames0, block.frames,
             block.velocity, block.acceleration,
         )  # fmt: skip

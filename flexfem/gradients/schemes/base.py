@@ -139,13 +139,12 @@ class StoppedError(RuntimeError):
 
 
 class Stored(Protocol):
-    """What is stored of every state of a motion.
+    """What is stored of every state of a motion."""
 
-    Attributes:
-        comm: communicator.
-    """
-
-    comm: MPI.Intracomm
+    @property
+    def comm(self) -> MPI.Intracomm:
+        """Communicator."""
+        ...
 
     def state(self) -> State:
         """The accepted state, without copies."""

@@ -12,6 +12,7 @@ from flexfem._faults import FAILURES, FunctionError, current, noted
 from flexfem._types import FloatArray
 from flexfem.io.summary import write_summary
 from flexfem.io.view.document import View, view
+from flexfem.la.counting_comm import Sent
 from flexfem.options import Settings
 from flexfem.simulation.run.guard import agreed, folder_is_lost
 from flexfem.system.system import System
@@ -98,14 +99,27 @@ def _tell(summary: dict[str, Any], comm: MPI.Intracomm) -> None:
 
 
 def summary_of(system: System, case: str, reason: str) -> dict[str, Any]:
-    """Return the part of ``summary.json`` common to all analyses: sizes, counts and status."""
-    counters = system.counters
+    """Return the part of ``summary.json`` common to all analyses (collective).
+
+    Sizes, counts and status; messages and bytes are those of the rank that sends most.
+    """
+    counters, traffic, comm = system.counters, system.traffic, system.comm
+    per_iteration = traffic.sent / max(traffic.iterations, 1)
+    comm.Allreduce(MPI.IN_PLACE, per_iteration, op=MPI.MAX)
+    sent = Sent(*per_iteration.tolist())
+    eliminations = {one for one in comm.allgather(traffic.elimination) if one}
     return {
         "case": case,
         "ranks": system.comm.size,
         "unknowns": system.unknowns,
         "multipliers": system.multipliers,
-        "shared_multipliers": system.constraints.shared_size,
+        "shared_rows": system.constraints.shared_size,
+        "largest_shared_front": comm.allreduce(traffic.largest_front, op=MPI.MAX),
+        "multiplier_elimination": ", ".join(sorted(eliminations)),
+        "messages_per_iteration": sent.messages,
+        "bytes_per_iteration": sent.bytes,
+        "reductions_per_iteration": sent.reductions,
+        "reduced_bytes_per_iteration": sent.reduced_bytes,
         "steps": 0,
         "rejected_steps": 0,
         "newton_iterations": counters.newton_iterations,

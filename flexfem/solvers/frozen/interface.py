@@ -185,8 +185,11 @@ class MultiplierSystem:
             self._coupled = self._find_coupled()
             i, j = i[self._coupled], j[self._coupled]
         self._factors = InterfaceSystem(
-            self._system.comm, i, j, rows.interior, rows.shared_numbers, rows.shared_size
+            self._system.comm, i, j, rows.interior, rows.shared_numbers, rows.holders
         )
+        traffic = self._system.traffic
+        traffic.elimination = self._factors.kind
+        traffic.largest_front = self._factors.largest_front
         return self._factors
 
     def _find_coupled(self) -> BoolArray:

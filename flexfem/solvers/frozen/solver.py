@@ -8,8 +8,8 @@ A^-1 r`` with ``S = G~ A^-1 G^T + compliance``, and one solve with the factors. 
 entries than the factors, it is not stored, and a step costs two solves. Rigid bodies are always
 exact: their 6x6 matrices are inverted at every step.
 
-A rank eliminates the multipliers that only it evaluates. The complement shared by ranks is summed
-by one reduction and solved on all of them.
+A rank eliminates the multipliers that only it evaluates. Those shared by ranks are eliminated by
+levels of a tree of the ranks.
 
 Closed contacts are stiff springs beside the factors, which leave them out (``stiff_rows``).
 

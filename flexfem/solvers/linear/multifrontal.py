@@ -65,6 +65,8 @@ class Fronts:
         complement: (n, n) Schur complement of the remaining rows, after :meth:`factor`.
     """
 
+    kind = "multifrontal"
+
     def __init__(self, i: IntArray, j: IntArray, order: IntArray, size: int) -> None:
         """Set up the fronts.
 

@@ -2,7 +2,8 @@
 """Interface system: the dual Schur complement of the multipliers, distributed over the ranks.
 
 Every rank has the entries between the rows that it evaluates. It eliminates its unshared rows; the
-complement on the rows shared with other ranks is summed by one reduction and solved everywhere.
+complements on the rows shared with other ranks are summed and eliminated by levels of a tree of the
+ranks (``rank_dissection``).
 """
 
 from typing import Protocol
@@ -11,14 +12,14 @@ from mpi4py import MPI
 from petsc4py import PETSc
 
 import numpy as np
-from scipy.linalg.lapack import dgetrf, dgetrs
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.sequence import Call
-from flexfem.la.dense import SMALLEST_PIVOT
 from flexfem.solvers.linear.banded import band_factor, band_solve
+from flexfem.solvers.linear.dense_elimination import DenseElimination
 from flexfem.solvers.linear.multifrontal import Fronts
+from flexfem.solvers.linear.rank_dissection import RankDissection
 
 __all__ = ["InterfaceSystem"]
 
@@ -32,10 +33,19 @@ class _Elimination(Protocol):
     """Elimination of the first rows of a matrix.
 
     Attributes:
+        kind: name of the method.
         complement: (n, n) Schur complement of the other rows, after :meth:`factor`.
     """
 
-    complement: FloatArray
+    @property
+    def kind(self) -> str:
+        """See above."""
+        ...
+
+    @property
+    def complement(self) -> FloatArray:
+        """See above."""
+        ...
 
     def factor(self, values: FloatArray) -> bool:
         """Factorise the matrix of the given entries; False if it is singular."""
@@ -59,6 +69,8 @@ def _scatter_add(index: IntArray, select: IntArray, values: FloatArray, out: Flo
 
 class Band:
     """Elimination in the order of reverse Cuthill and McKee: narrow bands for chains and trees."""
+
+    kind = "banded"
 
     def __init__(self, i: IntArray, j: IntArray, order: IntArray, half: int, size: int) -> None:
         """Entries (i, j), order of the first rows, their half bandwidth then, number of rows."""
@@ -121,46 +133,20 @@ class Band:
             x[: len(self._order)] -= self._columns.T @ x[len(self._order) :]
 
 
-def _factors(matrix: FloatArray) -> tuple[FloatArray, IntArray, bool]:
-    """LAPACK's factors of the transposed matrix, with their pivots; False if it is singular.
-
-    Its order of entries is the transposed one: a contiguous matrix is overwritten by its factors.
-    """
-    largest = np.abs(matrix).max(initial=0.0)
-    factors, pivots, _ = dgetrf(matrix.T, overwrite_a=True)
-    return factors, pivots, bool((np.abs(np.diagonal(factors)) > SMALLEST_PIVOT * largest).all())
-
-
-class _Dense:
+class _Dense(DenseElimination):
     """Elimination by LAPACK: bodies that are bonded by many nodes couple all of their rows."""
+
+    kind = "dense"
 
     def __init__(self, i: IntArray, j: IntArray, count: int, size: int) -> None:
         """Entries (i, j), number of the first rows, number of rows."""
-        self._index, self._count, self._size = i * size + j, count, size
-        self.complement = np.zeros((size - count, size - count))
+        super().__init__(count, size)
+        self._index, self._size = i * size + j, size
 
     def factor(self, values: FloatArray) -> bool:
         """See :class:`_Elimination`."""
-        n, size = self._count, self._size
-        matrix = np.bincount(self._index, values, size * size).reshape(size, size)
-        self._factors, self._pivots, regular = _factors(matrix[:n, :n])
-        if regular and size > n:
-            self._columns = dgetrs(self._factors, self._pivots, matrix[:n, n:], trans=1)[0]
-            self._from_first = matrix[n:, :n]
-            self.complement = matrix[n:, n:] - self._from_first @ self._columns
-        return regular
-
-    def reduce(self, x: FloatArray) -> None:
-        """See :class:`_Elimination`."""
-        n = self._count
-        x[:n] = dgetrs(self._factors, self._pivots, x[:n], trans=1)[0]
-        if len(x) > n:
-            x[n:] -= self._from_first @ x[:n]
-
-    def complete(self, x: FloatArray) -> None:
-        """See :class:`_Elimination`."""
-        if len(x) > self._count:
-            x[: self._count] -= self._columns @ x[self._count :]
+        size = self._size
+        return self.eliminate(np.bincount(self._index, values, size * size).reshape(size, size))
 
 
 def _is_full(first: IntArray, second: IntArray, count: int) -> bool:
@@ -201,36 +187,38 @@ def _ordering(kind: str, i: IntArray, j: IntArray, size: int) -> IntArray:
 
 
 class InterfaceSystem:
-    """Solver of the multipliers' system."""
+    """Solver of the multipliers' system.
+
+    Attributes:
+        kind: name of the method that eliminates this rank's unshared rows.
+        largest_front: number of rows of the largest front of shared rows of this rank.
+    """
 
     def __init__(
         self, comm: MPI.Intracomm, i: IntArray, j: IntArray, interior: int,
-        shared: IntArray, shared_size: int,
+        shared: IntArray, holders: IntArray,
     ) -> None:  # fmt: skip
-        """Set up the pattern.
+        """Set up the pattern (collective).
 
         Args:
             comm: communicator.
             i: row of every entry, numbered on this rank.
             j: its column.
             interior: number of rows of this rank alone, the first ones.
-            shared: number of each other row among the shared rows of all ranks.
-            shared_size: number of shared rows of all ranks.
+            shared: number of each other row, the same on all ranks that have it.
+            holders: number of these ranks.
         """
-        self._comm, self._count = comm, interior
-        self._sharing = shared_size > 0
+        self._count = interior
         self._own = _elimination(i, j, interior, interior + len(shared))
-        self._shared, self._grid = shared, np.ix_(shared, shared)
-        # the complement on the shared rows and a flag of failure, for one reduction
-        self._buffer = np.zeros(shared_size**2 + 1)
-        self._matrix = self._buffer[:-1].reshape(shared_size, shared_size)
-        self._vector = np.zeros(shared_size)
+        self._shared = RankDissection(comm, shared, holders)
+        self.kind = self._own.kind if interior else ""
+        self.largest_front = self._shared.largest_front
 
     @property
     def band(self) -> Band | None:
         """The factors if this rank alone has the rows, in a narrow band."""
         own = self._own
-        alone = self._comm.size == 1 and not self._sharing
+        alone = self._shared.size == 1
         return own if alone and isinstance(own, Band) and own.whole else None
 
     def factor(self, values: FloatArray, regular: bool = True) -> bool:
@@ -241,24 +229,10 @@ class InterfaceSystem:
             regular: False if this rank's part is singular.
         """
         regular = self._own.factor(values) and regular
-        if self._comm.size == 1 and not self._sharing:
-            return regular
-        self._buffer[:] = 0.0
-        self._matrix[self._grid] = self._own.complement
-        self._buffer[-1] = 0.0 if regular else 1.0
-        self._comm.Allreduce(MPI.IN_PLACE, self._buffer, op=MPI.SUM)
-        if not self._sharing or self._buffer[-1] > 0.0:
-            return bool(self._buffer[-1] == 0.0)
-        self._factors, self._pivots, regular = _factors(self._matrix)
-        return regular
+        return self._shared.factor(self._own.complement, regular)
 
     def solve(self, right: FloatArray) -> None:
         """Solve in place for this rank's part of the right-hand side (collective if shared)."""
         self._own.reduce(right)
-        if self._sharing:
-            self._vector[:] = 0.0
-            self._vector[self._shared] = right[self._count :]
-            self._comm.Allreduce(MPI.IN_PLACE, self._vector, op=MPI.SUM)
-            dgetrs(self._factors, self._pivots, self._vector, trans=1, overwrite_b=True)
-            right[self._count :] = self._vector[self._shared]
+        self._shared.solve(right[self._count :])
         self._own.complete(right)

@@ -109,6 +109,7 @@ def iterate(
     first = previous = before = change_of_forces = inf
     wild = stuck = stagnant = 0
     for iteration in range(1, options.max_iterations + 1):
+        sent = system.comm.sent
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
         failed = linear.failed
@@ -119,6 +120,8 @@ def iterate(
         rows.multipliers -= change if moved.part == 1.0 else moved.part * change
         failure = _failure(success and done.success, linear.failed > failed)
         sizes = _largest(system.comm, moved, change, failure)
+        if system.comm.size > 1:
+            system.traffic.add(system.comm.sent, sent)
         if sizes[2] > 0.0:
             return Status.UNSOLVED if sizes[2] > _SINGULAR else Status.SINGULAR
         if not (isfinite(sizes[0]) and isfinite(sizes[1])):

@@ -1,0 +1,188 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Nested dissection of the rows that ranks share, over a binary tree of the ranks.
+
+The ranks are halved again and again, as bodies are when they are distributed. From the leaves of
+this tree upwards two halves exchange the complements on the rows that they have left, add them up,
+and eliminate the rows that no further rank has (George 1973, 10.1137/0710032). All ranks of both
+halves do the same with the same numbers: so a right-hand side takes one message a level upwards,
+and nothing downwards. A rank stores the fronts of its own levels, each as large as the cuts around
+its half, and a chain of bodies over n ranks takes log2(n) messages of a few rows.
+"""
+
+from typing import NamedTuple
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IntArray
+from flexfem.solvers.linear.dense_elimination import DenseElimination
+
+__all__ = ["RankDissection"]
+
+_TAG = 1203
+
+
+class _Partners(NamedTuple):
+    """Ranks of the other half to which a rank sends, and the one from which it receives."""
+
+    to: list[int]
+    source: int
+
+
+class _Rows(NamedTuple):
+    """Rows that a half has left: their numbers, and how many ranks have them, in it and in all."""
+
+    numbers: IntArray
+    here: IntArray
+    holders: IntArray
+
+
+class _Level:
+    """Two halves that are joined, with the rows that both have left.
+
+    Attributes:
+        size: number of these rows.
+        left: those that other ranks have as well.
+    """
+
+    def __init__(self, comm: MPI.Intracomm, partners: _Partners, own: _Rows) -> None:
+        """Exchange the rows with the other half (collective among both)."""
+        self._comm, self._partners = comm, partners
+        requests = [comm.isend(own, dest=rank, tag=_TAG) for rank in partners.to]
+        other: _Rows = comm.recv(source=partners.source, tag=_TAG)
+        MPI.Request.waitall(requests)
+        numbers = np.union1d(own.numbers, other.numbers)
+        here, holders = np.zeros((2, len(numbers)), dtype=np.int64)
+        for half in (own, other):
+            at = np.searchsorted(numbers, half.numbers)
+            here[at] += half.here
+            holders[at] = half.holders
+        order = np.argsort(here < holders, kind="stable")
+        place = np.argsort(order)
+        self._own, self._other = (
+            place[np.searchsorted(numbers, half.numbers)] for half in (own, other)
+        )
+        count, self.size = int((here == holders).sum()), len(numbers)
+        self._count = count
+        left = order[count:]
+        self.left = _Rows(numbers[left], here[left], holders[left])
+        self._front = DenseElimination(count, self.size)
+        # complements of both halves, each with a flag of failure
+        self._sent = np.zeros(len(self._own) ** 2 + 1)
+        self._received = np.zeros(len(self._other) ** 2 + 1)
+        self._vector = np.zeros(self.size)
+        self._part, self._others = np.zeros(len(self._own)), np.zeros(len(self._other))
+
+    def factor(self, complement: FloatArray, regular: bool) -> tuple[FloatArray, bool]:
+        """Join the complements of both halves: that of the rows left then, False if singular."""
+        size = len(self._own)
+        self._sent[:-1].reshape(size, size)[:] = complement
+        self._sent[-1] = 0.0 if regular else 1.0
+        self._exchange(self._sent, self._received)
+        if not regular or self._received[-1] > 0.0:
+            return self._front.complement, False
+        size = len(self._other)
+        matrix = np.zeros((self.size, self.size))
+        matrix[np.ix_(self._own, self._own)] = complement
+        matrix[np.ix_(self._other, self._other)] += self._received[:-1].reshape(size, size)
+        regular = self._front.eliminate(matrix)
+        return self._front.complement, regular
+
+    def reduce(self, right: FloatArray) -> FloatArray:
+        """Join the right-hand sides of both halves: that of the rows left."""
+        self._part[:] = right
+        self._exchange(self._part, self._others)
+        self._vector[:] = 0.0
+        self._vector[self._own] = self._part
+        self._vector[self._other] += self._others
+        self._front.reduce(self._vector)
+        return self._vector[self._count :]
+
+    def complete(self, left: FloatArray) -> FloatArray:
+        """Solution of the own half's rows from that of the rows left."""
+        self._vector[self._count :] = left
+        self._front.complete(self._vector)
+        return self._vector[self._own]
+
+    def _exchange(self, sent: FloatArray, received: FloatArray) -> None:
+        """Send a vector to the other half and receive that of it; empty ones are not sent."""
+        requests = []
+        if len(received):
+            requests.append(self._comm.Irecv(received, source=self._partners.source, tag=_TAG))
+        if len(sent):
+            requests += [self._comm.Isend(sent, dest=rank, tag=_TAG) for rank in self._partners.to]
+        MPI.Request.Waitall(requests)
+
+
+class RankDissection:
+    """Solver for the rows that several ranks have, whose entries and right-hand sides add up.
+
+    Attributes:
+        size: number of ranks.
+        largest_front: number of rows of the largest front of this rank.
+    """
+
+    def __init__(self, comm: MPI.Intracomm, numbers: IntArray, holders: IntArray) -> None:
+        """Join the rows of all ranks, level by level (collective).
+
+        Args:
+            comm: communicator.
+            numbers: of the rows of this rank, the same on all ranks that have a row.
+            holders: number of ranks that have each of them.
+        """
+        self.size = comm.size
+        order = np.argsort(numbers, kind="stable")
+        self._order, self._place = order, np.argsort(order)
+        rows = _Rows(numbers[order], np.ones(len(order), dtype=np.int64), holders[order])
+        self._levels: list[_Level] = []
+        for partners in _tree(comm.rank, comm.size):
+            self._levels.append(_Level(comm, partners, rows))
+            rows = self._levels[-1].left
+        self.largest_front = max((level.size for level in self._levels), default=0)
+        assert not len(rows.numbers)  # every row is complete where all ranks are joined
+
+    def factor(self, matrix: FloatArray, regular: bool) -> bool:
+        """Factorise (collective); False on all ranks if the sum is singular, or a rank's part.
+
+        Args:
+            matrix: (r, r) entries of this rank.
+            regular: False if this rank's part is singular.
+        """
+        matrix = matrix[np.ix_(self._order, self._order)]
+        for level in self._levels:
+            matrix, regular = level.factor(matrix, regular)
+        return regular
+
+    def solve(self, right: FloatArray) -> None:
+        """Solve in place for this rank's part of the right-hand side (collective)."""
+        if not self._levels:
+            return
+        part = right[self._order]
+        for level in self._levels:
+            part = level.reduce(part)
+        for level in reversed(self._levels):
+            part = level.complete(part)
+        right[:] = part[self._place]
+
+
+def _tree(rank: int, size: int) -> list[_Partners]:
+    """Partners of a rank at its levels, from the leaves of the tree of ranks upwards.
+
+    If the upper half has one rank more, the last one of the lower half sends to two.
+    """
+    partners, first, end = [], 0, size
+    while end - first > 1:
+        half = (end - first) // 2
+        middle = first + half
+        if rank < middle:
+            place = rank - first
+            last = [end - 1] if place == half - 1 and end - middle > half else []
+            partners.append(_Partners([middle + place, *last], middle + place))
+            end = middle
+        else:
+            place = rank - middle
+            to = [first + place] if place < half else []
+            partners.append(_Partners(to, first + min(place, half - 1)))
+            first = middle
+    return partners[::-1]
