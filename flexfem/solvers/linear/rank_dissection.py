@@ -16,18 +16,12 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.mesh.distributed.rank_tree import Merge, merges
 from flexfem.solvers.linear.dense_elimination import DenseElimination
 
 __all__ = ["RankDissection"]
 
 _TAG = 1203
-
-
-class _Partners(NamedTuple):
-    """Ranks of the other half to which a rank sends, and the one from which it receives."""
-
-    to: list[int]
-    source: int
 
 
 class _Rows(NamedTuple):
@@ -46,11 +40,11 @@ class _Level:
         left: those that other ranks have as well.
     """
 
-    def __init__(self, comm: MPI.Intracomm, partners: _Partners, own: _Rows) -> None:
+    def __init__(self, comm: MPI.Intracomm, merge: Merge, own: _Rows) -> None:
         """Exchange the rows with the other half (collective among both)."""
-        self._comm, self._partners = comm, partners
-        requests = [comm.isend(own, dest=rank, tag=_TAG) for rank in partners.to]
-        other: _Rows = comm.recv(source=partners.source, tag=_TAG)
+        self._comm, self._merge = comm, merge
+        requests = [comm.isend(own, dest=rank, tag=_TAG) for rank in merge.to]
+        other: _Rows = comm.recv(source=merge.source, tag=_TAG)
         MPI.Request.waitall(requests)
         numbers = np.union1d(own.numbers, other.numbers)
         here, holders = np.zeros((2, len(numbers)), dtype=np.int64)
@@ -109,9 +103,9 @@ class _Level:
         """Send a vector to the other half and receive that of it; empty ones are not sent."""
         requests = []
         if len(received):
-            requests.append(self._comm.Irecv(received, source=self._partners.source, tag=_TAG))
+            requests.append(self._comm.Irecv(received, source=self._merge.source, tag=_TAG))
         if len(sent):
-            requests += [self._comm.Isend(sent, dest=rank, tag=_TAG) for rank in self._partners.to]
+            requests += [self._comm.Isend(sent, dest=rank, tag=_TAG) for rank in self._merge.to]
         MPI.Request.Waitall(requests)
 
 
@@ -136,8 +130,8 @@ class RankDissection:
         self._order, self._place = order, np.argsort(order)
         rows = _Rows(numbers[order], np.ones(len(order), dtype=np.int64), holders[order])
         self._levels: list[_Level] = []
-        for partners in _tree(comm.rank, comm.size):
-            self._levels.append(_Level(comm, partners, rows))
+        for merge in merges(comm.rank, comm.size):
+            self._levels.append(_Level(comm, merge, rows))
             rows = self._levels[-1].left
         self.largest_front = max((level.size for level in self._levels), default=0)
         assert not len(rows.numbers)  # every row is complete where all ranks are joined
@@ -164,25 +158,3 @@ class RankDissection:
         for level in reversed(self._levels):
             part = level.complete(part)
         right[:] = part[self._place]
-
-
-def _tree(rank: int, size: int) -> list[_Partners]:
-    """Partners of a rank at its levels, from the leaves of the tree of ranks upwards.
-
-    If the upper half has one rank more, the last one of the lower half sends to two.
-    """
-    partners, first, end = [], 0, size
-    while end - first > 1:
-        half = (end - first) // 2
-        middle = first + half
-        if rank < middle:
-            place = rank - first
-            last = [end - 1] if place == half - 1 and end - middle > half else []
-            partners.append(_Partners([middle + place, *last], middle + place))
-            end = middle
-        else:
-            place = rank - middle
-            to = [first + place] if place < half else []
-            partners.append(_Partners(to, first + min(place, half - 1)))
-            first = middle
-    return partners[::-1]
