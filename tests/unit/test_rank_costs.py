@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Counts of what iterations on many ranks send, found without these ranks."""
 
+import json
 import sys
 from collections.abc import Callable
 from pathlib import Path
@@ -10,6 +11,8 @@ from mpi4py import MPI
 import pytest
 
 import flexfem as ff
+from flexfem.cli.commands.info import execute
+from flexfem.cli.usage import UsageError
 from flexfem.inspection.rank_costs import rank_costs
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.mesh.distributed.rank_tree import merges
@@ -101,3 +104,20 @@ def test_costs_of_a_chain_on_a_thousand_ranks() -> None:
     assert (costs["shared_rows"], costs["largest_front"]) == (3 * 63, 9)
     assert costs["share"] == 16.0  # 64 of the ranks have a link each
     assert costs["messages"] == 2 + 6  # the other levels have no rows
+
+
+@pytest.mark.serial
+def test_info_lists_the_costs(capsys: pytest.CaptureFixture[str]) -> None:
+    assert execute(["chain", "--links", "16", "--ranks", "1,8"], "flexfem info") == 0
+    one, eight = capsys.readouterr().out.split("bytes more\n")[1].splitlines()[:2]
+    assert one.split() == ["1", "1.00", "0", "0", "0", "0", "+0", "0"]
+    assert eight.split() == ["8", "1.00", "21", "9", "5", "504", "+3", "672"]
+    assert execute(["chain", "--json", "--ranks=8"], "flexfem info") == 0
+    assert json.loads(capsys.readouterr().out)["ranks"][0]["ranks"] == 8
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("text", ["", "0", "2,x", "-1", "1000000", "1.5"])
+def test_ranks_that_are_no_numbers_are_refused(text: str) -> None:
+    with pytest.raises(UsageError, match=f"--ranks: takes whole numbers .* not '{text}'"):
+        execute(["chain", "--ranks", text], "flexfem info")

@@ -83,7 +83,7 @@ def _ranks(arguments: Sequence[str]) -> tuple[list[str], list[int]]:
         for one in text.split(","):
             if not (one.isascii() and one.isdigit() and 1 <= int(one) <= _MOST_RANKS):
                 raise UsageError(
-                    f"argument {_RANKS}: takes whole numbers from 1 to {_MOST_RANKS} with commas "
+                    f"argument --ranks: takes whole numbers from 1 to {_MOST_RANKS} with commas "
                     f"between, not '{text}'"
                 )
             ranks.append(int(one))
@@ -99,7 +99,7 @@ def _report(model: Any, options: Settings, ranks: Sequence[int], as_json: bool) 
         model = model.model(model.start)
     if not isinstance(model, Model):  # it has equations of its own
         if ranks:
-            raise UsageError(f"argument {_RANKS}: this case has equations of its own")
+            raise UsageError("argument --ranks: this case has equations of its own")
         text = str(model)
         return (json.dumps({"model": text, "warnings": []}) if as_json else text), 0
     from flexfem.inspection.check import findings
