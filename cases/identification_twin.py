@@ -19,8 +19,8 @@ elements heard are corrected after each, and a prior, with the deviation ``--off
 at the mean.
 A motion with all derivatives costs what a step of the fit costs; there are ``--motions`` at most.
 
-``iterations.csv`` has the motions, what is left of the path (the root of the mean square, m) and
-the largest error of a stiffness; ``parameters.csv`` the levels, their standard errors and the true
+``iterations.csv`` has the motions, what is left (the root of the mean square over the path, m, and
+the prior in the same measure) and the largest error of a stiffness; ``parameters.csv`` the levels, their standard errors and the true
 ones. The folder ``start`` has the motion of equal elements. Where the truth is not known, ``left``
 tells whether it was found: it is then no more than the noise.
 

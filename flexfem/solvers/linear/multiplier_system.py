@@ -210,15 +210,15 @@ class InterfaceSystem:
         """
         self._count = interior
         self._own = _elimination(i, j, interior, interior + len(shared))
-        self._shared = RankDissection(comm, shared, holders)
         self.kind = self._own.kind if interior else ""
-        self.largest_front = self._shared.largest_front
+        self._shared = RankDissection(comm, shared, holders) if comm.size > 1 else None
+        self.largest_front = 0 if self._shared is None else self._shared.largest_front
 
     @property
     def band(self) -> Band | None:
         """The factors if this rank alone has the rows, in a narrow band."""
         own = self._own
-        alone = self._shared.size == 1
+        alone = self._shared is None
         return own if alone and isinstance(own, Band) and own.whole else None
 
     def factor(self, values: FloatArray, regular: bool = True) -> bool:
@@ -229,10 +229,13 @@ class InterfaceSystem:
             regular: False if this rank's part is singular.
         """
         regular = self._own.factor(values) and regular
+        if self._shared is None:
+            return regular
         return self._shared.factor(self._own.complement, regular)
 
     def solve(self, right: FloatArray) -> None:
         """Solve in place for this rank's part of the right-hand side (collective if shared)."""
         self._own.reduce(right)
-        self._shared.solve(right[self._count :])
+        if self._shared is not None:
+            self._shared.solve(right[self._count :])
         self._own.complete(right)

@@ -113,7 +113,6 @@ class RankDissection:
     """Solver for the rows that several ranks have, whose entries and right-hand sides add up.
 
     Attributes:
-        size: number of ranks.
         largest_front: number of rows of the largest front of this rank.
     """
 
@@ -121,11 +120,10 @@ class RankDissection:
         """Join the rows of all ranks, level by level (collective).
 
         Args:
-            comm: communicator.
+            comm: communicator of two ranks or more.
             numbers: of the rows of this rank, the same on all ranks that have a row.
             holders: number of ranks that have each of them.
         """
-        self.size = comm.size
         order = np.argsort(numbers, kind="stable")
         self._order, self._place = order, np.argsort(order)
         rows = _Rows(numbers[order], np.ones(len(order), dtype=np.int64), holders[order])
@@ -133,7 +131,7 @@ class RankDissection:
         for merge in merges(comm.rank, comm.size):
             self._levels.append(_Level(comm, merge, rows))
             rows = self._levels[-1].left
-        self.largest_front = max((level.size for level in self._levels), default=0)
+        self.largest_front = max(level.size for level in self._levels)
         assert not len(rows.numbers)  # every row is complete where all ranks are joined
 
     def factor(self, matrix: FloatArray, regular: bool) -> bool:
@@ -150,8 +148,6 @@ class RankDissection:
 
     def solve(self, right: FloatArray) -> None:
         """Solve in place for this rank's part of the right-hand side (collective)."""
-        if not self._levels:
-            return
         part = right[self._order]
         for level in self._levels:
             part = level.reduce(part)

@@ -105,11 +105,11 @@ def iterate(
             elements only; the others have the present ones.
     """
     rows, strains = system.constraints, system.accepted_strains(thin=thin)
-    linear = system.linear.counts
+    linear, comm = system.linear.counts, system.comm
     first = previous = before = change_of_forces = inf
     wild = stuck = stagnant = 0
     for iteration in range(1, options.max_iterations + 1):
-        sent = system.comm.sent
+        sent = comm.sent if comm.size > 1 else None
         equations.evaluate(system, shifts)
         system.counters.newton_iterations += 1
         failed = linear.failed
@@ -119,9 +119,9 @@ def iterate(
         moved = done.moved
         rows.multipliers -= change if moved.part == 1.0 else moved.part * change
         failure = _failure(success and done.success, linear.failed > failed)
-        sizes = _largest(system.comm, moved, change, failure)
-        if system.comm.size > 1:
-            system.traffic.add(system.comm.sent, sent)
+        sizes = _largest(comm, moved, change, failure)
+        if sent is not None:
+            system.traffic.add(comm.sent, sent)
         if sizes[2] > 0.0:
             return Status.UNSOLVED if sizes[2] > _SINGULAR else Status.SINGULAR
         if not (isfinite(sizes[0]) and isfinite(sizes[1])):
