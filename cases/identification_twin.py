@@ -20,9 +20,10 @@ at the mean.
 A motion with all derivatives costs what a step of the fit costs; there are ``--motions`` at most.
 
 ``iterations.csv`` has the motions, what is left (the root of the mean square over the path, m, and
-the prior in the same measure) and the largest error of a stiffness; ``parameters.csv`` the levels, their standard errors and the true
-ones. The folder ``start`` has the motion of equal elements. Where the truth is not known, ``left``
-tells whether it was found: it is then no more than the noise.
+the prior in the same measure) and the largest error of a stiffness; ``parameters.csv`` the levels,
+their standard errors and the true ones. The folder ``start`` has the motion of equal elements.
+Where the truth is not known, ``left`` tells whether it was found: it is then no more than the
+noise.
 
 History: tip_x, tip_z (path of the tip, m).
 
