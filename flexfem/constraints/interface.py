@@ -23,6 +23,7 @@ from flexfem.core.nodes.frame_kernels import Nodes
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.records import Memory, unpack
 from flexfem.kernels.sequence import Call, Step, sequence
+from flexfem.la.exchange import exchange
 from flexfem.layout.node_key import NodeKey
 from flexfem.lie._blocks import copy_entries
 
@@ -192,19 +193,15 @@ class Interface:
         if not (self._send or self._receive):
             return
         width = sum(table.shape[1] for table in tables)
-        requests = [
-            self.comm.Irecv(buffer[: len(nodes) * width], source=rank, tag=_TAG)
-            for rank, nodes, buffer in self._receive
-        ]
-        for rank, nodes, buffer in self._send:
-            data = buffer[: len(nodes) * width]
+        received = [(rank, buffer[: len(nodes) * width]) for rank, nodes, buffer in self._receive]
+        sent = [(rank, buffer[: len(nodes) * width]) for rank, nodes, buffer in self._send]
+        for (_, data), (_, nodes, _) in zip(sent, self._send, strict=True):
             np.concatenate(
                 [table[nodes] for table in tables], axis=1, out=data.reshape(len(nodes), width)
             )
-            requests.append(self.comm.Isend(data, dest=rank, tag=_TAG))
-        MPI.Request.Waitall(requests)
-        for _, nodes, buffer in self._receive:
-            data, at = buffer[: len(nodes) * width].reshape(len(nodes), width), 0
+        exchange(self.comm, received, sent, _TAG)
+        for (_, values), (_, nodes, _) in zip(received, self._receive, strict=True):
+            data, at = values.reshape(len(nodes), width), 0
             for table in tables:
                 table[nodes] = data[:, at : at + table.shape[1]]
                 at += table.shape[1]

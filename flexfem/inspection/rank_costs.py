@@ -8,6 +8,7 @@ process finds what each of them would send.
 from collections import Counter
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, fields
+from functools import cache
 
 import numpy as np
 
@@ -146,28 +147,28 @@ def _count_nodes(serial: NumberedModel, placement: Placement, found: Sequence[Se
 
 def _count_fronts(shared: _Shared, found: Sequence[SentByRank]) -> None:
     """Add what ranks send, and calculate, to eliminate the rows between them."""
-    left = dict[tuple[int, int], set[tuple[int, ...]]]()
 
-    def of(half: tuple[int, int]) -> set[tuple[int, ...]]:
+    @cache
+    def left(half: tuple[int, int]) -> frozenset[tuple[int, ...]]:
         """Ranks of the rows that a half has left: those that are in it, and others."""
-        if half not in left:
-            first, end = half
-            left[half] = {
-                on
-                for on in shared
-                if any(first <= rank < end for rank in on) and not first <= on[0] <= on[-1] < end
-            }
-        return left[half]
+        first, end = half
+        return frozenset(
+            on
+            for on in shared
+            if any(first <= rank < end for rank in on) and not first <= on[0] <= on[-1] < end
+        )
+
+    @cache
+    def rows(*halves: tuple[int, int]) -> int:
+        """Number of rows that halves have left together."""
+        return sum(shared[on] for on in frozenset().union(*map(left, halves)))
 
     for rank, one in enumerate(found):
         for merge in merges(rank, len(found)):
-            own, other = of(merge.own), of(merge.other)
-            size = sum(shared[on] for on in own)
-            front = sum(shared[on] for on in own | other)
-            remaining = sum(shared[on] for on in of(merge.whole))
+            size, front = rows(merge.own), rows(*sorted((merge.own, merge.other)))
             one.largest_front = max(one.largest_front, front)
             if size:
                 one.send(len(merge.to), size)
             one.factor_messages += len(merge.to)
             one.factor_bytes += len(merge.to) * _BYTES * (size**2 + 1)
-            one.front_flops += 2.0 / 3.0 * (front**3 - remaining**3)
+            one.front_flops += 2.0 / 3.0 * (front**3 - rows(merge.whole) ** 3)

@@ -42,7 +42,16 @@ from flexfem.system.contact_share import ContactShare
 from flexfem.system.evaluation import Evaluation
 from flexfem.system.modal_dampers import ModalDampers
 
-__all__ = ["GYROSCOPIC", "MASS", "BlockPart", "Counters", "PartStrains", "Shifts", "System"]
+__all__ = [
+    "GYROSCOPIC",
+    "MASS",
+    "BlockPart",
+    "Counters",
+    "PartStrains",
+    "Shifts",
+    "System",
+    "Traffic",
+]
 
 #: Strains of each part whose stresses are used in tangents; None for the present ones.
 PartStrains = Sequence[Strains | None]

@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.la.exchange import exchange
 
 __all__ = ["HaloExchange", "send_numbers"]
 
@@ -69,10 +70,8 @@ class HaloExchange:
         """Send rows of nodes to some neighbours; nodes and rows of messages from the others."""
         width = values.shape[1]
         rows = {rank: np.empty((len(nodes), width)) for rank, nodes in asked.items()}
-        requests = [self._comm.Irecv(row, source=rank, tag=_TAG) for rank, row in rows.items()]
-        sent = {rank: values[nodes] for rank, nodes in given.items()}
-        requests += [self._comm.Isend(row, dest=rank, tag=_TAG) for rank, row in sent.items()]
-        MPI.Request.Waitall(requests)
+        sent = [(rank, values[nodes]) for rank, nodes in given.items()]
+        exchange(self._comm, rows.items(), sent, _TAG)
         return zip(asked.values(), rows.values(), strict=True)
 
 

@@ -16,6 +16,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.la.exchange import exchange
 from flexfem.mesh.distributed.rank_tree import Merge, merges
 from flexfem.solvers.linear.dense_elimination import DenseElimination
 
@@ -101,12 +102,11 @@ class _Level:
 
     def _exchange(self, sent: FloatArray, received: FloatArray) -> None:
         """Send a vector to the other half and receive that of it; empty ones are not sent."""
-        requests = []
-        if len(received):
-            requests.append(self._comm.Irecv(received, source=self._merge.source, tag=_TAG))
-        if len(sent):
-            requests += [self._comm.Isend(sent, dest=rank, tag=_TAG) for rank in self._merge.to]
-        MPI.Request.Waitall(requests)
+        merge = self._merge
+        exchange(
+            self._comm, [(merge.source, received)] if len(received) else [],
+            [(rank, sent) for rank in merge.to] if len(sent) else [], _TAG,
+        )  # fmt: skip
 
 
 class RankDissection:
