@@ -13,6 +13,7 @@ from flexfem.options import FieldsOption, Settings, option, setting
 __all__ = [
     "Analysis",
     "fields",
+    "fields_precision",
     "kernels",
     "linear_solver",
     "linear_tolerance",
@@ -42,6 +43,16 @@ def fields() -> Any:
         "The swept surfaces of beams, the largest part of most results, are written for ``all``, "
         "for ``beam_surfaces`` and for a stress on them; pages sweep the sections themselves, and "
         "have these stresses from ``resultant``.",
+    )
+
+
+def fields_precision() -> Any:
+    """Declare the option of all analyses with a history for numbers in series for ParaView."""
+    return option(
+        "numbers in the ParaView files: positions double and fields single (mixed), or all alike",
+        default="mixed",
+        choices=("mixed", "single", "double"),
+        note="Single precision rounds to 6e-8 of a value.",
     )
 
 

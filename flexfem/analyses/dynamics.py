@@ -6,6 +6,7 @@ from pathlib import Path
 from flexfem.analyses.analysis import (
     Analysis,
     fields,
+    fields_precision,
     kernels,
     linear_solver,
     linear_tolerance,
@@ -99,6 +100,7 @@ class RunOptions(Settings):
     )
     every: int = option("write the ParaView fields every N-th time step dt", default=10, minimum=1)
     fields: str = fields()
+    fields_precision: str = fields_precision()
     checkpoint_every: int = option(
         "write a checkpoint every N-th step and at the end; 0: only if the run ends early",
         default=0,

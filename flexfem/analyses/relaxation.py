@@ -3,7 +3,14 @@
 
 from pathlib import Path
 
-from flexfem.analyses.analysis import Analysis, fields, kernels, restart, split_above
+from flexfem.analyses.analysis import (
+    Analysis,
+    fields,
+    fields_precision,
+    kernels,
+    restart,
+    split_above,
+)
 from flexfem.options import Settings, option, settings
 
 __all__ = ["RELAXATION", "RelaxationOptions"]
@@ -71,6 +78,7 @@ class RelaxationOptions(Settings):
         note="It is a multiple of ``record_every``.",
     )
     fields: str = fields()
+    fields_precision: str = fields_precision()
     checkpoint_every: int = option(
         "write a checkpoint every N-th iteration and at the end; 0: only if the run ends early",
         default=0,

@@ -3,7 +3,14 @@
 
 from pathlib import Path
 
-from flexfem.analyses.analysis import Analysis, fields, kernels, restart, split_above
+from flexfem.analyses.analysis import (
+    Analysis,
+    fields,
+    fields_precision,
+    kernels,
+    restart,
+    split_above,
+)
 from flexfem.options import Settings, TargetsOption, option, settings
 
 __all__ = ["StaticOptions"]
@@ -108,6 +115,7 @@ class StaticOptions(Settings):
     )
     every: int = option("write the ParaView fields every N-th step", default=1, minimum=1)
     fields: str = fields()
+    fields_precision: str = fields_precision()
     checkpoint_every: int = option(
         "write a checkpoint every N-th load step and at the end; 0: only if the run ends early",
         default=0,

@@ -18,6 +18,7 @@ from flexfem._types import FloatArray
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
 from flexfem.io.paraview.field_output import FieldOutput
+from flexfem.io.vtu.field_choice import FieldChoice
 from flexfem.model.contact import Contact
 from flexfem.model.model import Model
 from flexfem.model.probes.measured import EnergyProbe
@@ -407,7 +408,10 @@ class StaticSteps(Steps):
         if self._options.output is None:
             return
         modes = [(c.t, c.motion) for c in self.followed.critical if c.kind == "bifurcation"] + found
-        fields = FieldOutput(self._options.output / "modes", self.system, self.serial)
+        fields = FieldOutput(
+            self._options.output / "modes", self.system, self.serial,
+            fields=FieldChoice(precision=self._options.fields_precision),
+        )  # fmt: skip
         base = self.equilibrium.keep()
         for number, (t, motion) in enumerate(modes):
             for part, steps in zip(self.system.parts, motion, strict=True):

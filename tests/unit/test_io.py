@@ -22,8 +22,10 @@ from flexfem.io import (
     VtuSeries,
     body_surface,
 )
+from flexfem.io.vtu.field_choice import FieldChoice
 from flexfem.io.vtu.shell_fields import ShellFields, ShellWriter
 from flexfem.io.vtu.surfaces import Surface, cylinder, frames_along, sphere
+from flexfem.la.counting_comm import CountingComm
 
 COMM = MPI.COMM_WORLD
 # Fields are stored in single precision: relative rounding 6e-8.
@@ -138,6 +140,60 @@ def test_series_with_cells_on_the_last_rank_only(shared_tmp_path: Path) -> None:
     pieces = sorted(p.name for p in (shared_tmp_path / "part").glob("*.vtu"))
     assert pieces == [f"part_000001_{COMM.size - 1}.vtu"]
     assert read(shared_tmp_path / pvd(shared_tmp_path / "part.pvd")[0][1]).n_cells == 3
+
+
+@pytest.mark.three_ranks
+def test_ranks_that_have_cells_may_change(shared_tmp_path: Path) -> None:
+    """Also after an instant that a mistake on one rank has left out."""
+    x, cells = segment(COMM.rank)
+    series = VtuSeries(shared_tmp_path, "s", COMM)
+    last = COMM.size - 1
+    for step, having in enumerate(([last], [0], range(COMM.size), [last])):
+        mine = cells if COMM.rank in having else cells[:0]
+        if step == 2:
+            with pytest.raises(ValueError, match="a cell names point 4"):
+                series.write(0.5, 9, x, cells + (COMM.rank == 0), "line", {"w": x})
+        series.write(float(step), step, x, mine, "line", {"v": x} | ({"u": x} if step > 1 else {}))
+    series.close()
+    for step, count in enumerate((1, 1, COMM.size, 1)):
+        time, file = pvd(shared_tmp_path / "s.pvd")[step]
+        grid = read(shared_tmp_path / file)
+        assert (time, grid.n_cells) == (step, 3 * count)
+        assert set(grid.point_data) == ({"v", "u"} if step > 1 else {"v"})
+    COMM.barrier()
+
+
+@pytest.mark.three_ranks
+def test_ranks_send_each_other_a_few_numbers_only(shared_tmp_path: Path) -> None:
+    """Not their arrays, nor descriptions of them, which 1000 ranks would send to 1000."""
+
+    class Watched(CountingComm):
+        others = 0
+
+        def allgather(self, sendobj: Any) -> Any:
+            self.others += 1
+            return super().allgather(sendobj)
+
+        def gather(self, *args: Any, **kwargs: Any) -> Any:
+            self.others += 1
+            return super().gather(*args, **kwargs)
+
+        def bcast(self, *args: Any, **kwargs: Any) -> Any:
+            self.others += 1
+            return super().bcast(*args, **kwargs)
+
+    comm = Watched(COMM)
+    x, cells = segment(COMM.rank, 1000)
+    series = VtuSeries(shared_tmp_path, "s", comm)
+    series.write(0.0, 0, x, cells, "line", {f"v{i}": x for i in range(20)})
+    before, comm.others = comm.sent, 0
+    series.write(1.0, 1, x, cells, "line", {f"v{i}": x for i in range(20)})
+    after = comm.sent
+    assert comm.others == 0
+    # two errors and five numbers to agree on; descriptions of the arrays alone are 1 kB a rank
+    assert after.reduced_bytes - before.reduced_bytes <= 56
+    assert after.messages == before.messages
+    series.close()
 
 
 def test_series_without_cells_anywhere_leaves_nothing(shared_tmp_path: Path) -> None:
@@ -304,6 +360,28 @@ def test_an_unwritable_folder_is_an_error_on_all_ranks(shared_tmp_path: Path) ->
     x, cells = segment(COMM.rank)
     with pytest.raises(OSError, match="s"):
         VtuSeries(shared_tmp_path, "s", COMM).write(0.0, 0, x, cells, "line")
+
+
+@pytest.mark.parametrize(
+    ("precision", "places", "fields"),
+    [("mixed", "f8", "f4"), ("single", "f4", "f4"), ("double", "f8", "f8")],
+)
+def test_numbers_have_the_chosen_precision(
+    shared_tmp_path: Path, precision: str, places: str, fields: str
+) -> None:
+    x, cells = segment(COMM.rank)
+    x, v = x + 1.0 / 3.0, x + 0.1
+    series = VtuSeries(shared_tmp_path, "s", COMM, fields=FieldChoice(precision=precision))
+    series.write(0.0, 0, x, cells, "line", {"v": v}, {"body": cells[:, 0], "e": v[:3, 0]})
+    series.close()
+    grid = read(shared_tmp_path / pvd(shared_tmp_path / "s.pvd")[0][1])
+    COMM.barrier()
+    assert grid.points.dtype == places
+    assert [grid.point_data["v"].dtype, grid.cell_data["e"].dtype] == [fields, fields]
+    mine = slice(4 * COMM.rank, 4 * COMM.rank + 4)  # pieces in the order of ranks
+    # every bit of what is written; numbers that went through single precision are off by 1e-8
+    np.testing.assert_array_equal(grid.points[mine], x.astype(places))
+    np.testing.assert_array_equal(grid.point_data["v"][mine], v.astype(fields))
 
 
 # -- beams, bodies, joints ---

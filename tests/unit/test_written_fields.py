@@ -17,10 +17,11 @@ from tests.unit.swing import mechanism
 ALWAYS = {"body", "joint", "section", "e1", "e2", "e3"}
 
 
-def run(folder: Path, fields: str) -> dict[str, list[Grid]]:
+def run(folder: Path, fields: str, precision: str = "mixed") -> dict[str, list[Grid]]:
     """Grids of the last instant of a short run, of all ranks, by series."""
     options = ff.RunOptions(
-        dt=0.02, t_end=0.04, every=1, quiet=True, output=folder, fields=fields, split_above=1
+        dt=0.02, t_end=0.04, every=1, quiet=True, output=folder, fields=fields, split_above=1,
+        fields_precision=precision,
     )  # fmt: skip
     assert ff.simulate(mechanism(), options).status == "ok"
     MPI.COMM_WORLD.Barrier()
@@ -57,6 +58,31 @@ def test_a_stress_brings_the_surfaces(shared_tmp_path: Path) -> None:
     found = run(shared_tmp_path, "von_mises")
     assert arrays(found["beam_surfaces"]) == {"body", "von_mises"}
     assert not {"strain", "velocity"} & arrays(found["beams"])
+
+
+def test_double_precision_reaches_all_series(shared_tmp_path: Path) -> None:
+    """Values of the mixed files are these, rounded; positions of swept surfaces as well."""
+    mixed = run(shared_tmp_path, "all")
+    double = run(shared_tmp_path, "all", "double")
+    assert mixed.keys() == double.keys()
+    for series, grids in double.items():
+        for one, other in zip(grids, mixed[series], strict=True):
+            rounded = one.points.astype(other.points.dtype)
+            if series != "beam_surfaces":
+                np.testing.assert_array_equal(rounded, other.points)
+            for name, values in {**one.point_data, **one.cell_data}.items():
+                known = {**other.point_data, **other.cell_data}[name]
+                assert values.dtype == (np.float64 if known.dtype == np.float32 else known.dtype)
+                np.testing.assert_array_equal(values.astype(known.dtype), known)
+    # not single numbers in files of doubles
+    strain = double["beams"][0].cell_data["strain"]
+    assert np.any(strain != strain.astype(np.float32))
+
+
+@pytest.mark.serial
+def test_unknown_precision_is_refused() -> None:
+    with pytest.raises(ValueError, match="fields_precision must be one of mixed, single, double"):
+        ff.RunOptions(dt=0.1, t_end=1.0, fields_precision="half")
 
 
 @pytest.mark.serial

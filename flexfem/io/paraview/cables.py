@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Cables for ParaView: lines over their guides, with the tension in each part."""
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -10,6 +9,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.rows.placed_joint import PlacedJoint
 from flexfem.core.pose import Pose
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.io.vtu.series import VtuSeries
 from flexfem.joints.cable import Cable
 from flexfem.joints.cable_guides import rubs
@@ -42,7 +42,7 @@ class CableWriter:
 
     def __init__(
         self, folder: Path, system: System, resume: float | None = None,
-        fields: Collection[str] | None = None, *, shown: bool = True,
+        fields: FieldChoice = EVERYTHING, *, shown: bool = True,
     ) -> None:  # fmt: skip
         """Declare the series; without cables it only removes earlier files.
 
@@ -50,7 +50,7 @@ class CableWriter:
             folder: result folder.
             system: system whose state is written.
             resume: keep the instants of an earlier run up to this time (s).
-            fields: to write; None for all.
+            fields: to write, and their precision.
             shown: True if the model has cables.
         """
         self._system, self._shown = system, shown

@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rigid surfaces of contacts for ParaView: obstacles on the ground and those that bodies carry."""
 
-from collections.abc import Collection
 from pathlib import Path
 
 import numpy as np
@@ -9,6 +8,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.io.vtu.body_fields import RigidBodyFields, RigidBodyWriter
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.io.vtu.isosurface import isosurface
 from flexfem.io.vtu.surfaces import Surface, cylinder, joined, sphere
 from flexfem.layout.node_key import NodeKey
@@ -43,7 +43,7 @@ class ContactSurfaceWriter:
 
     def __init__(
         self, folder: Path, system: System, serial: NumberedModel, resume: float | None = None,
-        fields: Collection[str] | None = None,
+        fields: FieldChoice = EVERYTHING,
     ) -> None:  # fmt: skip
         """Declare the series; without surfaces it only removes earlier files.
 
@@ -52,7 +52,7 @@ class ContactSurfaceWriter:
             system: system whose state is written.
             serial: serial data of its model.
             resume: keep the instants of an earlier run up to this time (s).
-            fields: to write; None for all.
+            fields: to write, and their precision.
         """
         # a surface may be of several contacts
         every = {id(s): s for contact in serial.model.contacts for s in contact.surfaces}

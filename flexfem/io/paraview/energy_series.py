@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Series for ParaView of bodies with an energy in UFL: their cells with energy densities."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from mpi4py import MPI
@@ -10,6 +10,7 @@ import numpy as np
 
 from flexfem._types import IntArray
 from flexfem.families.ufl_body.elements import EnergyCells, EnergyElements, Points
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.io.vtu.series import VtuSeries
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
@@ -46,7 +47,7 @@ class EnergySeries:
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None, fields: Collection[str] | None = None,
+        resume: float | None, fields: FieldChoice = EVERYTHING,
     ) -> None:  # fmt: skip
         """See ``flexfem.io.paraview.family_series.Series``."""
         self._parts = list(parts)

@@ -5,7 +5,7 @@ Every class gets the parts of all families that name it in ``Family.series``, ma
 only removes files of an earlier run. All calls are collective.
 """
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from itertools import pairwise
 from pathlib import Path
 from typing import Any, Protocol
@@ -25,6 +25,7 @@ from flexfem.io.paraview.curve_fields import CurveSampler
 from flexfem.io.vtu.beam_fields import BeamFields
 from flexfem.io.vtu.beam_writer import BeamWriter
 from flexfem.io.vtu.body_fields import RigidBodyFields, RigidBodyWriter
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.io.vtu.floating_fields import FloatingState, FloatingWriter
 from flexfem.io.vtu.shell_fields import ShellFields, ShellWriter
 from flexfem.io.vtu.surfaces import body_surface
@@ -48,7 +49,7 @@ class Series(Protocol):
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None, fields: Collection[str] | None = None,
+        resume: float | None, fields: FieldChoice = EVERYTHING,
     ) -> None:  # fmt: skip
         """Declare the series.
 
@@ -58,7 +59,8 @@ class Series(Protocol):
             parts: of the families whose series it is.
             serial: serial data of the model.
             resume: keep the instants of an earlier run up to this time (s).
-            fields: names of those to write; None for all. A class without this argument writes all.
+            fields: names of those to write, and their precision. A class without this
+                argument writes all.
 
         Raises:
             InputError: the series of an earlier run cannot be read.
@@ -78,7 +80,7 @@ class BeamSeries:
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None, fields: Collection[str] | None = None,
+        resume: float | None, fields: FieldChoice = EVERYTHING,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
         self._samplers: list[_LineSampler | CurveSampler] = []
@@ -107,7 +109,7 @@ class ShellSeries:
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None, fields: Collection[str] | None = None,
+        resume: float | None, fields: FieldChoice = EVERYTHING,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
         self._parts = list(parts)
@@ -131,7 +133,7 @@ class RigidSeries:
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None, fields: Collection[str] | None = None,
+        resume: float | None, fields: FieldChoice = EVERYTHING,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
         self._bodies = [_BodySampler(part) for part in parts]
@@ -160,7 +162,7 @@ class FloatingSeries:
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None, fields: Collection[str] | None = None,
+        resume: float | None, fields: FieldChoice = EVERYTHING,
     ) -> None:  # fmt: skip
         """See :class:`Series`."""
         self._parts, self._bodies = list(parts), serial.model.floating_bodies

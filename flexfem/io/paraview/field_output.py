@@ -1,7 +1,6 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """ParaView output of a whole system: the bodies of all families, obstacles and joints."""
 
-from collections.abc import Collection
 from importlib import import_module
 from inspect import signature
 from pathlib import Path
@@ -16,6 +15,7 @@ from flexfem.io.paraview.family_series import Series
 from flexfem.io.paraview.paraview_state import write_paraview_state
 from flexfem.io.scene_file import SceneFile, Walls
 from flexfem.io.vtu.body_fields import JointFields, JointWriter
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.joints.cable import Cable
 from flexfem.joints.elastic_lock import ElasticLock
 from flexfem.layout.family import registry
@@ -35,7 +35,7 @@ class FieldOutput:
 
     def __init__(
         self, folder: Path, system: System, serial: NumberedModel, resume: float | None = None,
-        fields: Collection[str] | None = None,
+        fields: FieldChoice = EVERYTHING,
     ) -> None:  # fmt: skip
         """Declare all series; those without anything to show only remove earlier files.
 
@@ -44,7 +44,7 @@ class FieldOutput:
             system: system whose state is written.
             serial: serial data of its model.
             resume: keep the instants of an earlier run up to this time (s).
-            fields: names of those to write; None for all.
+            fields: names of those to write, and their precision.
 
         Raises:
             InputError: the series of an earlier run cannot be read.

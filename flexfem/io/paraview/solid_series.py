@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Series for ParaView of nonlinear solids: curved cells with fields at their nodes."""
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 
 from mpi4py import MPI
@@ -16,6 +16,7 @@ from flexfem.families.solid.family import SolidFamily
 from flexfem.families.solid.forms import FIELDS
 from flexfem.families.solid.lagrange import CELLS, reference_points, shapes
 from flexfem.families.solid.sensors import von_mises
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.io.vtu.series import VtuSeries
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
@@ -41,7 +42,7 @@ class SolidSeries:
 
     def __init__(
         self, folder: Path, comm: MPI.Intracomm, parts: Sequence[BlockPart], serial: NumberedModel,
-        resume: float | None, fields: Collection[str] | None = None,
+        resume: float | None, fields: FieldChoice = EVERYTHING,
     ) -> None:  # fmt: skip
         """See ``flexfem.io.paraview.family_series.Series``."""
         self._parts = list(parts)

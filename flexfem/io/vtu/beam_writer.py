@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike, NDArray
 
 from flexfem.io.vtu.beam_fields import BeamFields
 from flexfem.io.vtu.beam_skin import BeamSkin, SkinSection
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.io.vtu.polygons import anticlockwise
 from flexfem.io.vtu.series import VtuSeries
 from flexfem.materials.section_wall import SectionWall
@@ -48,7 +49,7 @@ class BeamWriter:
         *,
         caps: bool = True,
         resume: float | None = None,
-        fields: Collection[str] | None = None,
+        fields: FieldChoice = EVERYTHING,
     ) -> None:
         """Declare the two series; nothing is written yet.
 
@@ -60,14 +61,14 @@ class BeamWriter:
                 shown as a line only.
             caps: True if the ends of the swept surfaces are closed.
             resume: Keep the instants of an earlier run up to this time (s).
-            fields: To write; None for all. Surfaces, which are large, are written for all, for
-                ``beam_surfaces`` among these names, and for a stress on them.
+            fields: To write, and their precision. Surfaces, which are large, are written for all,
+                for ``beam_surfaces`` among these names, and for a stress on them.
         """
         walls = [drawn_walls(outline, i) for i, outline in enumerate(outlines)]
         self._sections, self._caps = [SkinSection(*ends) for ends in walls], caps
         self._stressed = any(np.isfinite(one.stress).any() for one in self._sections)
         lines, skins = "beams", "beam_surfaces"
-        self._swept = fields is None or not {skins, *_STRESSES}.isdisjoint(fields)
+        self._fields, self._swept = fields, any(name in fields for name in (skins, *_STRESSES))
         self._lines = VtuSeries(
             folder, lines, comm, components=COMPONENTS, resume=resume, fields=fields
         )
@@ -87,18 +88,18 @@ class BeamWriter:
             step: Step number.
             beams: This rank's part.
         """
-        # Single precision now: the surfaces repeat these values for every corner of an outline.
-        single = np.float32
+        # Rounded now: the surfaces repeat these values for every corner of an outline.
+        rounded = self._fields.rounded
         cell_data = {
             "body": beams.body.astype(np.int32),
-            "strain": beams.strain.astype(single),
-            "resultant": beams.resultant.astype(single),
-            "bending_moment": np.hypot(*beams.resultant[:, 4:].T).astype(single),
+            "strain": rounded(beams.strain),
+            "resultant": rounded(beams.resultant),
+            "bending_moment": rounded(np.hypot(*beams.resultant[:, 4:].T)),
         }
         point_data: dict[str, NDArray[Any]] = {
-            "displacement": beams.displacement.astype(single),
-            "velocity": beams.velocity.astype(single),
-            "angular_velocity": beams.angular_velocity.astype(single),
+            "displacement": rounded(beams.displacement),
+            "velocity": rounded(beams.velocity),
+            "angular_velocity": rounded(beams.angular_velocity),
         }
         frames: dict[str, NDArray[Any]] = {f"e{i + 1}": beams.rotation[:, :, i] for i in range(3)}
         sections = {"section": beams.section.astype(np.int32)} | self._section_axes(beams)
@@ -135,7 +136,7 @@ class BeamWriter:
         if not self._axes:
             return {}
         axes = np.swapaxes(beams.turn[..., 1:], -1, -2)
-        return {"section_axes": axes.reshape(len(axes), 2, 6).astype(np.float32)}
+        return {"section_axes": axes.reshape(len(axes), 2, 6)}
 
     def close(self) -> None:
         """End both series; collective."""

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 from numpy.typing import NDArray
 
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.io.vtu.glyphs import glyph
 from flexfem.io.vtu.series import VtuSeries
 from flexfem.io.vtu.surfaces import InstanceCache, Instances, Surface, box, frames_along
@@ -63,7 +64,7 @@ class RigidBodyWriter:
         *,
         name: str = "rigid_bodies",
         resume: float | None = None,
-        fields: Collection[str] | None = None,
+        fields: FieldChoice = EVERYTHING,
     ) -> None:
         """Declare the series; nothing is written yet.
 
@@ -73,7 +74,7 @@ class RigidBodyWriter:
             surfaces: Surface of every body of the model in body axes (see `body_surface`).
             name: Of the series.
             resume: Keep the instants of an earlier run up to this time (s).
-            fields: To write; None for all.
+            fields: To write, and their precision.
         """
         self._series = VtuSeries(folder, name, comm, resume=resume, fields=fields)
         self._templates = InstanceCache(surfaces)
@@ -157,7 +158,7 @@ class JointWriter:
         size: float | Sequence[float],
         *,
         resume: float | None = None,
-        fields: Collection[str] | None = None,
+        fields: FieldChoice = EVERYTHING,
     ) -> None:
         """Declare both series; nothing is written yet.
 
@@ -167,7 +168,7 @@ class JointWriter:
             kinds: Kind of every joint of the model, such as "Revolute"; unknown ones become cubes.
             size: Size of the glyphs in m, common or per joint.
             resume: Keep the instants of an earlier run up to this time (s).
-            fields: To write; None for all.
+            fields: To write, and their precision.
         """
         sizes = np.broadcast_to(np.asarray(size, dtype=np.float64), (len(kinds),)).tolist()
         self._series = VtuSeries(folder, "joints", comm, resume=resume, fields=fields)

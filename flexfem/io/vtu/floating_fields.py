@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +11,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.io.vtu.series import VtuSeries
 
 if TYPE_CHECKING:
@@ -68,7 +69,7 @@ class FloatingWriter:
 
     def __init__(
         self, folder: Path, comm: MPI.Comm, bodies: Sequence[FloatingBody], *,
-        resume: float | None = None, fields: Collection[str] | None = None,
+        resume: float | None = None, fields: FieldChoice = EVERYTHING,
     ) -> None:  # fmt: skip
         """Declare both series; nothing is written yet.
 
@@ -77,7 +78,7 @@ class FloatingWriter:
             comm: Communicator; `write` and `close` are collective.
             bodies: Of the model; those without recovery are not shown.
             resume: Keep the instants of an earlier run up to this time (s).
-            fields: To write; None for all.
+            fields: To write, and their precision.
         """
         self._bodies = bodies
         self._series = {

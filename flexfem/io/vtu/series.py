@@ -11,9 +11,10 @@ from __future__ import annotations
 import math
 import re
 import sys
-from collections.abc import Buffer, Collection, Mapping, Sequence
+from collections.abc import Buffer, Mapping, Sequence
 from dataclasses import dataclass
 from functools import lru_cache
+from hashlib import blake2b
 from os import SEEK_END
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -24,7 +25,8 @@ import numpy as np
 from numpy.typing import ArrayLike, NDArray
 
 from flexfem._checks import InputError
-from flexfem.io.atomic import gathered, raise_together, replace_file
+from flexfem.io.atomic import raise_together, replace_file
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -43,8 +45,6 @@ _TYPE_NAMES = {
     np.dtype(np.float64): "Float64", np.dtype(np.float32): "Float32", np.dtype(np.int32): "Int32",
     np.dtype(np.uint8): "UInt8",
 }  # fmt: skip
-# Arrays of a series whatever fields are chosen
-_ALWAYS = ("body", "joint", "section", "section_axes", "e1", "e2", "e3")
 # Attributes of the point and the cell arrays
 type _Header = tuple[tuple[str, ...], tuple[str, ...]]
 # Stands for the time in a text; no document has this character
@@ -97,7 +97,9 @@ class VtuSeries:
     """Series ``<folder>/<name>.pvd`` of unstructured grids, one file per rank and step.
 
     Each rank writes ``<name>/<name>_<step>_<rank>.vtu`` with its own cells; ranks without cells
-    write nothing. With several ranks rank 0 adds ``<name>/<name>_<step>.pvtu``. The index
+    write nothing. With several ranks rank 0 adds ``<name>/<name>_<step>.pvtu``. What ranks send
+    each other for it does not depend on the size of the grid: a few numbers, and the names of the
+    arrays where these, or the ranks that have cells, change. The index
     ``<name>.pvd`` is whole after every step, so that a killed run leaves a readable series. An
     instant without cells on any rank is left out.
     """
@@ -110,7 +112,7 @@ class VtuSeries:
         *,
         components: Mapping[str, Sequence[str]] | None = None,
         resume: float | None = None,
-        fields: Collection[str] | None = None,
+        fields: FieldChoice = EVERYTHING,
         single: bool = False,
     ) -> None:
         """Declare the series; nothing is written yet. Collective if an earlier one is continued.
@@ -121,9 +123,8 @@ class VtuSeries:
             comm: Communicator; `write` and `close` are collective.
             components: Names of the components of some arrays, by array name.
             resume: Keep the instants of an earlier run up to this time (s); None removes them all.
-            fields: Names of the arrays to write; None for all. Those that tell bodies, joints and
-                sections are always written.
-            single: Positions are written in single precision.
+            fields: Names of the arrays to write, and their precision.
+            single: Positions are written in the precision of fields.
 
         Raises:
             ValueError: If the name cannot be used.
@@ -133,14 +134,17 @@ class VtuSeries:
             raise ValueError(f"VtuSeries '{name}': the name must be usable as a file name")
         self.folder, self.name, self.comm = Path(folder), name, comm
         self._folder, self._index_file = self.folder / name, self.folder / f"{name}.pvd"
-        self._fields = None if fields is None else {*fields, *_ALWAYS}
-        self._place = np.float32 if single else np.float64
+        self._fields = fields
+        self._place = fields.of_fields if single else fields.of_places
         self._components = {k: tuple(v) for k, v in (components or {}).items()}
         self._instants: dict[int, tuple[float, str]] = {}  # step -> (time, file), rank 0 only
         self._last: tuple[float, str] | None = None  # of them
         # of the last instant
         self._cells, self._count = np.zeros((0, 0), dtype=np.int32), 0
         self._text: _Text | None = None
+        self._mine: _Header | None = None  # arrays of this rank at the last instant
+        self._sources: list[int] = []  # ranks that had cells then; rank 0 only
+        self._arrays: _Header = (), ()  # of all ranks
         if resume is not None:
             self._recall(resume)
         self._started = self._closed = False
@@ -163,8 +167,9 @@ class VtuSeries:
             points: This rank's points (n, 3) in m.
             cells: This rank's cells (m, k), local point numbers.
             cell_type: "vertex", "line", "triangle", "quad" or "tetra".
-            point_data: Arrays (n,), (n, c) or (n, c, d), stored as float32 or int32.
-            cell_data: Arrays (m,), (m, c) or (m, c, d), stored as float32 or int32.
+            point_data: Arrays (n,), (n, c) or (n, c, d), stored as float32 (float64 in double
+                precision) or int32.
+            cell_data: Arrays (m,), (m, c) or (m, c, d), stored in the same way.
 
         Raises:
             ValueError: On all ranks, if arrays do not fit each other on one of them.
@@ -181,12 +186,8 @@ class VtuSeries:
             header = piece.header() if len(piece.connectivity) else None
         except (TypeError, ValueError) as exc:
             error = exc
-        headers = gathered(self.comm, header, error)
-        present = [h for h in headers if h is not None]
-        if not present:
+        if not self._agree(header, error):
             return
-        if any(h != present[0] for h in present):
-            raise ValueError(f"VtuSeries '{self.name}': the ranks pass different arrays")
         try:
             if piece is not None and header is not None:
                 name = f"{self._stem(step)}_{self.comm.rank}.vtu"
@@ -196,7 +197,7 @@ class VtuSeries:
         raise_together(self.comm, error)
         if self.comm.rank == 0:
             try:
-                self._index(time, step, headers, present[0])
+                self._index(time, step)
             except OSError as exc:
                 error = exc
         raise_together(self.comm, error)
@@ -211,6 +212,40 @@ class VtuSeries:
                 self._start()
             self._closed = True
             self.comm.barrier()
+
+    def _agree(self, header: _Header | None, error: Exception | None) -> bool:
+        """Learn the arrays and the ranks that have cells; False if none has any (collective).
+
+        Raises:
+            Exception: On all ranks, the first rank's error, or that their arrays differ.
+        """
+        if self.comm.size == 1:
+            if error is not None:
+                raise error
+            return header is not None
+        from mpi4py import MPI
+
+        least = np.iinfo(np.int64).min
+        own = np.array(
+            [error is not None, header != self._mine, least, least, least], dtype=np.int64
+        )
+        if header is not None:
+            mark = int.from_bytes(blake2b(repr(header).encode(), digest_size=7).digest())
+            own[2:] = mark, -mark, -self.comm.rank
+        found = own.copy()
+        self.comm.Allreduce(own, found, op=MPI.MAX)
+        if found[0]:
+            raise_together(self.comm, error)
+        some = bool(found[4] > least)
+        if some and found[2] != -found[3]:
+            raise ValueError(f"VtuSeries '{self.name}': the ranks pass different arrays")
+        if found[1]:  # on any rank
+            self._mine = header
+            every = self.comm.gather(header is not None) or []
+            self._sources = [rank for rank, has in enumerate(every) if has]
+            if some:
+                self._arrays = self.comm.bcast(header, root=-int(found[4])) or self._arrays
+        return some
 
     def _replace(self, name: str, chunks: Sequence[Buffer]) -> None:
         """Write a file of the series; its folder is made if it is not there."""
@@ -279,12 +314,9 @@ class VtuSeries:
             _Array("Points", x, 3, ()),
             c,
             cell_type,
-            tuple(self._array(k, v, len(x)) for k, v in point_data.items() if self._wants(k)),
-            tuple(self._array(k, v, len(c)) for k, v in cell_data.items() if self._wants(k)),
+            tuple(self._array(k, v, len(x)) for k, v in point_data.items() if k in self._fields),
+            tuple(self._array(k, v, len(c)) for k, v in cell_data.items() if k in self._fields),
         )
-
-    def _wants(self, name: str) -> bool:
-        return self._fields is None or name in self._fields
 
     def _connectivity(self, cells: ArrayLike, cell_type: str, count: int) -> NDArray[np.int32]:
         """Checked cells, by so many points."""
@@ -317,28 +349,22 @@ class VtuSeries:
         kind = a.dtype.kind
         if kind not in "fiub":
             raise TypeError(f"{who}: type {a.dtype} cannot be written")
-        a = _single(a) if kind == "f" else np.ascontiguousarray(a, dtype=np.int32)
+        a = self._fields.rounded(a) if kind == "f" else np.ascontiguousarray(a, dtype=np.int32)
         components = math.prod(a.shape[1:])
         names = self._components.get(name, ())
         if names and len(names) != components:
             raise ValueError(f"{who}: {components} components but {len(names)} component names")
         return _Array(name, a, components, names)
 
-    def _index(
-        self,
-        time: float,
-        step: int,
-        headers: Sequence[object | None],
-        arrays: tuple[tuple[str, ...], tuple[str, ...]],
-    ) -> None:
+    def _index(self, time: float, step: int) -> None:
         """Make the instant visible: PVTU (several ranks), then PVD; rank 0."""
         stem = self._stem(step)
         file = f"{stem}_0.vtu"
         if self.comm.size > 1:
             file = f"{stem}.pvtu"
-            sources = [f"{stem}_{r}.vtu" for r, h in enumerate(headers) if h is not None]
+            sources = [f"{stem}_{rank}.vtu" for rank in self._sources]
             kind = _TYPE_NAMES[np.dtype(self._place)]
-            self._replace(file, [_pvtu(sources, kind, *arrays).encode()])
+            self._replace(file, [_pvtu(sources, kind, *self._arrays).encode()])
         instant = (float(time), f"{self.name}/{file}")
         later = step not in self._instants and (self._last is None or self._last < instant)
         self._instants[step] = instant
@@ -393,14 +419,6 @@ def _document(kind: str, version: str, lines: Sequence[str]) -> str:
             _DOCUMENT_END,
         ]
     )
-
-
-def _single(values: NDArray[Any]) -> NDArray[np.float32]:
-    """Contiguous values in single precision, infinite where they are too large for it."""
-    if values.dtype == np.float32:
-        return np.ascontiguousarray(values)
-    with np.errstate(over="ignore", under="ignore"):
-        return np.ascontiguousarray(values, dtype=np.float32)
 
 
 class _Text:

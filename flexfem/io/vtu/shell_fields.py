@@ -3,7 +3,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Collection
 from dataclasses import dataclass
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -11,6 +10,7 @@ from typing import TYPE_CHECKING
 import numpy as np
 from numpy.typing import NDArray
 
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.io.vtu.series import VtuSeries
 
 if TYPE_CHECKING:
@@ -63,7 +63,7 @@ class ShellWriter:
 
     def __init__(
         self, folder: Path, comm: MPI.Comm, *, resume: float | None = None,
-        fields: Collection[str] | None = None,
+        fields: FieldChoice = EVERYTHING,
     ) -> None:  # fmt: skip
         """Declare the series; nothing is written yet.
 
@@ -71,7 +71,7 @@ class ShellWriter:
             folder: Result folder.
             comm: Communicator; `write` and `close` are collective.
             resume: Keep the instants of an earlier run up to this time (s).
-            fields: To write; None for all.
+            fields: To write, and their precision.
         """
         self._series = VtuSeries(
             folder, "shells", comm, components=COMPONENTS, resume=resume, fields=fields

@@ -11,7 +11,7 @@ from mpi4py import MPI
 from flexfem import launch
 from flexfem._checks import InputError
 from flexfem._faults import Faults, current, watched
-from flexfem.io.atomic import raise_together
+from flexfem.io.atomic import first_error, raise_together
 from flexfem.io.folder_lock import FolderLock
 from flexfem.io.tables.history import FolderLostError
 from flexfem.launch import Interrupted
@@ -117,8 +117,7 @@ def _own_folder(options: Settings, comm: MPI.Intracomm) -> Iterator[None]:
 
 def agreed(faults: Faults, comm: MPI.Intracomm) -> Exception | None:
     """The error of the first rank that has one, None without errors (collective)."""
-    found = [faults.error] if comm.size == 1 else comm.allgather(faults.error)
-    return next((error for error in found if error is not None), None)
+    return first_error(comm, faults.error)
 
 
 def folder_is_lost(comm: MPI.Intracomm) -> bool:

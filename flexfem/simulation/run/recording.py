@@ -19,6 +19,7 @@ from flexfem.io.paraview.field_output import FieldOutput
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
 from flexfem.io.tables.history import AngleColumns, FolderLostError, HistoryWriter
+from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.options import Settings, field_names
 from flexfem.simulation.run.guard import agreed, refuse
@@ -132,7 +133,8 @@ class Recorder:
         if settings.output is not None:
             # an InputError must not change files: the table is cut last
             names = field_names(getattr(settings, "fields", "all"))
-            self._fields = FieldOutput(settings.output, system, serial, start, names)
+            chosen = FieldChoice(names, getattr(settings, "fields_precision", EVERYTHING.precision))
+            self._fields = FieldOutput(settings.output, system, serial, start, chosen)
             self._table = HistoryWriter(
                 settings.output / "history.csv", self._columns, system.comm, resume=start
             )

@@ -17,6 +17,7 @@ from flexfem.io.paraview.paraview_state import write_paraview_state
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
 from flexfem.io.tables.history import AngleColumns, FolderLostError, HistoryWriter
+from flexfem.io.vtu.field_choice import FieldChoice
 from flexfem.io.vtu.series import VtuSeries
 from flexfem.research.equations.run.stepping import SteppedEquations
 from flexfem.research.equations.vector_equations import Motion
@@ -48,7 +49,7 @@ class EquationRecords:
         self._columns = list(equations.columns)
         self._angles = AngleColumns(self._columns, list(equations.angles))
         self._rows: list[FloatArray] = []
-        self._folder = options.output
+        self._folder, self._choice = options.output, FieldChoice(precision=options.fields_precision)
         self._table: HistoryWriter | None = None
         self._series: dict[str, VtuSeries] = {}
         self._opened = False  # ParaView's script is written
@@ -127,7 +128,9 @@ class EquationRecords:
         """Write the pictures (collective); the first rank has all data."""
         for name, seen in self._equations.pictures(motion).items():
             if name not in self._series:
-                self._series[name] = VtuSeries(folder, name, self._comm, resume=self._resume)
+                self._series[name] = VtuSeries(
+                    folder, name, self._comm, resume=self._resume, fields=self._choice
+                )
             mine = slice(None) if self._comm.rank == 0 else slice(0)
             self._series[name].write(
                 motion.t, step, seen.points[mine], seen.cells[mine], seen.cell_type,
