@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Central differences of fourth order, and steps that suit a function."""
+"""Central differences of fourth and sixth order, and steps that suit a function."""
 
 from collections.abc import Callable, Sequence
 from math import inf
@@ -10,8 +10,8 @@ from flexfem._faults import FAILURES
 from flexfem._types import FloatArray
 
 __all__ = [
-    "ENOUGH", "STENCIL", "STEPS", "SUITS", "central", "differenced", "slopes", "slopes_of_rows",
-    "suited_step",
+    "ENOUGH", "STENCIL", "STEPS", "SUITS", "central", "differenced", "extrapolated", "slopes",
+    "slopes_of_rows", "suited_step",
 ]  # fmt: skip
 
 #: Places in steps, with weights over the step.
@@ -28,6 +28,10 @@ _ROUNDING = 1e-13
 #: Steps, the longest first, and the relative change of the derivatives with a tenth of a step up to
 #: which it suits.
 _FINE, _SUITS = (1e-3, 1e-4, 1e-5, 1e-6), 1e-9
+#: Longest step of extrapolated differences relative to the size of what changes, the number of
+#: steps, each a half of the one before, and the relative difference between the fourth and the
+#: sixth order up to which these suit: errors of the sixth are its power 3/2.
+_FAR, _HALVES, _CLOSE = 3.2e-2, 9, 1e-7
 
 
 def central(moved: Callable[[int, float], FloatArray], sizes: Sequence[float]) -> FloatArray:
@@ -53,6 +57,45 @@ def differenced(weights: Sequence[float], values: Sequence[FloatArray]) -> Float
     for weight, own in zip(weights[1:], values[1:], strict=True):
         found = found + weight * (own - values[0])
     return found
+
+
+def extrapolated(
+    difference: Callable[[float], FloatArray], size: float, rounding: FloatArray
+) -> FloatArray:
+    """Derivatives (n,) of sixth order from central differences, with steps as long as suit.
+
+    Those with three steps, each a half of the one before, are extrapolated to zero (Richardson,
+    Phil. Trans. A 210 (1911) 307-357). Steps are halved until the two highest orders agree, or
+    differ by no more than rounding, which is the less, the longer the steps are.
+
+    Args:
+        difference: ``(f(h) - f(-h)) / (2 h)``, (n,), of a step h.
+        size: of what changes.
+        rounding: (n,) of f.
+
+    Raises:
+        Exception: that of the function, if it does not exist beside the value.
+    """
+    found, best, least = list[FloatArray](), np.zeros(0), np.full(len(rounding), inf)
+    for k in range(_HALVES):
+        step = _FAR * size / 2.0**k
+        try:
+            found.append(difference(step))
+        except FAILURES:  # the function may not exist so far away
+            if k > _HALVES - 3:
+                raise
+            found.clear()
+        if len(found) < 3:
+            continue
+        far, middle, near = found[-3:]
+        low, high = (4.0 * middle - far) / 3.0, (4.0 * near - middle) / 3.0
+        own = (16.0 * high - low) / 15.0
+        off = np.abs(own - high)
+        best = np.where(off < least, own, best) if len(best) else own
+        least = np.fmin(off, least)
+        if (least <= np.maximum(_CLOSE * np.abs(best), rounding / step)).all():
+            break
+    return best
 
 
 def suited_step(found: Callable[[float], FloatArray]) -> tuple[float, float]:

@@ -61,6 +61,8 @@ OTHER = ff.CampbellOptions(spin_end=1.0)
 WRONG = [
     ("along arc lengths only the end of the path", {
         "of": "mean:tip_z", "options": statics(arc_length=0.1)}),
+    ("along arc lengths only the end of the path", {
+        "of": "rms:t", "options": statics(arc_length=0.1)}),
     ("buckling:1 is not differentiated with a stop_column", {
         "of": "buckling:1", "options": statics(stop_column="tip_z", stop_value=-0.01)}),
     ("equilibria with critical_points True have no", {"options": statics(critical_points=True)}),

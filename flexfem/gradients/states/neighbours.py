@@ -4,7 +4,8 @@
 Derivatives by a parameter at a fixed state are central differences of high order (Fornberg, Math.
 Comp. 51 (1988) 699-706), with a step h:
 
-- of residuals ``(f(-2) - 8 f(-1) + 8 f(1) - f(2)) / (12 h)``, error ``h^4 f^(5) / 30``;
+- of residuals by places of nodes ``(f(-2) - 8 f(-1) + 8 f(1) - f(2)) / (12 h)``, error
+  ``h^4 f^(5) / 30``; those by numbers are extrapolated, see ``core.differences``;
 - of matrices ``(-f(-3) + 9 f(-2) - 45 f(-1) + 45 f(1) - 9 f(2) + f(3)) / (60 h)``, error
   ``h^6 f^(7) / 140``. Entries of stiff bodies are 1e6 to 1e10 times what a slow mode feels of them:
   so much are rounding over h, and errors of the differences by lengths, enlarged. With the step
@@ -54,7 +55,7 @@ class Stencil:
     weights: Mapping[int, float]
 
 
-RESIDUALS = Stencil(3e-4, {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12})
+RESIDUALS = Stencil(1e-3, {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12})
 MATRICES = Stencil(2e-3, {-3: -1 / 60, -2: 9 / 60, -1: -45 / 60, 1: 45 / 60, 2: -9 / 60, 3: 1 / 60})
 
 
@@ -101,22 +102,31 @@ class Parameter:
         """Its name in messages."""
         return self.name if self.entry is None else f"{self.name}[{self.entry}]"
 
-    def neighbours(self, stencil: Stencil) -> Iterator[Neighbour]:
-        """The models of the differences, one after the other.
+    @property
+    def size(self) -> float:
+        """What steps are relative to: its value, or a tenth if that is zero."""
+        return abs(self.value) or 0.1
 
-        Args:
-            stencil: ``RESIDUALS`` or ``MATRICES``.
+    def beside(self, offset: float) -> Model:
+        """The model with another value.
 
         Raises:
             InputError: there is none with such a value.
         """
-        step = stencil.step * (abs(self.value) or 0.1)
+        moved: FloatArray = np.array(self.values[self.name])
+        moved[() if self.entry is None else self.entry] = self.value + offset
+        with refusing(self.text):
+            return self.build(**plain({**self.values, self.name: moved}))
+
+    def neighbours(self, stencil: Stencil) -> Iterator[Neighbour]:
+        """The models of the differences, one after the other.
+
+        Raises:
+            InputError: there is none with such a value.
+        """
+        step = stencil.step * self.size
         for place, weight in stencil.weights.items():
-            moved: FloatArray = np.array(self.values[self.name])
-            moved[() if self.entry is None else self.entry] = self.value + place * step
-            with refusing(self.text):
-                model = self.build(**plain({**self.values, self.name: moved}))
-            yield Neighbour(model, place * step, weight / step)
+            yield Neighbour(self.beside(place * step), place * step, weight / step)
 
 
 @dataclass(frozen=True)

@@ -20,7 +20,7 @@ given.
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping, Sequence, Set
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -29,11 +29,12 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.core.differences import extrapolated
 from flexfem.gradients.equations.values import jump
 from flexfem.gradients.motion.columns import ColumnDerivatives, history_weights
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.trajectory import StoppedError
-from flexfem.gradients.states.neighbours import RESIDUALS, NodeParameters, Parameter
+from flexfem.gradients.states.neighbours import NodeParameters, Parameter
 from flexfem.gradients.states.node_places import Wanted, gradient_by_nodes
 from flexfem.gradients.states.path import SINGULAR, Equilibria, NearPath
 from flexfem.la.direct import DirectSolver
@@ -46,6 +47,8 @@ __all__ = ["gradients_of_columns"]
 _ROUGH = 0.1
 #: Step of the load factor for what depends on it at a fixed state, relative to its end.
 _TIME = 1e-4
+#: Part of the step of the differences with which jumps are told from what is curved.
+_NEAR = 1.0 / 32.0
 
 
 def gradients_of_columns(
@@ -69,54 +72,103 @@ def gradients_of_columns(
     last = path.rows - 1
     if path.stop is not None:
         used = sorted({*used, last})
-    _check_rows(path, used)
+    loads = history_weights(functionals, [LOAD], path.rows, path.history, path.system.comm)
+    _check_rows(path, {*used, *np.flatnonzero(loads.any(axis=(0, 1))).tolist()})
+    if not used:  # of load factors that are given
+        return found
     adjoints = {row: _adjoints(path, columns, weights[:, :, row], row) for row in used}
     places = [path.columns.index(name) for name in chosen]
     if path.stop is not None:
         own = _of_stop(path, columns, functionals, (weights[:, :, last], adjoints[last], places))
         weights[:, :, last], adjoints[last] = own
+    numbers = _ByNumbers(path, adjoints, weights, places)
     at = 0
     for parameter in parameters:
         out = found[:, at : at + parameter.count]
         at += parameter.count
         if isinstance(parameter, NodeParameters):
             every = {row: columns.every(weights[:, :, row]) for row in used}
-            out[:] = gradient_by_nodes(path, Wanted(adjoints, every, chosen), parameter)
+            share = gradient_by_nodes(path, Wanted(adjoints, every, chosen), parameter)
+            out[:] = path.system.comm.allreduce(share)
         else:
-            out[:, 0] = _by_number(path, parameter, (adjoints, weights, places))
-    path.system.comm.Allreduce(MPI.IN_PLACE, found)
+            out[:, 0] = numbers.gradient(parameter)
     return found
 
 
-def _by_number(
-    path: Equilibria, parameter: Parameter,
-    of: tuple[Mapping[int, FloatArray], FloatArray, Sequence[int]],
-) -> FloatArray:  # fmt: skip
-    """This rank's part of derivatives (functionals,) by a number (collective).
+class _ByNumbers:
+    """Derivatives by numbers: differences between models at the rows of the path."""
 
-    Args:
-        path: the path.
-        parameter: the number.
-        of: adjoints by rows, weights (functionals, columns, rows), places of the columns.
-    """
-    adjoints, weights, places = of
-    found, residuals = np.zeros(len(weights)), []
-    for neighbour in parameter.neighbours(RESIDUALS):
-        near = NearPath(path, neighbour.model, parameter.text)
+    def __init__(
+        self, path: Equilibria, adjoints: Mapping[int, FloatArray], weights: FloatArray,
+        places: Sequence[int],
+    ) -> None:  # fmt: skip
+        """Measure what rounding leaves of the equations (collective).
+
+        Args:
+            path: the path.
+            adjoints: (functionals, n) by the rows on which functionals depend.
+            weights: (functionals, columns, rows).
+            places: of the columns.
+        """
+        self._path, self._adjoints = path, adjoints
+        self._weights, self._places = weights, places
+        self._rounding = np.zeros(len(weights))
         for row, z in adjoints.items():
+            path.go_to(row)
+            squares = np.array([*(z**2).sum(axis=1), (path.residual() ** 2).sum()])
+            path.system.comm.Allreduce(MPI.IN_PLACE, squares)
+            self._rounding += np.sqrt(squares[:-1] * squares[-1])
+
+    def gradient(self, parameter: Parameter) -> FloatArray:
+        """Derivatives (functionals,) by a number (collective).
+
+        Raises:
+            InputError: the model does not exist beside it, or its equations jump there.
+        """
+        jumps = dict[float, bool]()
+
+        def difference(step: float) -> FloatArray:
+            """Of both models, the same on all ranks."""
+            found = np.zeros(len(self._weights))
+            before, after = (self._at(parameter, by, found) for by in (-step, step))
+            jumps[step] = jump(path.system.comm, (before, after), path.residual(), _ROUGH)
+            path.system.comm.Allreduce(MPI.IN_PLACE, found)
+            return found
+
+        path = self._path
+        found = extrapolated(difference, parameter.size, self._rounding)
+        if jumps[shortest := min(jumps)]:
+            difference(_NEAR * shortest)  # what is curved is straight so near
+        if jumps[min(jumps)]:
+            raise InputError(
+                f'gradient: the equations jump where "{parameter.text}" changes, and have no '
+                "derivative"
+            )
+        return found
+
+    def _at(self, parameter: Parameter, by: float, found: FloatArray) -> FloatArray:
+        """Add the share of a model in a difference; its equations at the last row (collective).
+
+        Args:
+            parameter: the number.
+            by: its difference.
+            found: (functionals,) on this rank.
+        """
+        path = self._path
+        near = NearPath(path, parameter.beside(by), parameter.text)
+        for row, z in self._adjoints.items():
             path.go_to(row)
             near.go_to_present()
             residual = path.vector(*near.residual())
-            found -= neighbour.weight * (z @ residual)
+            found -= z @ residual / (2.0 * by)
             values = near.columns()
             if len(values):  # on the first rank
-                found += neighbour.weight * _direct(weights[:, :, row], values[places])
-        residuals.append(residual)
-    _check_smooth(path, residuals, parameter.text)
-    return found
+                own = _direct(self._weights[:, :, row], values[self._places])
+                found += own / (2.0 * by)
+        return residual
 
 
-def _check_rows(path: Equilibria, used: Sequence[int]) -> None:
+def _check_rows(path: Equilibria, used: Set[int]) -> None:
     """Refuse rows whose load factors depend on parameters, but the last one."""
     if not path.fixed[[row for row in used if row != path.rows - 1]].all():
         raise InputError(
@@ -199,23 +251,6 @@ def _seed(
         blocks.append(np.zeros_like(part.block.owned_step))
         np.add.at(blocks[-1], seeds.nodes, seeds.twists[:, : part.block.width])
     return path.vector(blocks, found.forces / path.shifts.scale)
-
-
-def _check_smooth(path: Equilibria, residuals: Sequence[FloatArray], name: str) -> None:
-    """Refuse equations that jump with a parameter, by those at the present state (collective).
-
-    Args:
-        path: at the state.
-        residuals: this rank's part of them for two smaller values of the parameter and two larger
-            ones.
-        name: of the parameter.
-    """
-    still = path.residual()
-    before, after = residuals[1:3]
-    if jump(path.system.comm, (before, after), still, _ROUGH):
-        raise InputError(
-            f'gradient: the equations jump where "{name}" changes, and have no derivative'
-        )
 
 
 def _direct(weights: FloatArray, values: FloatArray) -> FloatArray:
