@@ -13,6 +13,7 @@ from flexfem.constraints.batch import Constraints
 from flexfem.core.row import START_GAP
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
+from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.mechanics import END_POINT, VISCOUS
 from flexfem.system.system import MASS, System
@@ -133,29 +134,48 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
     step, had them strained by the damping times it, and even the rounding of their forces does so
     for directors of thin shells. With ``F = (M + dt C)^-1 M`` on the constraints, ``(2 F - F^2) a``
     hardly has them and is off by the order of ``dt^2`` only where a step resolves the damping. C is
-    that of linear damping, without users' laws of sections.
+    that of linear damping, without users' laws of sections. Bodies are factorised one by one: with
+    the rows between them factors of large shells would take several times the memory.
     """
     if not system.viscous():
         return True
     given, found = _steps(system), [np.zeros_like(step) for step in _steps(system)]
-    tangent.assemble(replace(MASS, velocity=dt), mechanics=VISCOUS)
-    system.counters.mass_factorizations += 1
-    if not tangent.factor():
-        return False
     for part in system.parts:
         part.block.spread_step()
     system.interface.update_steps()
     gaps = _rigid(system, system.constraints.changes(system.interface.steps))
+    own = system.constraints.step_jacobian.copy()
+    damped = _damped_solver(system, tangent, dt)
     for values in (gaps, np.zeros_like(gaps)):
         for part, first, last in zip(system.parts, given, found, strict=True):
             part.block.owned_step[:] = first - last
         END_POINT.multiply_mass(system, 1.0)
-        if not tangent.again(values)[0]:
+        if damped is None or not damped.again(values)[0]:
             return False
         found = [last + step for last, step in zip(found, _steps(system), strict=True)]
+    system.constraints.step_jacobian[:] = own
     for part, last in zip(system.parts, found, strict=True):
         part.block.owned_step[:] = last
-    return True
+    finite = all(bool(np.isfinite(last).all()) for last in found)
+    return bool(system.comm.allreduce(finite, op=MPI.LAND))
+
+
+def _damped_solver(
+    system: System, tangent: TangentSolver, dt: float
+) -> FrozenSolver | TangentSolver | None:
+    """Solver with the factors of :func:`_decay`, None if these are singular (collective).
+
+    Rows are rigid ones alone from now on. Bodies without masses, which cannot be factorised one by
+    one, are factorised with the rows.
+    """
+    rows, shifts = system.constraints, replace(MASS, velocity=dt)
+    damped = FrozenSolver(system, VISCOUS)
+    damped.factor(shifts)
+    rows.step_jacobian[:] = rows.rigid_jacobian()
+    if damped.prepare(shifts):
+        return damped
+    tangent.assemble(shifts, mechanics=VISCOUS)
+    return tangent if tangent.factor() else None
 
 
 def _steps(system: System) -> list[FloatArray]:

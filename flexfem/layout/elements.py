@@ -24,6 +24,7 @@ __all__ = [
     "DampedElements",
     "ElementFamily",
     "HistoryElements",
+    "LumpedElements",
     "MultigridElements",
     "ResultantElements",
     "SequencedElements",
@@ -431,6 +432,19 @@ class HistoryElements(Protocol):
     def lost(self) -> FloatArray:
         """Energies (m,) that the internal variables of each cell have dissipated, J."""
         ...
+
+
+@runtime_checkable
+class LumpedElements(Protocol):
+    """Elements of nodes that are points, whose masses may be lumped: they then couple no nodes.
+
+    Attributes:
+        lumped: True if all masses are, on all ranks.
+        masses: (n,) lumped masses of the owned nodes, zero for ghosts, kg.
+    """
+
+    lumped: bool
+    masses: FloatArray
 
 
 @runtime_checkable

@@ -30,6 +30,7 @@ from flexfem.la.linear_solver import LinearSolver
 from flexfem.layout.elements import (
     ElementFamily,
     HistoryElements,
+    LumpedElements,
     SequencedElements,
     StrainedElements,
     TimedElements,
@@ -193,14 +194,25 @@ class BlockPart:
     @cached_property
     def dirichlet_entries(self) -> BoolArray:
         """Flags of entries of elements, masses and forces in a row or column of a fixed unknown."""
-        held = self.block.dirichlet
-        assert held is not None
         own = np.concatenate([self.masses.nodes, self.forces.nodes]).astype(np.int64)[:, np.newaxis]
-        masks = []
-        for i, j in (*self.couplings(), (own, own)):
+        return self.held_entries([*self.couplings(), (own, own)])
+
+    def held_entries(self, couplings: Sequence[tuple[IndexArray, IndexArray]]) -> BoolArray:
+        """Flags of entries between local nodes (m, j) and (m, k), as of :attr:`dirichlet_entries`.
+
+        There are fixed unknowns.
+        """
+        held, masks = self.block.dirichlet, []
+        assert held is not None
+        for i, j in couplings:
             row, column = (held[k].reshape(len(k), held.shape[1] * k.shape[1]) for k in (i, j))
             masks.append((row[:, :, np.newaxis] | column[:, np.newaxis]).ravel())
         return np.concatenate(masks)
+
+    @property
+    def lumped(self) -> bool:
+        """True if masses of elements couple no nodes, on all ranks."""
+        return isinstance(self.elements, LumpedElements) and self.elements.lumped
 
     def add_residual(
         self, gravity: FloatArray, factors: FloatArray, scale: float,

@@ -12,11 +12,12 @@ from flexfem.analyses.dynamics import RunOptions
 from flexfem.families.shell_rotation_free import triangles as rotation_free
 from flexfem.la.factor import Factor
 from flexfem.simulation.dynamics import simulate
+from flexfem.simulation.motion.stepping import Simulation
 from flexfem.solvers.frozen import bodies as frozen_bodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
-from flexfem.system.system import System
+from flexfem.system.system import BlockPart, System
 
 COMM = MPI.COMM_WORLD
 
@@ -100,6 +101,49 @@ def test_nodes_that_masses_do_not_couple_are_left_out_of_reported_forces(monkeyp
     for name in found[0]:
         # round-off; without the couplings between rows they are off by 4e-8
         np.testing.assert_allclose(found[0][name], found[1][name], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.three_ranks
+def test_lumped_masses_are_factorised_node_by_node(monkeypatch):
+    """Start and reported forces are those of matrices with the entries of the elements."""
+    found, sizes = [], []
+    pattern = frozen_bodies.part_pattern
+
+    def watched(part, **kind):
+        entries = pattern(part, **kind)
+        if part.lumped:
+            sizes.append(len(entries[0]) / max(part.block.owned, 1))
+        return entries
+
+    monkeypatch.setattr(frozen_bodies, "part_pattern", watched)
+    for lumped in (True, False):
+        if not lumped:
+            monkeypatch.setattr(BlockPart, "lumped", False)
+        model = _folded(1e-3)
+        model.add(ff.PointMass("lamp", 0.3, ff.Marker("b", (0.5, 0.8, 0.2))))
+        model.add(ff.ReactionProbe("hanger_force", "hanger"))
+        found.append(_run(model, "frozen", 5).history)
+    # 9 of a node, besides held ones and the lamp; with pairs of nodes there are more than 50
+    assert COMM.allreduce(min(sizes), op=MPI.MAX) < 12
+    for name in found[0]:
+        # round-off of forces of 10 N, of which the lamp has 3 N
+        np.testing.assert_allclose(found[0][name], found[1][name], rtol=0.0, atol=1e-9)
+
+
+@pytest.mark.three_ranks
+def test_damping_at_the_start_by_bodies_equals_that_of_the_whole_system(monkeypatch):
+    """Accelerations of a motion that has just begun, by factors of bodies and of all at once."""
+    accelerations = []
+    for whole in (False, True):
+        if whole:
+            monkeypatch.setattr(FrozenSolver, "prepare", lambda self, shifts: False)
+        simulation = Simulation(_folded(1e-2), RunOptions(dt=5e-3, t_end=5e-3))
+        accelerations.append(
+            [part.block.acceleration[: part.block.owned].copy() for part in simulation.system.parts]
+        )
+    for one, other in zip(*accelerations, strict=True):
+        # round-off of 10 m/s^2; without damping the panels' differ by 0.1, and by 0.01 the bar's
+        np.testing.assert_allclose(one, other, rtol=0.0, atol=1e-9)
 
 
 def _taut() -> ff.Model:

@@ -263,6 +263,31 @@ def test_factor_equals_a_dense_solve(local, largest, rng, monkeypatch):
             np.testing.assert_allclose(solution.ravel(), expected[rows], atol=1e-12)
 
 
+@pytest.mark.parametrize("skew", [0.0, 1e-9], ids=["symmetric", "not quite"])
+def test_large_symmetric_matrices_have_half_the_factors(skew, rng, monkeypatch):
+    """Indefinite, with entries of very different size, as those of fixed unknowns."""
+    monkeypatch.setattr(factors_of_bodies, "_LARGE", 0)
+    size, scale = 60, np.logspace(0.0, 8.0, 60)
+    dense = rng.normal(size=(size, size))
+    dense = (dense + dense.T) * np.sqrt(np.outer(scale, scale)) + np.diag(30.0 * scale)
+    dense[3, 3] *= -1.0
+    dense[5, 7] += skew * np.sqrt(scale[5] * scale[7])
+    i, j = (index.ravel() for index in np.meshgrid(*2 * [np.arange(size)], indexing="ij"))
+    matrix = CoordinateMatrix(MPI.COMM_SELF, (size, size), (size, size), i, j)
+    matrix.assemble(dense[i, j])
+    factor = Factor(matrix.mat, 3, local=True, chained=False, largest=size)
+    kind = factor._pc.getType()
+    assert kind == (PETSc.PC.Type.LU if skew else PETSc.PC.Type.CHOLESKY)
+    # a solve reads them twice
+    assert factor.entries == pytest.approx(size**2, rel=0.05)
+    right, solution = rng.normal(size=size), np.zeros(size)
+    for transposed, A in ((False, dense), (True, dense.T)):
+        factor.solver(right, solution, transposed=transposed)()
+        expected = np.linalg.solve(A, right)
+        # round-off; symmetric factors of what is not quite so miss the small one by 1e-10
+        np.testing.assert_allclose(solution, expected, rtol=1e-11, atol=1e-13)
+
+
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("kind", ["own", "MUMPS", "whole"])
 def test_columns_are_solved_for_together(kind, rng, monkeypatch):

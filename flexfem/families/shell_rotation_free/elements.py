@@ -8,6 +8,8 @@ up for pairs of nodes at once: those of single triangles would fill the memory o
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from mpi4py import MPI
+
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
@@ -65,7 +67,7 @@ class RotationFreeShells:
     Attributes:
         groups: the triangles.
         corners: (m, 3) corners of all triangles; body: (m,) their shells.
-        masses: (n,) lumped masses of the owned nodes, zero for ghosts, kg.
+        lumped, masses: see :class:`flexfem.layout.elements.LumpedElements`.
         strained, timed: see :class:`flexfem.layout.elements.StrainedElements`.
 
     The methods of :class:`flexfem.layout.elements.ElementFamily` are described there. With damping,
@@ -94,6 +96,7 @@ class RotationFreeShells:
         # masses of the triangles that are not lumped, None without any on this rank
         spread = np.where(self._consistent, self._mass, 0.0)
         self._spread = spread if spread.any() else None
+        self.lumped = not block.comm.allreduce(self._spread is not None, op=MPI.LOR)
         areas = [g.triangles.patches.areas for g in groups]
         self.areas = np.concatenate([np.empty(0), *areas])
         count = len(block.frames)

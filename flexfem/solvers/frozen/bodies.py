@@ -243,26 +243,45 @@ class FlexibleBodies:
                 of them, on all ranks.
         """
         system, part = self._system, self.group.part
-        if not self._free(shifts):
+        if self._lumped(shifts):
+            self._diagonal.assemble(
+                part_values(system, part, shifts, mechanics=self._mechanics, lumped=True)
+            )
+        elif not self._free(shifts):
             self._matrix.assemble(part_values(system, part, shifts, request, self._mechanics))
         destroy_dropped(system.comm)  # older factors
         numbers = self.every if chosen is None else chosen
         factors = {k: self._factor(self.pieces[k], shifts) for k in numbers}
         origin = self._mechanics.origin(system, part)[0]
         if chosen is None:
-            self.use(self._keep(list(factors.values()), origin))
+            self.use(self._keep(list(factors.values()), origin, self._lumped(shifts)))
         else:
             self._replace(factors, origin)
-        for k, factor in factors.items():
-            self._respond(self.pieces[k], factor)
+        if self._lumped(shifts):
+            self._respond_alone()
+        else:
+            for k, factor in factors.items():
+                self._respond(self.pieces[k], factor)
         return self._kept
 
     @cached_property
     def _matrix(self) -> CoordinateMatrix:
         """Matrix of all bodies (collective)."""
+        return self._create_matrix(lumped=False)
+
+    @cached_property
+    def _diagonal(self) -> CoordinateMatrix:
+        """Matrix of lumped masses of all bodies (collective)."""
+        return self._create_matrix(lumped=True)
+
+    def _create_matrix(self, *, lumped: bool) -> CoordinateMatrix:
         block = self.group.part.block
-        pattern = part_pattern(self.group.part)
+        pattern = part_pattern(self.group.part, lumped=lumped)
         return CoordinateMatrix(self._system.comm, block.sizes, block.sizes, *pattern)
+
+    def _lumped(self, shifts: Shifts) -> bool:
+        """True if the matrix is that of masses that couple no nodes, on all ranks."""
+        return is_mass(shifts) and self.group.part.lumped
 
     def _free(self, shifts: Shifts) -> bool:
         """True if the matrix is that of masses that need not be assembled, on all ranks."""
@@ -286,13 +305,16 @@ class FlexibleBodies:
                 self._kept.nodes[name][self.pieces[k].nodes] = values[self.pieces[k].nodes]
 
     def _keep(
-        self, factors: list[Factor | KrylovFactor], origin: Mapping[str, FloatArray]
+        self, factors: list[Factor | KrylovFactor], origin: Mapping[str, FloatArray], lumped: bool
     ) -> KeptFactor:
-        """Allocate the storage of the factors of all pieces (collective)."""
+        """Allocate the storage of the factors of all pieces (collective).
+
+        Lumped masses have no responses: each node has its own.
+        """
         group = self.group
         reads = np.array([group.reads, sum(factor.entries for factor in factors)])
         self._system.comm.Allreduce(MPI.IN_PLACE, reads)
-        direct = bool(reads[0] > reads[1])
+        direct = lumped or bool(reads[0] > reads[1])
         responses = np.zeros(0 if direct else group.own.response_start[-1])
         nodes = {name: values.copy() for name, values in origin.items()}
         solvers = [self._solver(k, factor) for k, factor in enumerate(factors)]
@@ -332,7 +354,8 @@ class FlexibleBodies:
         if self._free(shifts):
             matrix = mass_operator(self._system, self.group.part, self._mechanics)
             return krylov_factor(self._system.linear, self.group.part, matrix, shifts, piece.nodes)
-        matrix = self._matrix.mat
+        lumped = self._lumped(shifts)
+        matrix = (self._diagonal if lumped else self._matrix).mat
         if len(self.pieces) > 1:
             own = block.width * piece.nodes[:, np.newaxis] + np.arange(block.width)
             index = PETSc.IS().createGeneral(
@@ -348,7 +371,7 @@ class FlexibleBodies:
             return krylov_factor(self._system.linear, self.group.part, matrix, shifts, piece.nodes)
         nodes = np.diff(self.group.own.node_start)[piece.bodies]
         return Factor(
-            matrix, block.width, not self.split, chained=self._chained,
+            matrix, block.width, not self.split, chained=self._chained or lumped,
             largest=block.width * int(nodes.max(initial=0)),
         )  # fmt: skip
 
@@ -372,6 +395,24 @@ class FlexibleBodies:
             factor.solve_columns(right, solution, transposed=transposed)
             for c, found in zip(numbers, solution, strict=True):
                 self._store(piece.bodies[widths > c], c, found)
+
+    def _respond_alone(self) -> None:
+        """Compute compliances of all bodies whose nodes are not coupled (collective if split)."""
+        own, block = self.group.own, self.group.part.block
+        width = np.diff(own.column_start)
+        body = np.repeat(np.arange(len(width)), width)[self._held]
+        at = own.compliance_start[body]
+        row = self._held - own.column_start[body]
+        first = own.node_column[own.columns[self._held, 0]]
+        active = own.node_active[own.columns[self._held, 0]]
+        own.compliances[:] = 0.0
+        for c in range(block.width):
+            self._right[:] = 0.0
+            self._right[:, c] = 1.0
+            self.solve()
+            k = np.flatnonzero(c < active)
+            place = at[k] + row[k] * width[body[k]] + first[k] + c
+            own.compliances[place] = block.owned_step[self._ends][k]
 
     def _load(self, piece: Piece, bodies: IntArray, c: int, right: FloatArray) -> None:
         """Unit force on column ``c`` of every body of a piece, in zero right-hand sides."""

@@ -22,19 +22,18 @@ from flexfem.la.nest import (
     create_nest_vector,
 )
 from flexfem.la.saddle import BodyFactor, SaddleSolver
+from flexfem.layout.elements import LumpedElements
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.solvers.linear.iterative import is_mass, iterates, krylov_factor
 from flexfem.solvers.linear.mass_operator import MassBlock, mass_operator
 from flexfem.system.mechanics import END_POINT, Mechanics
-from flexfem.system.system import MASS, BlockPart, PartStrains, Shifts, System
+from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
 __all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values", "with_contacts"]
 
 
 #: Stiffness of fixed unknowns, with a mass of 1 kg: their frequency is above all others.
 _STIFF = 1e20
-#: Some matrix with all entries.
-_STEP = Shifts(velocity=1.0, acceleration=1.0, scale=1.0)
 #: Relative accuracy of iterative solves with masses.
 _ACCURACY = 1e-12
 
@@ -48,21 +47,19 @@ class TangentSolver:
     """
 
     def __init__(self, system: System) -> None:
-        """Create patterns of all blocks, unless large bodies are never factorised (collective)."""
+        """Prepare for the first matrix, with which patterns are created (collective)."""
         self.system = system
         sliding = system.constraints.lines.sliding
         self._totals: list[PETSc.Mat] = []  # blocks with contacts
         self._sliding: bool = system.comm.allreduce(sliding, op=MPI.LOR)
         self._masses: bool | None = None
-        if not any(iterates(system, part, MASS) for part in system.parts):
-            self._create(_STEP)
 
     def _create(self, shifts: Shifts) -> None:
         """Create patterns of all blocks for the present nodes of joints (collective).
 
-        Masses that are solved iteratively are not assembled, until another matrix is.
+        Masses that are lumped or solved iteratively have their own, until another matrix is
+        assembled.
         """
-        self._masses = is_mass(shifts)
         self._direct: DirectSolver | None = None
         system = self.system
         comm, rows = system.comm, system.constraints
@@ -70,6 +67,8 @@ class TangentSolver:
         parts = system.parts
         self._version = rows.lines.version
         self._iterative = [iterates(system, part, shifts) for part in parts]
+        self._lumped = [is_mass(shifts) and part.lumped for part in parts]
+        self._masses = is_mass(shifts) and any(self._iterative + self._lumped)
         sizes = [p.block.sizes for p in parts]
         if rows.size_global:
             sizes.append((rows.owned_count, rows.size_global))
@@ -120,7 +119,7 @@ class TangentSolver:
                     continue
                 row, column = self._couplings.pattern(i, j)
                 if i == j:
-                    own = part_pattern(part)
+                    own = part_pattern(part, lumped=self._lumped[i])
                     row, column = np.concatenate([own[0], row]), np.concatenate([own[1], column])
                 line.append(CoordinateMatrix(comm, sizes[i], sizes[j], row, column))
             grid.append(line)
@@ -168,7 +167,12 @@ class TangentSolver:
                 values = [self._couplings.values(i, j, hessians)]
                 if i == j:
                     request = shifts.request(strains[i])
-                    values.insert(0, part_values(system, part, shifts, request, mechanics))
+                    values.insert(
+                        0,
+                        part_values(
+                            system, part, shifts, request, mechanics, lumped=self._lumped[i]
+                        ),
+                    )
                 self._grid[i][j].assemble(np.concatenate(values))
             if rows.size_global:
                 forces = self._couplings.side_values(i, rows.force_jacobian)
@@ -322,13 +326,18 @@ def with_contacts(
     return total
 
 
-def part_pattern(part: BlockPart) -> tuple[IndexArray, IndexArray]:
-    """Entries of a block's own matrix: cells, masses, forces."""
+def part_pattern(part: BlockPart, *, lumped: bool = False) -> tuple[IndexArray, IndexArray]:
+    """Entries of a block's own matrix: cells, masses, forces; lumped masses alone couple no nodes.
+
+    Only a part with :attr:`BlockPart.lumped` can be ``lumped``.
+    """
     numbers, widths = part.block.global_ids, (part.block.width, part.block.width)
-    own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)
-    single = numbers[own][:, np.newaxis]
-    entries = [block_indices(single, single, widths)]
-    entries[:0] = [block_indices(numbers[i], numbers[j], widths) for i, j in part.couplings()]
+    if lumped:
+        pairs = _lumped_couplings(part)
+    else:
+        own = np.concatenate([part.masses.nodes, part.forces.nodes]).astype(np.int64)
+        pairs = [*part.couplings(), (own[:, np.newaxis], own[:, np.newaxis])]
+    entries = [block_indices(numbers[i], numbers[j], widths) for i, j in pairs]
     if part.block.dirichlet is not None:
         entries.append(2 * (_held_unknowns(part.block).astype(PETSc.IntType),))
     entries = [entry for entry in entries if len(entry[0])] or entries[:1]
@@ -339,7 +348,7 @@ def part_pattern(part: BlockPart) -> tuple[IndexArray, IndexArray]:
 
 def part_values(
     system: System, part: BlockPart, shifts: Shifts, request: TangentRequest | None = None,
-    mechanics: Mechanics = END_POINT,
+    mechanics: Mechanics = END_POINT, *, lumped: bool = False,
 ) -> FloatArray:  # fmt: skip
     """Values of the entries of ``part_pattern``.
 
@@ -351,8 +360,11 @@ def part_values(
         shifts: factors of the scheme.
         request: request to its elements, None for that of ``shifts`` at the present stresses.
         mechanics: the equations.
+        lumped: see ``part_pattern``.
     """
     width = part.block.width
+    if lumped:
+        return _lumped_values(system, part, shifts, mechanics)
     at_nodes = mechanics.masses(system, part, shifts), mechanics.forces(system, part, shifts)
     values = [matrices[:, :width, :width].ravel() for matrices in at_nodes]
     if part.elements is not None:
@@ -364,6 +376,27 @@ def part_values(
     every[part.dirichlet_entries] = 0.0
     own = shifts.scale * (shifts.acceleration + _STIFF * shifts.stiffness)
     return np.append(every, np.full(len(_held_unknowns(part.block)), own))
+
+
+def _lumped_couplings(part: BlockPart) -> list[tuple[IndexArray, IndexArray]]:
+    """Every owned node with itself, then those of masses at nodes."""
+    nodes = np.arange(part.block.owned)[:, np.newaxis], part.masses.nodes[:, np.newaxis]
+    return [(own, own) for own in nodes]
+
+
+def _lumped_values(
+    system: System, part: BlockPart, shifts: Shifts, mechanics: Mechanics
+) -> FloatArray:
+    """Values of the entries of ``part_pattern`` of lumped masses alone."""
+    block, elements, factor = part.block, part.elements, shifts.scale * shifts.acceleration
+    assert isinstance(elements, LumpedElements)
+    own = factor * elements.masses[: block.owned, np.newaxis, np.newaxis] * np.eye(block.width)
+    more = mechanics.masses(system, part, shifts)[:, : block.width, : block.width]
+    every = np.concatenate([own.ravel(), more.ravel()])
+    if block.dirichlet is None:
+        return every
+    every[part.held_entries(_lumped_couplings(part))] = 0.0
+    return np.append(every, np.full(len(_held_unknowns(block)), factor))
 
 
 def _held_unknowns(block: FrameBlock) -> IntArray:
