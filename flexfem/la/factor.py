@@ -72,6 +72,9 @@ class Factor:
         self._pc.setOperators(self._matrix)
         self._pc.setUp()
         self._factor = self._pc.getFactorMatrix()
+        if local and not small:
+            self._pc.destroy()  # and with it the matrix, which MUMPS does not read again
+            del self._matrix
 
     @property
     def kept(self) -> bool:

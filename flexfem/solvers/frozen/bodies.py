@@ -36,6 +36,9 @@ __all__ = ["Bodies", "FlexibleBodies", "KeptFactor", "RigidBodies"]
 #: Number of unknowns from which a body has its own factors: a solve then takes much longer than its
 #: call.
 _ALONE = 600
+#: Unknowns of a part from which its matrix is made again for every factorisation of its bodies: it
+#: takes the memory of their factors, and a tenth of the time.
+_LARGE = 200_000
 #: Nodes from one to the next that are loaded together for compliances of nodes: what one does at
 #: another is small in a step of a motion; next nodes whose motions are kept.
 _APART, _BESIDE = 10, 4
@@ -252,6 +255,7 @@ class FlexibleBodies:
         destroy_dropped(system.comm)  # older factors
         numbers = self.every if chosen is None else chosen
         factors = {k: self._factor(self.pieces[k], shifts) for k in numbers}
+        self._forget_matrix()
         origin = self._mechanics.origin(system, part)[0]
         if chosen is None:
             self.use(self._keep(list(factors.values()), origin, self._lumped(shifts)))
@@ -287,6 +291,13 @@ class FlexibleBodies:
         """True if the matrix is that of masses that need not be assembled, on all ranks."""
         free = is_mass(shifts) and len(self.pieces) == 1 and self._alone
         return free and iterates(self._system, self.group.part, shifts)
+
+    def _forget_matrix(self) -> None:
+        """Release a large matrix, of which every piece has its own copy (collective)."""
+        large = self.group.part.block.sizes[1] > _LARGE and not (self.split or self._chained)
+        if large and "_matrix" in self.__dict__:
+            self._matrix.mat.destroy()
+            del self._matrix
 
     @property
     def _alone(self) -> bool:

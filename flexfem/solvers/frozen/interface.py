@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.kernels.sequence import Call, Step
 from flexfem.solvers.frozen.bodies import Bodies
@@ -75,7 +75,7 @@ class MultiplierSystem:
         self._response, self._beyond = np.zeros((2, len(face.keys), 6))
         active = rows.active_components()
         self.groups = [self._describe(part, active) for part in system.parts]
-        self._row, self._column = self._pattern()
+        self._share_values()
         self._factors: InterfaceSystem | None = None
         self._coupled: BoolArray | None = None
         linear = bool((rows.linear | rows.of_elements).all())
@@ -155,32 +155,35 @@ class MultiplierSystem:
             counts.append(int(begins.sum()))
         return np.concatenate(ranges), starts(counts)
 
-    def _pattern(self) -> tuple[IntArray, IntArray]:
-        """Row and column of every entry of the Schur complement on this rank."""
+    def _share_values(self) -> None:
+        """Entries of the Schur complement on this rank in one array: of bodies, then of rows."""
+        rows = self._system.constraints
+        ends = np.cumsum([*(len(group.own.entries) for group in self.groups), rows.size])
+        self._values = np.zeros(ends[-1] + len(rows.coupled))
+        self._correction = np.zeros(rows.size)
+        *parts, self._diagonal, self._coupling = np.split(self._values, ends)
+        for group, entries in zip(self.groups, parts, strict=True):
+            group.own.entries = entries
+
+    def _pattern(self) -> tuple[IndexArray, IndexArray]:
+        """Row and column of each of these entries, of which there may be very many."""
         rows = self._system.constraints
         first, second = [], []
         for group in self.groups:
             for start, end in pairwise(group.own.side_start):
-                r = rows.row_of_term[group.own.sides[start:end, 0]]
+                r = rows.row_of_term[group.own.sides[start:end, 0]].astype(np.int32)
                 first.append(np.tile(r, len(r)))
                 second.append(np.repeat(r, len(r)))
-        every = np.arange(rows.size)
-        row, column = (rows.coupled[:, k] for k in self._coupled_rows)
-        i = np.concatenate([*first, every, row]).astype(np.int64)
-        j = np.concatenate([*second, every, column]).astype(np.int64)
-        self._values, self._correction = np.zeros(len(i)), np.zeros(rows.size)
-        ends = np.cumsum([*(len(group.own.entries) for group in self.groups), rows.size])
-        *parts, self._diagonal, self._coupling = np.split(self._values, ends)
-        for group, entries in zip(self.groups, parts, strict=True):
-            group.own.entries = entries
-        return i, j
+        every = np.arange(rows.size, dtype=np.int32)
+        row, column = (rows.coupled[:, k].astype(np.int32) for k in self._coupled_rows)
+        return np.concatenate([*first, every, row]), np.concatenate([*second, every, column])
 
     def _eliminate(self) -> InterfaceSystem:
         """Elimination of the entries that are not zero for ever (collective)."""
         if self._factors is not None:
             return self._factors
         rows = self._system.constraints
-        i, j = self._row, self._column
+        i, j = self._pattern()
         if self._constant:
             self._coupled = self._find_coupled()
             i, j = i[self._coupled], j[self._coupled]
@@ -194,7 +197,7 @@ class MultiplierSystem:
 
     def _find_coupled(self) -> BoolArray:
         """True for every entry between nodes that are coupled by their body, and all others."""
-        coupled = np.ones(len(self._row), dtype=np.bool_)
+        coupled = np.ones(len(self._values), dtype=np.bool_)
         at = 0
         for group in self.groups:
             own = group.own

@@ -15,11 +15,11 @@ from typing import NamedTuple
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 
-__all__ = ["Fronts"]
+__all__ = ["Fronts", "distinct_pairs"]
 
 #: Pivot relative to the largest entry of its row before elimination that counts as zero.
 _ZERO = 1e-14
@@ -28,6 +28,8 @@ _ZERO = 1e-14
 #: part of these in the others: zeros cost less than further passes over the rest, until the pivots'
 #: rows cost more.
 _MORE, _MOST, _PART = 8, 18, 0.2
+#: Entries of a matrix whose places are found at once.
+_AT_ONCE = 1_000_000
 
 
 class _Tree(NamedTuple):
@@ -67,7 +69,7 @@ class Fronts:
 
     kind = "multifrontal"
 
-    def __init__(self, i: IntArray, j: IntArray, order: IntArray, size: int) -> None:
+    def __init__(self, i: IndexArray, j: IndexArray, order: IntArray, size: int) -> None:
         """Set up the fronts.
 
         Args:
@@ -79,7 +81,7 @@ class Fronts:
         count = len(order)
         position = np.arange(size)
         position[order] = np.arange(count)
-        touched, sequence = _elimination(position[i], position[j], count, size)
+        touched, sequence = _elimination(i, j, position, count)
         position[order[sequence]] = np.arange(count)
         fronts, pivots = _fronts(touched, size)
         owner = np.repeat(np.arange(len(fronts)), [m or size - count for m in pivots])
@@ -106,28 +108,53 @@ class Fronts:
         _complete(self._tree, self._values, self._work, x)
 
 
+def distinct_pairs(i: IndexArray, j: IndexArray, size: int) -> tuple[IndexArray, IndexArray]:
+    """Pairs of numbers below ``size``, each once, in order."""
+    keys = i.astype(np.int64)
+    keys *= size
+    keys += j
+    keys.sort()
+    new = np.ones(len(keys), dtype=np.bool_)
+    np.not_equal(keys[1:], keys[:-1], out=new[1:])
+    keys = keys[new]
+    row = (keys // size).astype(np.int32)
+    keys %= size
+    return row, keys.astype(np.int32)
+
+
 def _elimination(
-    i: IntArray, j: IntArray, count: int, size: int
+    i: IndexArray, j: IndexArray, position: IntArray, count: int
 ) -> tuple[list[IntArray], IntArray]:
     """Rows coupled to each eliminated row at its elimination, in a postorder of the tree.
 
+    Args:
+        i: row of every entry.
+        j: its column.
+        position: of every row in the order of elimination.
+        count: number of eliminated rows.
+
     Returns:
-        Sorted later rows of each eliminated row, and the old numbers of the eliminated rows, both
+        Sorted later rows of each eliminated row, and the old positions of the eliminated rows, both
         in a new order of these with children before their parents.
     """
-    pairs = np.sort((np.minimum(i, j) * size + np.maximum(i, j))[i != j])
-    pairs = pairs[np.diff(pairs, prepend=-1) > 0]  # each once
-    a, b = pairs // size, pairs % size
+    size = len(position)
+    a, b = distinct_pairs(i, j, size)
+    a, b = position[a], position[b]
+    a, b = np.minimum(a, b), np.maximum(a, b)
+    a, b = distinct_pairs(a[a != b], b[a != b], size)
     first = np.searchsorted(a, np.arange(size + 1)).tolist()
-    columns = b.tolist()
-    later = [set(columns[first[k] : first[k + 1]]) for k in range(size)]
     children: list[list[int]] = [[] for _ in range(size)]
     roots: list[int] = []
+    later, waiting = list[IntArray](), dict[int, set[int]]()  # sets until their parents take them
     for k in range(count):
+        rows = set(b[first[k] : first[k + 1]].tolist())
         for child in children[k]:
-            later[k] |= later[child]
-        later[k].discard(k)
-        parent = min(later[k], default=size)
+            rows |= waiting.pop(child)
+        rows.discard(k)
+        later.append(np.fromiter(rows, np.int64, len(rows)))
+        parent = min(rows, default=size)
+        if parent < count:
+            waiting[k] = rows
         (children[parent] if parent < count else roots).append(k)
     sequence = []
     while roots:
@@ -136,7 +163,7 @@ def _elimination(
     sequence.reverse()
     position = np.arange(size)
     position[sequence] = np.arange(count)
-    touched = [np.sort(position[list(later[k])]) for k in sequence]
+    touched = [np.sort(position[later[k]]) for k in sequence]
     return touched, np.array(sequence, dtype=np.int64)
 
 
@@ -161,8 +188,8 @@ def _fronts(touched: list[IntArray], size: int) -> tuple[list[IntArray], list[in
 
 
 def _tree(
-    fronts: list[IntArray], pivots: list[int], owner: IntArray, position: IntArray, i: IntArray,
-    j: IntArray,
+    fronts: list[IntArray], pivots: list[int], owner: IntArray, position: IntArray, i: IndexArray,
+    j: IndexArray,
 ) -> _Tree:  # fmt: skip
     """The fronts in arrays.
 
@@ -191,8 +218,12 @@ def _tree(
     into = np.full(len(listed), -1, dtype=np.int64)
     into[rest] = places(np.repeat(parents, sizes)[rest], listed[rest])
     first = owner[np.minimum(position[i], position[j])]
-    entries = np.argsort(first, kind="stable")
-    row, column = (places(first[entries], position[rows][entries]) for rows in (i, j))
+    entries, to = np.argsort(first, kind="stable"), np.empty(len(i), dtype=np.int64)
+    for k in range(0, len(i), _AT_ONCE):
+        some = slice(k, k + _AT_ONCE)
+        front = first[entries[some]]
+        row, column = (places(front, position[rows[entries[some]]]) for rows in (i, j))
+        to[some] = row * sizes[front] + column
     return _Tree(
         sizes=sizes,
         pivots=numbers,
@@ -203,7 +234,7 @@ def _tree(
         at=starts(numbers * (2 * sizes - numbers)),
         entry_start=starts(np.bincount(first, minlength=len(fronts))),
         entries=entries,
-        to=row * sizes[first[entries]] + column,
+        to=to,
     )
 
 

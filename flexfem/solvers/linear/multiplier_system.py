@@ -13,12 +13,13 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem.core.runs import starts
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.sequence import Call
 from flexfem.solvers.linear.banded import band_factor, band_solve
 from flexfem.solvers.linear.dense_elimination import DenseElimination
-from flexfem.solvers.linear.multifrontal import Fronts
+from flexfem.solvers.linear.multifrontal import Fronts, distinct_pairs
 from flexfem.solvers.linear.rank_dissection import RankDissection
 
 __all__ = ["InterfaceSystem"]
@@ -149,7 +150,7 @@ class _Dense(DenseElimination):
         return self.eliminate(np.bincount(self._index, values, size * size).reshape(size, size))
 
 
-def _is_full(first: IntArray, second: IntArray, count: int) -> bool:
+def _is_full(first: IndexArray, second: IndexArray, count: int) -> bool:
     """True if the entries fill most of a matrix that is not small."""
     if count <= _WIDEST or len(first) < _FULL * count**2:
         return False
@@ -158,31 +159,37 @@ def _is_full(first: IntArray, second: IntArray, count: int) -> bool:
     return bool(filled.mean() >= _FULL)
 
 
-def _elimination(i: IntArray, j: IntArray, count: int, size: int) -> _Elimination:
+def _elimination(i: IndexArray, j: IndexArray, count: int, size: int) -> _Elimination:
     """Elimination of the first rows: dense, banded if their order allows it, or by fronts."""
-    inner = (i < count) & (j < count)
-    first, second = i[inner], j[inner]
+    rows, columns = distinct_pairs(i, j, size)
+    inner = (rows < count) & (columns < count)
+    first, second = (rows, columns) if inner.all() else (rows[inner], columns[inner])
     if _is_full(first, second, count):
-        return _Dense(i, j, count, size)
+        return _Dense(i.astype(np.int64), j.astype(np.int64), count, size)
     order = _ordering("rcm", first, second, count)
-    rank = np.empty(count, dtype=np.int64)
+    rank = np.empty(count, dtype=np.int32)
     rank[order] = np.arange(count)
     half = int(np.abs(rank[first] - rank[second]).max(initial=0))
     if half <= _WIDEST:
-        return Band(i, j, order, half, size)
+        return Band(i.astype(np.int64), j.astype(np.int64), order, half, size)
+    del first, second, inner  # there may be very many
     # minimum degree: for some thousand rows of trees, lattices and grids less fill than dissection;
     # the other rows form a full matrix, so that rows coupled to them come late
     others = np.arange(count, size)
     full = np.repeat(others, len(others)), np.tile(others, len(others))
-    order = _ordering("qmd", np.concatenate([i, full[0]]), np.concatenate([j, full[1]]), size)
+    rows, columns = np.concatenate([rows, full[0]]), np.concatenate([columns, full[1]])
+    order = _ordering("qmd", *distinct_pairs(rows, columns, size), size)
+    del rows, columns
     return Fronts(i, j, order[order < count], size)
 
 
-def _ordering(kind: str, i: IntArray, j: IntArray, size: int) -> IntArray:
-    """Sequence of elimination of the rows of a matrix with the given entries."""
-    matrix = PETSc.Mat().createAIJ((size, size), comm=PETSc.COMM_SELF)
-    matrix.setPreallocationCOO(i.astype(PETSc.IntType), j.astype(PETSc.IntType))
-    matrix.setValuesCOO(np.ones(len(i)), PETSc.InsertMode.INSERT)
+def _ordering(kind: str, i: IndexArray, j: IndexArray, size: int) -> IntArray:
+    """Sequence of elimination of the rows of a matrix with the given entries, in order."""
+    pattern = starts(np.bincount(i, minlength=size)), j
+    start, column = (index.astype(PETSc.IntType) for index in pattern)
+    matrix = PETSc.Mat().createAIJ(
+        (size, size), csr=(start, column, np.ones(len(j))), comm=PETSc.COMM_SELF
+    )
     return np.array(matrix.getOrdering(kind)[0].getIndices(), dtype=np.int64)
 
 
@@ -195,7 +202,7 @@ class InterfaceSystem:
     """
 
     def __init__(
-        self, comm: MPI.Intracomm, i: IntArray, j: IntArray, interior: int,
+        self, comm: MPI.Intracomm, i: IndexArray, j: IndexArray, interior: int,
         shared: IntArray, holders: IntArray,
     ) -> None:  # fmt: skip
         """Set up the pattern (collective).
