@@ -14,7 +14,8 @@ __all__ = [
     "ITERATED",
     "LINE_NODE",
     "PROGRAM",
-    "SHELL_NODE",
+    "SHEET",
+    "UNKNOWN",
     "available",
     "check_room",
     "check_run",
@@ -22,10 +23,13 @@ __all__ = [
     "together",
 ]
 
-#: Bytes that steps take: the program with its libraries on every rank, a node of a beam, and one of
-#: a shell, whose factors fill in, for each of its unknowns. Motions with 1e4 to 6e6 unknowns. An
-#: unknown of a solid that is solved iteratively takes less, and as much from 1e5 to 1e6.
-PROGRAM, LINE_NODE, SHELL_NODE, ITERATED = 3e8, 1.56e4, 1.6e4, 5.5e3
+#: Bytes that steps take: the program with its libraries on every rank, and a node of a beam. They
+#: are those of motions with 1e4 to 6e6 unknowns.
+PROGRAM, LINE_NODE = 3e8, 1.56e4
+#: The same for an unknown of a shell with directors or a solid, whose factors fill in, and of a
+#: rotation-free shell, 13 kB of 3e4 and 9.5 kB of 1e6 unknowns on two ranks. One of a solid that is
+#: solved iteratively takes less, and as much from 1e5 to 1e6.
+UNKNOWN, SHEET, ITERATED = 1.6e4, 1.2e4, 5.5e3
 #: Factor by which these may be too large.
 DOUBT = 1.25
 

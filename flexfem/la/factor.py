@@ -17,6 +17,9 @@ __all__ = ["Factor"]
 
 #: Right-hand sides that MUMPS solves for together, which reads its factors once for all of them.
 _TOGETHER = 32
+#: Right-hand sides of so many numbers for each that is not zero are given to MUMPS without zeros:
+#: unit forces on 50,000 unknowns take 1.9 ms instead of 4.3 ms each.
+_SPARSE = 100
 #: MUMPS solves with the transposed matrix where this parameter is not 1.
 _TRANSPOSED = 9
 #: Rows of a body from which MUMPS factorises faster (with equal times of a solve): a plate of
@@ -149,14 +152,18 @@ class Factor:
             for one, found in zip(right, solution, strict=True):
                 self.solver(one, found, transposed=transposed, lasting=True)()
             return
-        shape = ((self.size, None), (None, len(right)))
-        columns = [
-            PETSc.Mat().createDense(shape, array=x.T, comm=self._comm) for x in (right, solution)
-        ]
+        given, found = (
+            PETSc.Mat().createDense(
+                ((self.size, None), (None, len(right))), array=x.T, comm=self._comm
+            )
+            for x in (right, solution)
+        )
+        if self._comm.size == 1 and _SPARSE * np.count_nonzero(right) < right.size:
+            given = _sparse(right.reshape(len(right), -1))
         self._factor.setMumpsIcntl(_TRANSPOSED, 0 if transposed else 1)
-        self._factor.matSolve(*columns)
+        self._factor.matSolve(given, found)
         self._factor.setMumpsIcntl(_TRANSPOSED, 1)
-        for matrix in columns:
+        for matrix in (given, found):
             matrix.destroy()
 
     def multiplier(self, vector: FloatArray, product: FloatArray) -> Callable[[], None]:
@@ -183,6 +190,16 @@ def _solve_whole(
     solution: FloatArray,
 ) -> None:  # fmt: skip
     solution[:] = whole.solve(solve, rhs)
+
+
+def _sparse(rows: FloatArray) -> PETSc.Mat:
+    """Sequential matrix of columns (k, n), of which MUMPS reads what is not zero."""
+    (count, size), (row, column) = rows.shape, np.nonzero(rows)
+    start = np.searchsorted(row, np.arange(count + 1))
+    csr = start.astype(PETSc.IntType), column.astype(PETSc.IntType), rows[row, column]
+    return PETSc.Mat().createTranspose(
+        PETSc.Mat().createAIJ((count, size), csr=csr, comm=PETSc.COMM_SELF)
+    )
 
 
 def _is_symmetric(matrix: PETSc.Mat) -> bool:

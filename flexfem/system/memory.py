@@ -8,7 +8,8 @@ from flexfem._memory import (
     ITERATED,
     LINE_NODE,
     PROGRAM,
-    SHELL_NODE,
+    SHEET,
+    UNKNOWN,
     available,
     check_room,
     together,
@@ -18,8 +19,8 @@ from flexfem.model.model import Model
 
 __all__ = ["check_memory", "memory_of_run"]
 
-#: Unknowns of a node of a shell's mesh; directors have further nodes between those.
-_WIDTHS = {"rotation_free": 3.0, "director": 24.0}
+#: Bytes for a node of a shell's mesh; directors have further nodes between those.
+_NODES = {"rotation_free": 3.0 * SHEET, "director": 24.0 * UNKNOWN}
 #: Dense matrices of a body in a floating frame.
 _DENSE = 10
 
@@ -36,12 +37,11 @@ def memory_of_run(model: Model, linear: LinearSolver | None = None) -> float:
     nodes += sum(len(b.curve.points) for b in model.beams_of("nurbs") if b.curve is not None)
     total = PROGRAM + LINE_NODE * nodes
     if model.surface is not None and model.shells:
-        width = _WIDTHS[model.shells[0].element]
-        total += SHELL_NODE * width * len(model.surface.points)
+        total += _NODES[model.shells[0].element] * len(model.surface.points)
     for body in model.other_bodies:
         rows = body.width * len(body.points)
         iterative = body.continuum and linear.iterates(rows)
-        total += (ITERATED if iterative else SHELL_NODE) * float(rows)
+        total += (ITERATED if iterative else UNKNOWN) * float(rows)
     widths = [float(body.reduced.size) for body in model.floating_bodies]
     return float(total + 8.0 * _DENSE * sum(width**2 for width in widths))
 

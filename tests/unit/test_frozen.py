@@ -17,7 +17,7 @@ from flexfem.solvers.frozen import bodies as frozen_bodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
-from flexfem.system.system import BlockPart, System
+from flexfem.system.system import BlockPart, Shifts, System
 
 COMM = MPI.COMM_WORLD
 
@@ -230,6 +230,29 @@ def test_bodies_that_changed_are_renewed_alone(monkeypatch):
     for name, column in outcome.history.items():
         # steps below 1e-9; a residual that is left out moves the corners by 1e-3
         np.testing.assert_allclose(column, fresh.history[name], rtol=0.0, atol=1e-7)
+
+
+@pytest.mark.three_ranks
+def test_large_matrices_are_made_again_for_new_factors(monkeypatch):
+    """They are released beside the factors, which are the same."""
+    monkeypatch.setattr(frozen_bodies, "_ALONE", 30)
+    made, pattern = [], frozen_bodies.part_pattern
+    monkeypatch.setattr(
+        frozen_bodies, "part_pattern", lambda part, **kind: made.append(1) or pattern(part, **kind)
+    )
+    system = Simulation(_strips(), RunOptions(dt=2e-3, t_end=2e-3)).system
+    found = []
+    for large in (10**9, 0):
+        monkeypatch.setattr(frozen_bodies, "_LARGE", large)
+        solver = FrozenSolver(system)
+        made.clear()
+        for velocity in (1e3, 2e3):
+            solver.factor(Shifts(velocity, velocity**2, 1.0 / velocity**2))
+            found.append(solver._flexible[0].group.own.compliances.copy())
+        assert len(made) == (1 if large or solver._flexible[0].split else 2)
+    np.testing.assert_array_equal(found[:2], found[2:])
+    # of another step size: kept ones would be the same, or four times as large
+    assert not np.array_equal(found[0], found[1]) or not found[0].size
 
 
 @pytest.mark.serial

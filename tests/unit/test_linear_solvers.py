@@ -314,6 +314,33 @@ def test_columns_are_solved_for_together(kind, rng, monkeypatch):
     np.testing.assert_allclose(found[0], np.linalg.solve(dense, right[0])[rows], atol=1e-12)
 
 
+@pytest.mark.parametrize("symmetric", [True, False])
+def test_columns_of_few_numbers_are_given_without_zeros(symmetric, rng, monkeypatch):
+    """The first column has two numbers, the second none, the third one."""
+    monkeypatch.setattr(factors_of_bodies, "_LARGE", 0)
+    given = []
+    sparse = factors_of_bodies._sparse
+    monkeypatch.setattr(
+        factors_of_bodies, "_sparse", lambda rows: given.append(len(rows)) or sparse(rows)
+    )
+    size = 200
+    dense = rng.normal(size=(size, size)) + 40.0 * np.eye(size)
+    if symmetric:
+        dense += dense.T
+    i, j = (index.ravel() for index in np.meshgrid(*2 * [np.arange(size)], indexing="ij"))
+    matrix = CoordinateMatrix(MPI.COMM_SELF, (size, size), (size, size), i, j)
+    matrix.assemble(dense[i, j])
+    factors = Factor(matrix.mat, 2, local=True, chained=False, largest=size)
+    right, found = np.zeros((3, size // 2, 2)), np.ones((3, size // 2, 2))
+    right[0, 7, 1], right[0, 90, 0], right[2, 99, 1] = 2.0, -1.0, 3.0
+    for transposed, A in ((True, dense.T), (False, dense)):
+        factors.solve_columns(right, found, transposed=transposed)
+        expected = np.linalg.solve(A, right.reshape(3, -1).T).T.reshape(found.shape)
+        # round-off; the transpose in place of the matrix is wrong by 1e-3
+        np.testing.assert_allclose(found, expected, atol=1e-14)
+    assert given == [3, 3]
+
+
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("largest", [0, 3000], ids=["distributed", "whole"])
 @pytest.mark.parametrize("empty", [False, True], ids=["all ranks", "last rank empty"])
