@@ -3,8 +3,8 @@
 """Draw the motion in result folders: a picture of superposed instants, and a film.
 
 Reads only the ParaView series of a folder (beams, beam_surfaces, shells, floating_bodies,
-floating_lines, rigid_bodies, joints, cables, reactions, contact_surfaces), which may also be that
-of a mode:
+floating_lines, rigid_bodies, joints, cables, cable_nets, reactions, contact_surfaces), which may
+also be that of a mode:
 
     python postprocess/render.py results/slider_crank --colour M3 --size 1600x900
 

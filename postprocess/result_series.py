@@ -17,7 +17,7 @@ from vtkmodules.vtkCommonCore import vtkLogger
 
 # what is coloured by a field
 FLEXIBLE = ("beam_surfaces", "beams", "shells", "solids", "floating_bodies", "floating_lines")
-SERIES = (*FLEXIBLE, "rigid_bodies", "joints", "cables", "contact_surfaces")
+SERIES = (*FLEXIBLE, "rigid_bodies", "joints", "cables", "cable_nets", "contact_surfaces")
 #: Obstacles, which may be much larger than what moves.
 OBSTACLES = "contact_surfaces"
 #: Points with vectors, which are drawn on request only.

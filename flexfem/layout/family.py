@@ -52,6 +52,7 @@ BUILT_IN = (
     "flexfem.families.floating.family:FloatingBodyFamily",
     "flexfem.families.ufl_body.family:UFLBodyFamily",
     "flexfem.families.cable.family:CableFamily",
+    "flexfem.families.cable_net.family:CableNetFamily",
 )
 
 #: Methods that every family defines; the others depend on the abilities of its bodies.
@@ -277,7 +278,7 @@ class Family:
         """
         raise InputError(
             f"{self.owner}: the integrator energy_momentum is for beams of the formulation "
-            '"se3", solids and rigid bodies'
+            '"se3", solids, nets of cables and rigid bodies'
         )
 
     def fingerprint(self) -> Mapping[str, Any]:

@@ -196,6 +196,7 @@ def damped_shell(element: str, how: str = "shell", *, gravity, damping) -> ff.Mo
 
 #: Sizes of a strip, and its fixed edge that grows with its width.
 STRIP = {"length": 0.5, "width": 0.1}
+NET = {"axial": 60.0, "damping": 2e-2, "speed": 1.0, "mass": 0.1}
 
 
 def strip(element: str, *, length, width) -> ff.Model:
@@ -216,4 +217,24 @@ def strip(element: str, *, length, width) -> ff.Model:
         tip, root = (ff.Marker("rod", f"rod_top_{side}") for side in ("right", "left"))
     model.add(ff.Gravity((0.0, 3.0, -9.81)), thing)
     model.add(ff.PositionProbe("tip", tip), ff.PositionProbe("root", root))
+    return model
+
+
+def netted(*, axial, damping, speed, mass) -> ff.Model:
+    """A free net that shrinks, some of whose cables become slack or taut."""
+    ticks = np.linspace(0.0, 1.0, 3)
+    points = np.array([[x, y, 0.1 * x * y] for y in ticks for x in ticks])
+    cells = [[0, 1], [1, 2], [3, 4], [4, 5], [6, 7], [7, 8], [0, 3], [3, 6], [1, 4], [4, 7],
+             [2, 5], [5, 8], [0, 4], [4, 8]]  # fmt: skip
+    rest = np.linspace(0.47, 0.51, len(cells))
+    mesh = ff.ElementMesh(points, cells, "interval", nodes={"edge": [2]})
+    model = ff.Model("netted")
+    model.add(
+        ff.CableNet(
+            "net", mesh, axial, mass_per_length=mass, rest_length=rest, damping=damping,
+            velocity=(speed, 0.0, 0.0), angular_velocity=(0.0, 3.0, 1.0),
+        ),
+        ff.PositionProbe("at", ff.Marker("net", "edge")),
+        ff.EnergyProbe(),
+    )  # fmt: skip
     return model

@@ -10,7 +10,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
-from tests.contract.gradient_examples import NUMBERS, PARTS, body, mechanism
+from tests.contract.gradient_examples import NET, NUMBERS, PARTS, body, mechanism, netted
 from tests.contract.test_gradient_contacts import balls, rod
 from tests.contract.test_gradient_events import VALUES, arms
 from tests.contract.test_gradient_forces import loaded
@@ -98,6 +98,7 @@ MOTIONS = {
     "dilatation": (partial(pressed, 2, "dilatation"), {"pressure": 300.0, "pull": 20.0},
                    ["final:tip_z"], steps(1e-3, 3, 0.6), 1e-3),
     "controlled": (controlled, ARMS, ["final:tip_x", "mean:tip_z"], steps(4e-3, 5, 0.6), 1e-3),
+    "cables": (netted, NET, ["final:at_z", "mean:at_x"], steps(1e-2, 8, 0.6), 1e-3),
     "jump": (partial(switched, "damped", 0.0023), NUMBERS, ["final:tip_z", "final:lifted"],
              steps(1e-3, 4, 0.6), 1e-3),
     "rebound": (partial(arms, "bounce"), VALUES, ["final:tip_x", "mean:tip_z"],
@@ -175,6 +176,7 @@ def test_states_that_are_computed_again():
     "name",
     [
         "beam",
+        "cables",
         "controlled",
         "forces",
         "rebound",

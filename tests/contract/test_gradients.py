@@ -12,6 +12,7 @@ import flexfem as ff
 from flexfem.gradients.motion.functionals import parse
 from tests.contract.gradient_examples import (
     KINDS,
+    NET,
     NUMBERS,
     PARTS,
     RUBBING,
@@ -20,6 +21,7 @@ from tests.contract.gradient_examples import (
     damped_shell,
     jointed,
     mechanism,
+    netted,
     rubbing,
     strip,
 )
@@ -118,6 +120,13 @@ def test_damped_shells(element, how):
     options = ff.RunOptions(dt=5e-3, t_end=0.05, tolerance=1e-13)
     build = partial(damped_shell, element, how)
     compare(build, {"gravity": 9.81, "damping": 5e-3}, ["final:tip_y", "mean:tip_z"], options, 1e-8)
+
+
+@pytest.mark.serial
+def test_nets_of_cables():
+    """Cables become slack and taut: a damper that is left out there gives 1e-3."""
+    options = ff.RunOptions(dt=5e-3, t_end=0.06, rho_inf=0.8, tolerance=1e-13)
+    compare(netted, NET, ["final:at_z", "mean:at_x"], options, 1e-8)
 
 
 @pytest.mark.serial

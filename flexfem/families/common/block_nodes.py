@@ -3,6 +3,7 @@
 
 from abc import abstractmethod
 from collections.abc import Mapping
+from dataclasses import replace
 from typing import Any, ClassVar, override
 
 from mpi4py import MPI
@@ -10,16 +11,19 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.core.marker import Marker
+from flexfem.core.marker import Carrier, Marker, SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.runs import starts
 from flexfem.layout.elements import one_width
 from flexfem.layout.family import Family
+from flexfem.layout.lines import Line
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.layout.surface_places import SurfacePlace, fitted_sides
 from flexfem.lie import se3
+from flexfem.model.bodies.mesh_body import MeshBody
 from flexfem.model.structure.place import Place
 
-__all__ = ["PositionFamily", "distributed"]
+__all__ = ["MeshFamily", "PositionFamily", "distributed"]
 
 #: of the messages that set up the exchange of ghosts
 _TAG = 1201
@@ -153,9 +157,62 @@ class PositionFamily[B: Any](Family):
         return block, own
 
 
+class MeshFamily[B: MeshBody](PositionFamily[B]):
+    """Cells of a family of such bodies, and places of markers on their nodes."""
+
+    @override
+    def cells_of(self, body: B) -> IntArray:
+        return body.mesh.cells
+
+    @override
+    def surface_place(self, marker: Marker) -> SurfacePlace:
+        number = self.number(marker.body)
+        first = int(self.first[number])
+        if isinstance(marker, SurfaceMarker):
+            nodes = tuple(first + node for node in marker.nodes)
+            return SurfacePlace(self.kind, nodes, marker.weights)
+        return SurfacePlace(self.kind, (first + self._bodies[number].node(marker),), (1.0,))
+
+    @override
+    def with_axes(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
+        number = self.number(marker.body)
+        body, first = self._bodies[number], int(self.first[number])
+        own = np.array(place.nodes) - first
+        found = _cells_around(own, body) if len(own) <= 3 else np.empty(0, np.int64)
+        if not len(found) and len(own) >= 3:
+            try:
+                sides = fitted_sides(body.mesh.points[own], np.array(place.weights))
+            except ValueError as error:
+                raise ValueError(
+                    f'Marker on "{body.name}": {len(own)} nodes define no axes, {error}'
+                ) from None
+            return replace(place, sides=sides)
+        if body.mesh.dimension == 1 or not len(found):
+            raise ValueError(
+                f'Marker on "{body.name}": a joint that needs axes takes those of a triangle, '
+                f"which {'bars do not have' if body.mesh.dimension == 1 else 'it is not in'}"
+            )
+        corners = body.mesh.corners[found[0]]
+        others = [node for node in corners.tolist() if node not in own]
+        nodes = (*own.tolist(), *others)[:3]
+        weights = (*place.weights, 0.0, 0.0)[:3]
+        return SurfacePlace(self.kind, tuple(first + node for node in nodes), weights)
+
+    @override
+    def line(self, carrier: Carrier) -> Line:
+        kind = type(self._bodies[self.number(carrier.body)]).__name__
+        raise ValueError(f'Carrier on "{carrier.body}": a {kind} has no line')
+
+
 def _along(points: FloatArray, cells: IntArray) -> IntArray:
     """Cells of a body ordered along its longest extent."""
     middles = points[cells].mean(axis=1)
     offsets = middles - middles.mean(axis=0)
     _, _, axes = np.linalg.svd(offsets, full_matrices=False)
     return np.argsort(np.round(offsets @ axes[0], 12), kind="stable")
+
+
+def _cells_around(nodes: IntArray, body: MeshBody) -> IntArray:
+    """Cells of a body that have all of some nodes among their corners, ascending."""
+    member = np.isin(body.mesh.corners, nodes)
+    return np.flatnonzero(member.sum(axis=1) == len(nodes))

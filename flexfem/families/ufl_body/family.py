@@ -2,7 +2,6 @@
 """Bodies of finite elements whose strain energy the user writes in UFL."""
 
 from collections.abc import Iterator, Mapping, Sequence
-from dataclasses import replace
 from typing import Any, override
 
 from mpi4py import MPI
@@ -12,9 +11,8 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.load import NOTHING, Load
-from flexfem.core.marker import Carrier, Marker, SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.families.common.block_nodes import PositionFamily
+from flexfem.families.common.block_nodes import MeshFamily
 from flexfem.families.shells.loads import Pressures
 from flexfem.families.ufl_body.elements import EnergyCells, EnergyElements, EnergyKernels, Points
 from flexfem.forms.energy import EnergyForms
@@ -23,14 +21,12 @@ from flexfem.kernels.ffcx import Kernel, compile_kernel
 from flexfem.layout.elements import ElementFamily
 from flexfem.layout.family import ContactSurface
 from flexfem.layout.inner_forces import InnerForces
-from flexfem.layout.lines import Line
 from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.layout.surface_places import SurfacePlace, fitted_sides
 from flexfem.lie import se3
 from flexfem.loads.pressure import Pressure
 from flexfem.mesh.surface_mesh import SurfaceMesh
-from flexfem.model.bodies.ufl_body import UFLBody, cells_of
+from flexfem.model.bodies.ufl_body import UFLBody
 from flexfem.model.contact import Contact
 
 __all__ = ["UFLBodyFamily"]
@@ -45,7 +41,7 @@ _TURN = np.array([0.7, -0.4, 1.1])
 type _Kind = tuple[Any, ...]
 
 
-class UFLBodyFamily(PositionFamily[UFLBody]):
+class UFLBodyFamily(MeshFamily[UFLBody]):
     """See :class:`flexfem.layout.family.Family`."""
 
     name = "ufl_bodies"
@@ -60,48 +56,6 @@ class UFLBodyFamily(PositionFamily[UFLBody]):
         """
         super().__init__(serial, kind)
         self._forms = {kind: _forms(bodies[0]) for kind, bodies in _kinds(self._bodies).items()}
-
-    @override
-    def cells_of(self, body: UFLBody) -> IntArray:
-        return body.mesh.cells
-
-    @override
-    def surface_place(self, marker: Marker) -> SurfacePlace:
-        first = int(self.first[self.number(marker.body)])
-        if isinstance(marker, SurfaceMarker):
-            nodes = tuple(first + node for node in marker.nodes)
-            return SurfacePlace(self.kind, nodes, marker.weights)
-        body = self.serial.model[marker.body]
-        return SurfacePlace(self.kind, (first + body.node(marker),), (1.0,))
-
-    @override
-    def with_axes(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
-        number = self.number(marker.body)
-        body, first = self._bodies[number], int(self.first[number])
-        own = np.array(place.nodes) - first
-        found = cells_of(own, body.mesh) if len(own) <= 3 else np.empty(0, np.int64)
-        if not len(found) and len(own) >= 3:
-            try:
-                sides = fitted_sides(body.mesh.points[own], np.array(place.weights))
-            except ValueError as error:
-                raise ValueError(
-                    f'Marker on "{body.name}": {len(own)} nodes define no axes, {error}'
-                ) from None
-            return replace(place, sides=sides)
-        if body.mesh.dimension == 1 or not len(found):
-            raise ValueError(
-                f'Marker on "{body.name}": a joint that needs axes takes those of a triangle, '
-                f"which {'bars do not have' if body.mesh.dimension == 1 else 'it is not in'}"
-            )
-        corners = body.mesh.corners[found[0]]
-        others = [node for node in corners.tolist() if node not in own]
-        nodes = (*own.tolist(), *others)[:3]
-        weights = (*place.weights, 0.0, 0.0)[:3]
-        return SurfacePlace(self.kind, tuple(first + node for node in nodes), weights)
-
-    @override
-    def line(self, carrier: Carrier) -> Line:
-        raise ValueError(f'Carrier on "{carrier.body}": a UFLBody has no line')
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:

@@ -27,6 +27,7 @@ COLOURS = {
     "floating_bodies": (("CELLS", "von_mises"),),
     "floating_lines": (("CELLS", "von_mises"),),
     "cables": (("CELLS", "tension"),),
+    "cable_nets": (("CELLS", "tension"),),
 }
 PLAIN = {"rigid_bodies": (0.56, 0.64, 0.72), "joints": (0.88, 0.48, 0.22)}
 PLAIN["contact_surfaces"] = (0.74, 0.78, 0.82)

@@ -18,8 +18,8 @@ __all__ = ["SERIES", "Series", "evenly", "find_series"]
 #: Series of the package, what lies in front last.
 SERIES = (
     "contact_surfaces", "rigid_bodies", "solids", "shells", "floating_bodies", "floating_lines",
-    "energy_solids", "energy_triangles", "energy_lines", "beam_surfaces", "beams", "cables",
-    "joints", "reactions",
+    "energy_solids", "energy_triangles", "energy_lines", "cable_nets", "beam_surfaces",
+    "beams", "cables", "joints", "reactions",
 )  # fmt: skip
 #: Begin of the names of series of curved cells, whose surfaces are in ``solids``.
 CURVED = "solid_cells_"

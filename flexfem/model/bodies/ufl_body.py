@@ -24,45 +24,18 @@ from flexfem._fields import (
     settled,
     vector,
 )
-from flexfem._types import FloatArray, IntArray
-from flexfem.core.marker import Marker, SurfaceMarker
-from flexfem.core.pose import Pose
+from flexfem._types import FloatArray
 from flexfem.mesh.element_mesh import ElementMesh
 from flexfem.mesh.surface_mesh import SurfaceMesh
-from flexfem.model.bodies.base import Body
+from flexfem.model.bodies.mesh_body import MeshBody, checked_fixed, one_or_each
 
-__all__ = ["NodeSetMarker", "UFLBody"]
+__all__ = ["UFLBody"]
 
 #: Smallest area coordinate of the points of rules for simplices of degree two, by corners.
 _NEAR = {2: 0.5 - 0.5 / np.sqrt(3.0), 3: 1.0 / 6.0, 4: (5.0 - np.sqrt(5.0)) / 20.0}
 
 #: Energy per unit of size at the start of the positions x, places at the start X and parameters.
 Energy = Callable[[Any, Any, Any], Any]
-
-
-class NodeSetMarker(SurfaceMarker):
-    """Mean place of some nodes of an :class:`UFLBody`, for joints; inertial axes at the start.
-
-    Where a joint needs axes, three nodes or more that are not on one line define them: they rotate
-    with the affine map that is fitted to all of the nodes by least squares. A force and a moment
-    there are statically equivalent forces at the nodes, which stay free to move apart, as of an
-    interpolation element (RBE3). Corners of one triangle, or of one face of a solid, take its axes.
-
-    Attributes:
-        nodes: The nodes.
-        weights: Their parts in the position, equal ones.
-    """
-
-    def __init__(self, body: str, nodes: npt.ArrayLike) -> None:
-        """Create the marker.
-
-        Raises:
-            TypeError: The nodes are no numbers.
-        """
-        Marker.__init__(self, body)
-        places = _checks.indices(f'NodeSetMarker on "{body}"', "nodes", nodes, 2**62, 1)
-        own = np.unique(places).tolist()
-        _checks.assign(self, nodes=tuple(own), weights=(1.0 / len(own),) * len(own))
 
 
 def _degree(owner: str, what: str, value: int) -> int:
@@ -73,7 +46,7 @@ def _degree(owner: str, what: str, value: int) -> int:
 
 
 @declared
-class UFLBody(Body):
+class UFLBody(MeshBody):
     """Body of finite elements with a strain energy in UFL, for example bars, membranes, solids.
 
     The unknowns are the positions of the nodes. A node has no axes: forces act there, joints hold
@@ -125,64 +98,18 @@ class UFLBody(Body):
     def __post_init__(self) -> None:
         """Check the values that belong to sets and cells of the mesh."""
         owner, mesh = _checks.named(self, self.name), self.mesh
-        for place, axes in self.fixed.items():
-            mesh.chosen(f"{owner}: fixed", place)
-            if not isinstance(axes, str) or not axes or not set(axes) <= set("xyz"):
-                raise ValueError(
-                    f'{owner}: fixed["{place}"] must be some of "xyz", got {_checks.show(axes)}'
-                )
         _checks.assign(
             self,
             parameters=MappingProxyType(
                 {key: _values(owner, key, value, mesh) for key, value in self.parameters.items()}
             ),
-            fixed=MappingProxyType(dict(self.fixed)),
+            fixed=checked_fixed(owner, self.fixed, mesh),
         )
-
-    def marker(self, name: str) -> NodeSetMarker:
-        """Return the mean place of a set of nodes as a marker for joints.
-
-        Raises:
-            ValueError: The mesh has no such set.
-        """
-        return NodeSetMarker(self.name, self.mesh.chosen(f'Marker on "{self.name}"', name))
-
-    def node(self, marker: Marker) -> int:
-        """Return the node of a marker.
-
-        Raises:
-            ValueError: It names no single node and is near none, or has an offset.
-        """
-        owner = f'Marker on "{self.name}"'
-        if marker.offset.any():
-            raise ValueError(f"{owner}: a node has no axes for offsets, got {marker.offset}")
-        nodes = self.mesh.chosen(owner, marker.point)
-        if len(nodes) > 1:
-            raise ValueError(
-                f'{owner}: "{marker.point}" has {len(nodes)} nodes; their mean place, for joints, '
-                f'is UFLBody.marker("{marker.point}")'
-            )
-        return int(nodes[0])
 
     @property
     def touches(self) -> bool:  # type: ignore[override]
         """True if it is a membrane of linear triangles whose thickness is given."""
         return self.thickness is not None and self.surface is not None
-
-    @property
-    def points(self) -> FloatArray:
-        """See :attr:`Body.points`."""
-        return self.mesh.points
-
-    @property
-    def elements(self) -> int:
-        """See :attr:`Body.elements`."""
-        return len(self.mesh.cells)
-
-    @property
-    def holds(self) -> int:
-        """See :attr:`Body.holds`."""
-        return int(self.held.sum())
 
     @property
     def details(self) -> str:
@@ -213,58 +140,8 @@ class UFLBody(Body):
         points = np.einsum("qi,mia->mqa", shape, corners).reshape(-1, 3)
         return points, np.repeat(self.density * size / count, count)
 
-    def moved(self, motion: Pose) -> "UFLBody":
-        """Return the body moved rigidly with its initial velocities.
-
-        Raises:
-            ValueError: Nodes are fixed along axes that would not be inertial.
-        """
-        turn = motion.rotation
-        if self.fixed and not np.array_equal(turn, np.eye(3)):
-            raise ValueError(f'UFLBody "{self.name}": fixed nodes cannot be rotated')
-        mesh, spin = self.mesh, turn @ self.angular_velocity
-        points = motion.apply(mesh.points)
-        return UFLBody(
-            self.name,
-            ElementMesh(points, mesh.cells, mesh.cell, degree=mesh.degree, nodes=mesh.nodes),
-            self.energy,
-            density=self.density,
-            parameters=self.parameters,
-            thickness=self.thickness,
-            quadrature=self.quadrature,
-            fixed=self.fixed,
-            velocity=turn @ self.velocity - np.cross(spin, motion.position),
-            angular_velocity=spin,
-        )
-
-    @property
-    def held(self) -> npt.NDArray[np.bool_]:
-        """(n, 3) directions in which nodes are fixed."""
-        held = np.zeros((len(self.mesh.points), 3), dtype=np.bool_)
-        for name, axes in self.fixed.items():
-            held[np.ix_(self.mesh.nodes[name], ["xyz".index(axis) for axis in axes])] = True
-        return held
-
-    @property
-    def node_velocities(self) -> FloatArray:
-        """(n, 3) inertial velocities of the nodes at the start, m/s."""
-        speed: FloatArray = self.velocity + np.cross(self.angular_velocity, self.mesh.points)
-        return np.where(self.held, 0.0, speed)
-
 
 def _values(owner: str, name: str, value: npt.ArrayLike, mesh: ElementMesh) -> FloatArray:
     """Return the values (m,) of a parameter in the cells."""
     _checks.text(owner, "name of a parameter", name)
-    given = np.asarray(value)
-    what = f'parameters["{name}"]'
-    if given.ndim == 0:
-        return _checks.freeze(
-            np.full(len(mesh.cells), _checks.number(owner, what, value)), np.float64
-        )
-    return _checks.array(owner, what, value, (len(mesh.cells),))
-
-
-def cells_of(nodes: IntArray, mesh: ElementMesh) -> IntArray:
-    """Return the cells that have all of some nodes among their corners, ascending."""
-    member = np.isin(mesh.corners, nodes)
-    return np.flatnonzero(member.sum(axis=1) == len(nodes))
+    return one_or_each(owner, f'parameters["{name}"]', value, len(mesh.cells))

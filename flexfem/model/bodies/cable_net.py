@@ -1,0 +1,169 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Nets of elastic cables, slack in compression, and trusses of bars."""
+
+from collections.abc import Mapping
+from dataclasses import KW_ONLY
+from functools import cached_property
+from types import MappingProxyType
+
+import numpy as np
+import numpy.typing as npt
+
+from flexfem import _checks
+from flexfem._fields import (
+    ZERO,
+    Array,
+    Given,
+    declared,
+    flag,
+    instance,
+    number,
+    settled,
+    vector,
+)
+from flexfem._types import FloatArray
+from flexfem.mesh.element_mesh import ElementMesh
+from flexfem.model.bodies.mesh_body import MeshBody, checked_fixed, one_or_each
+
+__all__ = ["CableNet"]
+
+#: One number, or one for each cable or node.
+Values = Given[npt.ArrayLike, FloatArray]
+#: The same or none.
+ValuesOrNone = Given[npt.ArrayLike | None, FloatArray | None]
+#: Points of the rule of Gauss with two points on the unit interval.
+_POINTS = 0.5 + np.array([-0.5, 0.5]) / np.sqrt(3.0)
+
+
+@declared
+class CableNet(MeshBody):
+    """Net of straight elastic cables between nodes, of any number and connection.
+
+    A cable of the length l and the rest length L pulls with ``EA e (1 + tanh(tau de/dt / e))``
+    where its strain ``e = l / L - 1`` is positive, and is slack otherwise; tau is the damping. Its
+    damper acts softly where the cable becomes taut, and never makes it press. With
+    ``tension_only=False`` cables are bars, which press as well: a truss with hinged joints, whose
+    damper is linear.
+
+    The unknowns are the positions of the nodes; markers are at nodes, which have no axes, see
+    :class:`NodeSetMarker`. The mass is distributed along the cables, linear between their nodes.
+    The integrator ``energy_momentum`` keeps or dissipates the energy also where many cables become
+    slack and taut in one step; ``generalized_alpha`` needs steps that resolve it.
+
+    Attributes:
+        name: Unique name in the model.
+        mesh: Nodes and cables, a mesh of intervals of degree 1 at the start of the motion, where
+            cables may be slack.
+        axial_stiffness: EA, N; one number, or one for each cable, (m,).
+        mass_per_length: Of the unstretched cable, kg/m; one number or (m,).
+        rest_length: Unstretched length, m; one number or (m,). None for that at the start, less the
+            stretch of the preload.
+        preload: Tension at the start, N, in place of a rest length; one number or (m,).
+        node_mass: Of fittings at the nodes, kg; one number, or one for each node, (n,).
+        damping: Proportional to the stiffness, s.
+        tension_only: False for bars.
+        fixed: Directions in which sets of nodes are fixed, some of "xyz", by the set's name.
+        velocity: Initial velocity of the point of the (extended) body at the inertial origin,
+            inertial axes, shape (3,), m/s.
+        angular_velocity: Initial angular velocity, inertial axes, shape (3,), rad/s; a point at x
+            starts with `velocity + angular_velocity x x`.
+
+    Raises:
+        TypeError: An argument has the wrong type.
+        ValueError: Other cells than intervals of degree 1, a value that is negative, not positive,
+            or neither one nor one for each cable, rest length and preload, a node without mass, or
+            a set that the mesh does not have.
+    """
+
+    family = "flexfem.families.cable_net.family:CableNetFamily"
+
+    name: str
+    mesh: ElementMesh = instance(ElementMesh)
+    axial_stiffness: Values = settled(default=None)
+    _: KW_ONLY
+    mass_per_length: Values = settled(default=None)
+    rest_length: ValuesOrNone = settled(default=None)
+    preload: Values = settled(default=0.0)
+    node_mass: Values = settled(default=0.0)
+    damping: float = number(default=0.0, nonnegative=True)
+    tension_only: bool = flag(default=True)
+    fixed: Mapping[str, str] = settled(default=MappingProxyType({}))
+    velocity: Array = vector(default=ZERO)
+    angular_velocity: Array = vector(default=ZERO)
+
+    def __post_init__(self) -> None:
+        """Check the values of cables and nodes."""
+        owner, mesh = _checks.named(self, self.name), self.mesh
+        if (mesh.cell, mesh.degree) != ("interval", 1):
+            raise ValueError(
+                f"{owner}: mesh must have intervals of degree 1, got {mesh.cell} of degree "
+                f"{mesh.degree}"
+            )
+        stiffness = self._positive("axial_stiffness")
+        preload = self._not_negative("preload", len(mesh.cells))
+        if self.rest_length is not None and preload.any():
+            raise ValueError(f"{owner}: give preload or rest_length, not both")
+        if self.rest_length is not None:
+            _checks.assign(self, rest_length=self._positive("rest_length"))
+        _checks.assign(
+            self,
+            axial_stiffness=stiffness,
+            preload=preload,
+            mass_per_length=self._not_negative("mass_per_length", len(mesh.cells)),
+            node_mass=self._not_negative("node_mass", len(mesh.points)),
+            fixed=checked_fixed(owner, self.fixed, mesh),
+        )
+        masses = self.node_mass + np.bincount(
+            mesh.cells.ravel(), np.repeat(self.mass_per_length, 2), len(mesh.points)
+        )
+        if not (masses > 0.0).all():
+            raise ValueError(f"{owner}: node {int(np.argmin(masses > 0.0))} has no mass")
+
+    def _positive(self, what: str) -> FloatArray:
+        """Checked values (m,) of the cables."""
+        found = self._not_negative(what, len(self.mesh.cells))
+        if not (found > 0.0).all():
+            owner = _checks.named(self, self.name)
+            raise ValueError(f"{owner}: {what} must be positive, got {found.min():.6g}")
+        return found
+
+    def _not_negative(self, what: str, count: int) -> FloatArray:
+        """Checked values (count,) of cables or nodes."""
+        owner = _checks.named(self, self.name)
+        found = one_or_each(owner, what, getattr(self, what), count)
+        if not (found >= 0.0).all():
+            raise ValueError(f"{owner}: {what} must not be negative, got {found.min():.6g}")
+        return found
+
+    @property
+    def lengths(self) -> FloatArray:
+        """Lengths (m,) of the cables at the start, m."""
+        found: FloatArray = np.linalg.norm(
+            np.diff(self.mesh.points[self.mesh.cells], axis=1)[:, 0], axis=1
+        )
+        return found
+
+    @cached_property
+    def unstretched(self) -> FloatArray:
+        """Rest lengths (m,) of the cables, m."""
+        if self.rest_length is not None:
+            return self.rest_length
+        found: FloatArray = self.lengths / (1.0 + self.preload / self.axial_stiffness)
+        return found
+
+    @property
+    def details(self) -> str:
+        """See :attr:`Body.details`."""
+        kind = "cables" if self.tension_only else "bars"
+        return f"{self.elements} {kind}, EA up to {self.axial_stiffness.max():.6g} N"
+
+    @property
+    def masses(self) -> tuple[FloatArray, FloatArray]:
+        """Points (q, 3) in the body at the start, m, and masses (q,), kg, with its inertia."""
+        first, last = np.moveaxis(self.mesh.points[self.mesh.cells], 1, 0)
+        inside = [first + t * (last - first) for t in _POINTS]
+        half = 0.5 * self.mass_per_length * self.unstretched
+        return (
+            np.concatenate([*inside, self.mesh.points]),
+            np.concatenate([half, half, self.node_mass]),
+        )
