@@ -34,7 +34,7 @@ mpl.use("Agg")  # before pyplot, which would look for a display
 
 import matplotlib.pyplot as plt
 import numpy as np
-from plot_history import PlotError, choose, planes_of, read_table
+from plot_history import PlotError, choose, planes_of, read_table, table_of
 
 Table = dict[str, np.ndarray]
 
@@ -54,7 +54,7 @@ def load(folders: list[Path], after: float) -> dict[str, Table]:
     names = [folder.resolve().name for folder in folders]
     tables = {}
     for folder, name in zip(folders, names, strict=True):
-        table = read_table(folder / "history.csv")
+        table = read_table(table_of(folder))
         late = table["t"] >= after
         if not late.any():
             raise PlotError(f"{folder}: no rows from t = {after:g} s on")

@@ -20,7 +20,7 @@ mpl.use("Agg")  # before pyplot, which would look for a display
 
 import matplotlib.pyplot as plt
 import numpy as np
-from plot_history import PlotError, read_table
+from plot_history import PlotError, read_table, table_of
 
 
 def modes_over_speed(path: Path) -> dict[str, np.ndarray]:
@@ -102,7 +102,7 @@ def make(folder: Path, options: argparse.Namespace) -> Path:
         OSError: A file cannot be read or written.
     """
     output = Path(options.output or folder / "campbell.png")
-    figure = draw(modes_over_speed(folder / "history.csv"), options.axes, options.orders)
+    figure = draw(modes_over_speed(table_of(folder)), options.axes, options.orders)
     figure.savefig(output, dpi=130)
     plt.close(figure)
     return output

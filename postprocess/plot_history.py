@@ -21,6 +21,7 @@ import argparse
 import difflib
 import re
 import sys
+import zlib
 from pathlib import Path
 
 import matplotlib as mpl
@@ -41,10 +42,18 @@ class PlotError(ValueError):
     """A user's mistake, described in one line."""
 
 
+def table_of(folder: Path) -> Path:
+    """The table of a result folder, the newer one if there are two."""
+    there = [path for name in ("history.csv", "history.h5") if (path := folder / name).is_file()]
+    return max(there, key=lambda path: path.stat().st_mtime_ns, default=folder / "history.csv")
+
+
 def read_table(path: Path) -> dict[str, np.ndarray]:
     """Columns of the table; a last row cut short by a killed run is left out."""
     if not path.is_file():
         raise PlotError(f"{path}: no history table")
+    if path.suffix == ".h5":
+        return read_compressed(path)
     lines = path.read_text(encoding="utf-8").split("\n")[:-1]
     if len(lines) < 2:
         raise PlotError(f"{path}: the table has no rows")
@@ -55,6 +64,27 @@ def read_table(path: Path) -> dict[str, np.ndarray]:
         raise PlotError(f"{path}: not a table of numbers ({exc})") from exc
     if names[0] != "t" or table.shape[1] != len(names):
         raise PlotError(f"{path}: not a history table (first column t, equal rows)")
+    return dict(zip(names, table.T, strict=True))
+
+
+def read_compressed(path: Path) -> dict[str, np.ndarray]:
+    """Columns of ``history.h5``; the last rows of a run that goes on, or was killed, are marked."""
+    import h5py
+
+    try:
+        with h5py.File(path, "r", swmr=True) as file:
+            names = [name.decode() for name in file["columns"][()]]
+            table, tail = file["values"][()], file["tail"][()]
+    except (KeyError, OSError) as exc:
+        raise PlotError(f"{path}: not a history table ({exc})") from exc
+    marked = [row for row in tail if row[0] == zlib.crc32(row[1:].tobytes()) + 1]
+    rest = {int(row[1]): row[2:] for row in marked}
+    last = []
+    while len(table) + len(last) in rest:
+        last.append(rest[len(table) + len(last)])
+    table = np.concatenate([table, np.array(last).reshape(-1, len(names))])
+    if not len(table):
+        raise PlotError(f"{path}: the table has no rows")
     return dict(zip(names, table.T, strict=True))
 
 
@@ -187,7 +217,7 @@ def make(folder: Path, options: argparse.Namespace) -> Path:
         ValueError: Options or the table cannot be used.
         OSError: A file cannot be read or written.
     """
-    source, title = folder / "history.csv", folder.resolve().name
+    source, title = table_of(folder), folder.resolve().name
     table = read_table(source)
     if options.path is None:
         target = options.output or folder / "history.png"

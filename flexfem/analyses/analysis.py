@@ -14,6 +14,7 @@ __all__ = [
     "Analysis",
     "fields",
     "fields_precision",
+    "history_format",
     "kernels",
     "linear_solver",
     "linear_tolerance",
@@ -53,6 +54,16 @@ def fields_precision() -> Any:
         default="mixed",
         choices=("mixed", "single", "double"),
         note="Single precision rounds to 6e-8 of a value.",
+    )
+
+
+def history_format() -> Any:
+    """Declare the option of all analyses with a history for its file."""
+    return option(
+        "history.csv (csv), or history.h5, compressed, for thousands of columns (hdf5)",
+        default="csv",
+        choices=("csv", "hdf5"),
+        note="A run that writes the latter holds some rows in memory, and not all.",
     )
 
 

@@ -7,6 +7,7 @@ from flexfem.analyses.analysis import (
     Analysis,
     fields,
     fields_precision,
+    history_format,
     kernels,
     linear_solver,
     linear_tolerance,
@@ -101,6 +102,7 @@ class RunOptions(Settings):
     every: int = option("write the ParaView fields every N-th time step dt", default=10, minimum=1)
     fields: str = fields()
     fields_precision: str = fields_precision()
+    history_format: str = history_format()
     checkpoint_every: int = option(
         "write a checkpoint every N-th step and at the end; 0: only if the run ends early",
         default=0,

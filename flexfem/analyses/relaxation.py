@@ -7,6 +7,7 @@ from flexfem.analyses.analysis import (
     Analysis,
     fields,
     fields_precision,
+    history_format,
     kernels,
     restart,
     split_above,
@@ -79,6 +80,7 @@ class RelaxationOptions(Settings):
     )
     fields: str = fields()
     fields_precision: str = fields_precision()
+    history_format: str = history_format()
     checkpoint_every: int = option(
         "write a checkpoint every N-th iteration and at the end; 0: only if the run ends early",
         default=0,

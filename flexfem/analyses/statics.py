@@ -7,6 +7,7 @@ from flexfem.analyses.analysis import (
     Analysis,
     fields,
     fields_precision,
+    history_format,
     kernels,
     restart,
     split_above,
@@ -116,6 +117,7 @@ class StaticOptions(Settings):
     every: int = option("write the ParaView fields every N-th step", default=1, minimum=1)
     fields: str = fields()
     fields_precision: str = fields_precision()
+    history_format: str = history_format()
     checkpoint_every: int = option(
         "write a checkpoint every N-th load step and at the end; 0: only if the run ends early",
         default=0,

@@ -11,6 +11,7 @@ from typing import Any
 
 from flexfem.io.summary import read_summary, write_summary
 from flexfem.io.tables.history import read_history
+from flexfem.io.tables.history_files import history_file
 from flexfem.io.tables.table import write_table
 from flexfem.options import value_text
 from flexfem.studies.plan import PlannedRun
@@ -90,7 +91,8 @@ class RunFolder:
 
     def _history(self) -> Mapping[str, Any]:
         try:
-            return read_history(self.path / "history.csv")
+            file = history_file(self.path)
+            return {} if file is None else read_history(file)
         except (OSError, ValueError):
             return {}
 

@@ -105,8 +105,9 @@ def _flag(key: str, value: Any) -> list[str]:
 def _outcome(folder: Path) -> Outcome:
     """Return the outcome that the run has left."""
     from flexfem.io import read_history, read_summary
+    from flexfem.io.tables.history_files import history_file
     from flexfem.simulation.run.outcome import Outcome
 
-    summary, table = read_summary(folder / "summary.json"), folder / "history.csv"
-    history = read_history(table) if table.exists() else {}
+    summary, table = read_summary(folder / "summary.json"), history_file(folder)
+    history = {} if table is None else read_history(table)
     return Outcome(summary["status"], summary, history, folder)

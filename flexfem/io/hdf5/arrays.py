@@ -3,7 +3,7 @@
 
 Only files as the package writes them are read: a file of this format may name other files as its
 contents, claim more numbers than it has bytes, or have its numbers made by filters. Arrays of ours
-are whole, in the file, and take as many bytes there as in memory.
+are whole, in the file, and take as many bytes there as in memory; tables are in compressed chunks.
 """
 
 import os
@@ -19,6 +19,10 @@ __all__ = ["PlainFile", "load_h5py"]
 
 #: Kinds of numbers: as ours, whatever the computer.
 _KINDS = "fiub"
+#: Filters of tables: deflate, shuffle and Fletcher's checksum.
+_FILTERS = {1, 2, 3}
+#: Bytes of a chunk at most, and those that a byte of deflated data can stand for.
+_CHUNK, _RATIO = 2.0**24, 1100.0
 
 
 @cache
@@ -49,7 +53,7 @@ class PlainFile:
             file: open for reading.
             size: of the whole file in bytes.
         """
-        self._file, self._left = file, size
+        self._file, self._left, self._size = file, size, size
 
     def names(self, group: str) -> list[str]:
         """Return the names in a group; the empty name is that of the whole file.
@@ -88,6 +92,39 @@ class PlainFile:
         """
         values: NDArray[Any] = self.array(name)[()]
         return np.asarray(values)
+
+    def compressed(self, name: str) -> Any:
+        """A table of doubles in compressed chunks that is not read yet.
+
+        Raises:
+            ValueError: it is not there, or nothing that the package writes.
+        """
+        dataset = self._item(name, "Dataset")
+        plain = dataset.dtype.kind == "f" and dataset.dtype.itemsize == 8 and dataset.ndim == 2
+        if not plain or dataset.chunks is None or dataset.is_virtual or dataset.external:
+            raise ValueError(f'"{name}" does not hold a table in chunks')
+        layout = dataset.id.get_create_plist()
+        used = {layout.get_filter(k)[0] for k in range(layout.get_nfilters())}
+        expected = 8.0 * float(np.prod(dataset.shape, dtype=np.float64))
+        chunk = 8.0 * float(np.prod(dataset.chunks, dtype=np.float64))
+        kept = dataset.id.get_storage_size()
+        if used - _FILTERS or chunk > _CHUNK or expected > _RATIO * min(kept, self._size):
+            raise ValueError(f'"{name}" claims numbers that are not in the file')
+        return dataset
+
+    def texts(self, name: str) -> list[str]:
+        """A list of texts of the same room.
+
+        Raises:
+            ValueError: it is not there, or no such list.
+        """
+        dataset = self._item(name, "Dataset")
+        if dataset.dtype.kind != "S" or dataset.ndim != 1 or dataset.is_virtual or dataset.external:
+            raise ValueError(f'"{name}" does not hold texts')
+        size = dataset.shape[0] * dataset.dtype.itemsize
+        if dataset.chunks is not None or size != dataset.id.get_storage_size() or size > self._size:
+            raise ValueError(f'"{name}" claims texts that are not in the file')
+        return [text.decode() for text in dataset[()].tolist()]
 
     def has_attribute(self, name: str) -> bool:
         """Return True if the file has an attribute of this name."""

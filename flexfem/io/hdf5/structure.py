@@ -3,7 +3,7 @@
 
 The HDF5 library may crash, or never come to an end, on a file whose inner structure is damaged. So
 a short-lived process that may take little time and memory reads names, shapes and attributes before
-this one opens the file: ``python -P structure.py FILE SECONDS`` ends with 0 if it can.
+this one opens the file: ``python -P structure.py FILE SECONDS LIVE`` ends with 0 if it can.
 """
 
 import os
@@ -26,17 +26,18 @@ _ROOM = 2**30
 _REFUSED = 3
 
 
-def check_structure(path: Path) -> None:
+def check_structure(path: Path, *, live: bool = False) -> None:
     """Let another process read the structure of a file.
 
     Args:
         path: the file, a plain one.
+        live: another process may be writing it (SWMR), or have been killed as it did.
 
     Raises:
         OSError: no process can be started.
         ValueError: it cannot be read, as far as the HDF5 library gets.
     """
-    command = [sys.executable, "-P", __file__, str(path), str(_SECONDS)]
+    command = [sys.executable, "-P", __file__, str(path), str(_SECONDS), str(int(live))]
     try:
         ended = subprocess.run(
             command, env=environment_of_runs(), stdin=subprocess.DEVNULL, capture_output=True,
@@ -58,7 +59,7 @@ def _no_end() -> str:
     return f"its structure is damaged: the HDF5 library has not read it after {_SECONDS} s"
 
 
-def read_structure(path: str) -> None:
+def read_structure(path: str, live: bool = False) -> None:
     """Read all names, shapes and attributes; arrays are not read.
 
     Raises:
@@ -66,7 +67,7 @@ def read_structure(path: str) -> None:
     """
     import h5py
 
-    with h5py.File(path, "r") as file:
+    with h5py.File(path, "r", swmr=live) as file:
         _look_at("/", file)
         file.visititems(_look_at)
 
@@ -99,12 +100,12 @@ def _lower(kind: int, limit: int) -> None:
     resource.setrlimit(kind, (least, hard))
 
 
-def _main(path: str, seconds: int) -> int:
+def _main(path: str, seconds: int, live: bool) -> int:
     import h5py  # noqa: F401 before the limits, which are for the file
 
     _limit(path, seconds)
     try:
-        read_structure(path)
+        read_structure(path, live)
     except Exception as error:  # as above
         print(" ".join(str(error).split()) or type(error).__name__, file=sys.stderr)
         return _REFUSED
@@ -112,6 +113,6 @@ def _main(path: str, seconds: int) -> int:
 
 
 if __name__ == "__main__":
-    code = _main(sys.argv[1], int(sys.argv[2]))
+    code = _main(sys.argv[1], int(sys.argv[2]), sys.argv[3] == "1")
     sys.stderr.flush()
     os._exit(code)  # the library may crash once more when it is left

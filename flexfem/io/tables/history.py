@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""History table: one CSV row per step, first column the time."""
+"""History table: one row per step, first column the time; written as CSV, read in any format."""
 
 from __future__ import annotations
 
@@ -8,6 +8,7 @@ import io
 import os
 import sys
 from collections.abc import Sequence
+from os import PathLike
 from pathlib import Path
 from typing import TYPE_CHECKING, TextIO
 
@@ -17,6 +18,8 @@ from numpy.typing import ArrayLike, NDArray
 from flexfem._checks import InputError
 from flexfem._files import read_text
 from flexfem.io.atomic import raise_together, replace_file
+from flexfem.io.tables.compressed_history import compressed_columns, read_compressed
+from flexfem.io.tables.names import check_columns
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -76,7 +79,7 @@ class HistoryWriter:
             OSError: If the file cannot be written (on all ranks).
         """
         self.path, self.columns, self.comm = Path(path), tuple(columns), comm
-        _check_columns(self.columns)
+        check_columns(self.columns)
         self.kept = np.zeros((0, 1 + len(self.columns)))
         self._stream: TextIO | None = None
         error: Exception | None = None
@@ -167,6 +170,7 @@ class HistoryWriter:
         if resume is not None and self.path.exists():
             lines += self._kept_rows(header, resume)
         replace_file(self.path, [("\n".join(lines) + "\n").encode()])
+        self.path.with_suffix(".h5").unlink(missing_ok=True)  # of an earlier run
         self._stream = self.path.open("a", encoding="utf-8")
 
     def _kept_rows(self, header: str, resume: float) -> list[str]:
@@ -219,21 +223,48 @@ class AngleColumns:
         return row
 
 
-def read_history(path: Path) -> dict[str, NDArray[np.float64]]:
+def read_history(
+    path: str | PathLike[str], columns: Sequence[str] | None = None
+) -> dict[str, NDArray[np.float64]]:
     """Read a history table.
 
     A last row cut short by a killed run is left out.
 
     Args:
-        path: The CSV file.
+        path: The file, ``history.csv`` or ``history.h5``.
+        columns: Names of the columns to read; None for all.
 
     Returns:
         One array (rows,) per column, in the order of the file.
 
     Raises:
-        ValueError: If the file cannot be read, or is not a table of numbers.
+        ValueError: If the file cannot be read, is not a table of numbers, or has no such column.
     """
-    lines = _complete_lines(Path(path))
+    path = Path(path)
+    if path.suffix == ".h5":
+        return read_compressed(path, columns)
+    table = _read_text(path)
+    for name in columns or ():
+        if name not in table:
+            raise ValueError(f"history '{path}': no column '{name}'")
+    return {k: v for k, v in table.items() if columns is None or k in columns}
+
+
+def history_columns(path: Path) -> list[str]:
+    """Names of the columns of a history table.
+
+    Raises:
+        ValueError: If the file cannot be read, or is no table.
+    """
+    if path.suffix == ".h5":
+        return compressed_columns(path)
+    lines = _complete_lines(path)
+    return lines[0].split(",") if lines else []
+
+
+def _read_text(path: Path) -> dict[str, NDArray[np.float64]]:
+    """Read a CSV file."""
+    lines = _complete_lines(path)
     if not lines:
         raise ValueError(f"history '{path}': no header")
     names = lines[0].split(",")
@@ -258,11 +289,3 @@ def _cut_torn_row(path: Path) -> None:
 
 def _complete_lines(path: Path) -> list[str]:
     return read_text(f"history '{path}'", path, sys.maxsize - 1).split("\n")[:-1]
-
-
-def _check_columns(columns: tuple[str, ...]) -> None:
-    for name in columns:
-        if not name or name == "t" or name != name.strip() or set(name) & set(',"\n\r'):
-            raise ValueError(f"HistoryWriter: {name!r} cannot be the name of a column")
-        if columns.count(name) > 1:
-            raise ValueError(f"HistoryWriter: two columns are named '{name}'")

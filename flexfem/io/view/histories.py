@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Columns of ``history.csv`` for the plots of a page."""
+"""Columns of a history for the plots of a page."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from flexfem.io.tables.history import read_history
+from flexfem.io.tables.history import history_columns, read_history
+from flexfem.io.tables.history_files import history_file
 from flexfem.io.view.packing import Pack
 
 __all__ = ["store_history"]
@@ -28,21 +29,23 @@ def store_history(pack: Pack, folder: Path) -> tuple[dict[str, Any] | None, list
     Raises:
         ValueError: the table is damaged.
     """
-    path = folder / "history.csv"
-    if not path.exists():
+    path = history_file(folder)
+    if path is None:
         return None, []
-    table = read_history(path)
-    names = [name for name in table if name != "t"]
-    if "t" not in table or not names or not len(table["t"]):
-        return None, []
-    notes = []
+    every = history_columns(path)
+    names, notes = [name for name in every if name != "t"], []
     if len(names) > _COLUMNS:
-        notes.append(f"the first {_COLUMNS} of {len(names)} columns of history.csv are shown")
+        notes.append(f"the first {_COLUMNS} of {len(names)} columns of {path.name} are shown")
         names = names[:_COLUMNS]
+    if "t" not in every or not names:
+        return None, []
+    table = read_history(path, ["t", *names])
+    if not len(table["t"]):
+        return None, []
     t, values = table["t"], np.column_stack([table[name] for name in names])
     if len(t) > _ROWS:
         size = -(-len(t) // (_ROWS // 2))
-        notes.append(f"plots show the least and greatest value of every {size} rows of history.csv")
+        notes.append(f"plots show the least and greatest value of every {size} rows of {path.name}")
         t, values = _envelope(t, values, size)
     with np.errstate(over="ignore"):
         single = values.T.astype(np.float32)

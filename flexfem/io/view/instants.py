@@ -11,6 +11,7 @@ from pathlib import Path
 import numpy as np
 
 from flexfem._checks import InputError
+from flexfem.io.tables.history_files import history_file
 from flexfem.io.vtu.reader import Grid, Instant, read_index, read_pieces
 
 __all__ = ["SERIES", "Series", "evenly", "find_series"]
@@ -81,7 +82,7 @@ def _reason(folder: Path) -> str:
     """Why a folder has no series."""
     if (folder / "mode_01").is_dir():
         return "its modes are in folders of their own, mode_01, ..."
-    known = (folder / "history.csv").exists() or (folder / "summary.json").exists()
+    known = history_file(folder) is not None or (folder / "summary.json").exists()
     return "the run wrote no fields" if known else "it is not a folder of results"
 
 

@@ -21,6 +21,7 @@ from threading import Lock
 from typing import Any
 
 from flexfem._checks import InputError
+from flexfem.io.tables.history_files import FILES
 from flexfem.io.view.content import Content, gather
 from flexfem.io.view.document import page, scene_text
 from flexfem.io.view.reading import Choice
@@ -85,8 +86,8 @@ class Watched:
 
     def _stamp(self) -> tuple[int, ...]:
         """Times at which indices, table and summary were last changed."""
-        names = [*sorted(self._folder.glob("*.pvd")), self._folder / "history.csv"]
-        files = [*names, self._folder / "summary.json"]
+        names = [*FILES.values(), "summary.json"]
+        files = [*sorted(self._folder.glob("*.pvd")), *(self._folder / name for name in names)]
         return tuple(file.stat().st_mtime_ns if file.exists() else 0 for file in files)
 
 

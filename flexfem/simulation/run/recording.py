@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from contextlib import contextmanager, suppress
 from typing import Protocol
 
@@ -18,7 +18,9 @@ from flexfem.io.atomic import raise_together
 from flexfem.io.paraview.field_output import FieldOutput
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
+from flexfem.io.tables.compressed_history import CompressedHistoryWriter, StoredHistory
 from flexfem.io.tables.history import AngleColumns, FolderLostError, HistoryWriter
+from flexfem.io.tables.history_files import open_history
 from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.options import Settings, field_names
@@ -65,7 +67,7 @@ class Records(Protocol):
     def close(self) -> None:
         """Write the remaining records (collective)."""
 
-    def history(self) -> dict[str, FloatArray]:
+    def history(self) -> Mapping[str, FloatArray]:
         """Columns recorded so far, on the first rank."""
 
     def release(self) -> None:
@@ -115,7 +117,8 @@ class Recorder:
             raise InputError(f"column '{taken[0]}' of a probe: the analysis has one of this name")
         self._measures: list[FloatArray] = []  # of the records not yet flushed
         self._angles = AngleColumns(self._columns, self._probes.unwrap)
-        self._rows: list[FloatArray] = []
+        self._rows: list[FloatArray] = []  # the last one, where the table holds them
+        self._stored: StoredHistory | None = None
         self._time, self._h, self._varies = 0.0, 0.0, varies  # of the last record
         self._unseen = True  # no progress shown yet
         self._measured, self._first_measure = np.empty(0), (*measures, "")[0]
@@ -123,7 +126,7 @@ class Recorder:
         self._probes.check(system.time)
         refuse(self._faults, system.comm)
         self._monitor = Monitor(system, serial.model, self._probes, moving=unit == "s")
-        self._table: HistoryWriter | None = None
+        self._table: HistoryWriter | CompressedHistoryWriter | None = None
         self._fields: FieldOutput | None = None
         self._broken = False  # rows are missing in the table
         row = np.zeros(1) if resume is None else last_record(resume, len(self._columns))
@@ -135,9 +138,10 @@ class Recorder:
             names = field_names(getattr(settings, "fields", "all"))
             chosen = FieldChoice(names, getattr(settings, "fields_precision", EVERYTHING.precision))
             self._fields = FieldOutput(settings.output, system, serial, start, chosen)
-            self._table = HistoryWriter(
-                settings.output / "history.csv", self._columns, system.comm, resume=start
-            )
+            format = getattr(settings, "history_format", "csv")
+            self._table = open_history(settings.output, format, self._columns, system.comm, start)
+            if isinstance(self._table, CompressedHistoryWriter):
+                self._stored = StoredHistory(self._table.path, ["t", *self._columns])
         if resume is not None:
             self._continue(row)
         if settings.output is not None:
@@ -210,9 +214,10 @@ class Recorder:
         self._h, self._time = system.time - self._time, system.time
         if system.comm.rank == 0:
             row = self._angles.unwrap(values)
-            self._rows.append(np.concatenate([[system.time], row]))
+            row = np.concatenate([[system.time], row])
             if self._table is not None:
-                self._table.write(system.time, row)
+                self._table.extend([row])
+            self._remember([row])
         if self._fields is not None:
             self._fields.write(system.time, step)
 
@@ -273,13 +278,21 @@ class Recorder:
 
     def _flush(self) -> None:
         own, self._measures = self._measures, []
-        known = len(self._rows)
+        rows = []
         for (t, values), measures in zip(self._probes.flush(), own, strict=False):
             row = self._angles.unwrap(np.concatenate([measures, values]))
-            self._rows.append(np.concatenate([[t], row]))
-        self._write(self._rows[known:])
+            rows.append(np.concatenate([[t], row]))
+        self._write(rows)
+        self._remember(rows)
         if self._table is not None and self._table.lost:
             self._recover(self._table)
+
+    def _remember(self, rows: Sequence[FloatArray]) -> None:
+        """Keep rows in memory, only the last one where the table holds them."""
+        if self._stored is None:
+            self._rows += rows
+        elif rows:
+            self._rows = [rows[-1]]
 
     def _write(self, rows: Sequence[FloatArray]) -> None:
         """Append rows to the table, unless a disk write has failed."""
@@ -298,7 +311,7 @@ class Recorder:
             if table is not None:
                 table.close()
 
-    def _recover(self, table: HistoryWriter) -> None:
+    def _recover(self, table: HistoryWriter | CompressedHistoryWriter) -> None:
         """Write the table again if it was removed; the run ends then."""
         replaced = table.path.exists()
         self._faults.note(FolderLostError(table.path.parent, replaced))
@@ -326,9 +339,11 @@ class Recorder:
             if self._fields is not None:
                 self._fields.close()
 
-    def history(self) -> dict[str, FloatArray]:
+    def history(self) -> Mapping[str, FloatArray]:
         """Columns recorded so far, on the first rank; without rows before the first record."""
         if self._system.comm.rank:
             return {}
+        if self._stored is not None:
+            return self._stored
         table = np.array(self._rows).reshape(-1, 1 + len(self._columns))
         return dict(zip(["t", *self._columns], table.T.copy(), strict=True))

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """History, pictures and progress of a run of equations of motion."""
 
+from collections.abc import Mapping
 from contextlib import suppress
 from pathlib import Path
 
@@ -16,7 +17,9 @@ from flexfem.io.atomic import raise_together
 from flexfem.io.paraview.paraview_state import write_paraview_state
 from flexfem.io.progress import Progress
 from flexfem.io.summary import remove_summary
+from flexfem.io.tables.compressed_history import CompressedHistoryWriter, StoredHistory
 from flexfem.io.tables.history import AngleColumns, FolderLostError, HistoryWriter
+from flexfem.io.tables.history_files import open_history
 from flexfem.io.vtu.field_choice import FieldChoice
 from flexfem.io.vtu.series import VtuSeries
 from flexfem.research.equations.run.stepping import SteppedEquations
@@ -50,16 +53,19 @@ class EquationRecords:
         self._angles = AngleColumns(self._columns, list(equations.angles))
         self._rows: list[FloatArray] = []
         self._folder, self._choice = options.output, FieldChoice(precision=options.fields_precision)
-        self._table: HistoryWriter | None = None
+        self._table: HistoryWriter | CompressedHistoryWriter | None = None
+        self._stored: StoredHistory | None = None
         self._series: dict[str, VtuSeries] = {}
         self._opened = False  # ParaView's script is written
         self._faults, self._broken = current(), False  # broken: the table lacks rows
         row = None if resume is None else last_record(resume, len(self._columns))
         self._resume = start = None if row is None else float(row[0])
         if options.output is not None:
-            self._table = HistoryWriter(
-                options.output / "history.csv", self._columns, comm, resume=start
+            self._table = open_history(
+                options.output, options.history_format, self._columns, comm, start
             )
+            if isinstance(self._table, CompressedHistoryWriter):
+                self._stored = StoredHistory(self._table.path, ["t", *self._columns])
             remove_summary(options.output / "summary.json", comm)
         if row is not None:
             self._angles.previous = row[1:].copy()
@@ -167,10 +173,12 @@ class EquationRecords:
             for series in self._series.values():
                 series.close()
 
-    def history(self) -> dict[str, FloatArray]:
+    def history(self) -> Mapping[str, FloatArray]:
         """See :class:`Records`."""
         if self._comm.rank or not self._rows:
             return {}
+        if self._stored is not None:
+            return self._stored
         table = np.array(self._rows)
         return dict(zip(["t", *self._columns], table.T.copy(), strict=True))
 
