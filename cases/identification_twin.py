@@ -19,11 +19,12 @@ elements heard are corrected after each, and a prior, with the deviation ``--off
 at the mean.
 A motion with all derivatives costs what a step of the fit costs; there are ``--motions`` at most.
 
-``iterations.csv`` has the motions, what is left (the root of the mean square over the path, m, and
-the prior in the same measure) and the largest error of a stiffness; ``parameters.csv`` the levels,
-their standard errors and the true ones. The folder ``start`` has the motion of equal elements.
-Where the truth is not known, ``left`` tells whether it was found: it is then no more than the
-noise.
+``iterations.csv`` has a row for each motion, which is printed as it comes: its end (``t_end``, s),
+what is ``left`` (the root of the mean square over the path, m, and the prior in the same measure)
+and the largest ``change`` of a level since the one before; ``parameters.csv`` the levels, their
+standard errors and the true ones; the summary the largest error of a stiffness. The folder
+``start`` has the motion of equal elements. Where the truth is not known, ``left`` tells whether it
+was found: it is then no more than the noise.
 
 History: tip_x, tip_z (path of the tip, m).
 
@@ -132,10 +133,10 @@ def identified(
         search.build, fit.measured(rod, options), search.start, options,
         noise=dict.fromkeys(PATH, noise), prior={"levels": (1.0, fit.off)},
         advance=max(2.0 * fit.advance * rod.passage, options.dt), most=fit.motions,
+        report=lambda row: report({**row, "left": row["left"] * noise}),
     )  # fmt: skip
     levels = np.asarray(found.values["levels"])
     largest = float(np.abs(np.expm1(levels - fit.truth)).max())
-    report({"motions": found.motions, "left": found.noise * noise, "largest_error": largest})
     low, high = found.interval("levels")
     within = (low <= fit.truth) & (fit.truth <= high)
     return ff.FoundParameters(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field, replace
 
 from mpi4py import MPI
@@ -23,6 +23,7 @@ from flexfem.gradients.motion.parameters import (
     check_names,
     checked_values,
     flat,
+    limits_of,
     named,
     plain,
     scales,
@@ -41,6 +42,8 @@ _SEEN, _PART = SOLVED, 1e-6
 #: Deviations of measurements in a fit that advances, over the root of the mean square of what is
 #: left over: motions of wrong parameters differ as much from their linearisation.
 _SHARE = 0.5
+#: Takes what is known after a motion, by name.
+Report = Callable[[Mapping[str, float]], None]
 #: What is known of parameters before, by name: their means and standard deviations.
 Prior = Mapping[str, tuple[npt.ArrayLike, npt.ArrayLike]]
 
@@ -57,6 +60,8 @@ class Identification:
         noise: root of the mean square of the differences left over, in units of the noise that is
             given, those of parameters from their prior means among them.
         motions: number of motions that were computed.
+        history: of every motion: its end ``t_end``, s; what is ``left``, as ``noise`` of it; and
+            the largest ``change`` of a parameter since the one before, in units of its scale.
         success: True if the method has converged.
         message: its own words.
         warnings: which parameters the measurements do not tell.
@@ -69,6 +74,7 @@ class Identification:
     motions: int
     success: bool
     message: str
+    history: Sequence[Mapping[str, float]] = field(default=(), repr=False)
     warnings: tuple[str, ...] = ()
 
     def interval(self, name: str, share: float = 0.95) -> tuple[npt.NDArray, npt.NDArray]:
@@ -97,6 +103,7 @@ def identify(
     advance: float | None = None,
     most: int = 30,
     tolerance: float = 1e-10,
+    report: Report | None = None,
     comm: MPI.Intracomm | None = None,
 ) -> Identification:
     """Fit parameters of a model to measured columns by least squares (collective).
@@ -116,7 +123,7 @@ def identify(
     Args:
         build: model of the parameters' values.
         measured: values of columns of a :class:`Probe`, one for each row of the history; NaN where
-            there is none.
+            there is none, which does not count. Samples at other times are to be interpolated.
         start: values of all parameters to begin with, numbers or arrays (n,).
         options: of the motions.
         noise: standard deviations of the measurements of each column. Without them they are
@@ -130,17 +137,22 @@ def identify(
             needs a prior of all parameters, and steps of equal size.
         most: largest number of motions.
         tolerance: relative changes at which the method ends.
+        report: called on all ranks with the row of the history after each motion.
         comm: communicator, all ranks by default.
 
     Raises:
         InputError, TypeError, ValueError: as :func:`gradient`; measurements do not fit the history;
-            a prior without noise, of a name that is no parameter, or of another shape; an advance
-            without prior of all, with bounds, with adaptive steps, or shorter than a step.
+            a column without any; a prior without noise, of a name that is no parameter, or of
+            another shape; an advance without prior of all, with bounds, with adaptive steps, or
+            shorter than a step.
         StoppedError: a motion failed.
     """
     _checks.instance("identify", "options", options, RunOptions)
     values = checked_values(start)
-    problem = _Fit(build, measured, values, options, comm)
+    _checks.count("identify", "most", most, 1)
+    _checks.number("identify", "tolerance", tolerance, positive=True)
+    problem = _Fit(build, _columns(measured), values, options, comm)
+    problem.report = report
     problem.noise = _noises(measured, noise or {})
     if prior and noise is None:
         raise ValueError("identify: a prior needs noise, the deviations of the measurements")
@@ -148,6 +160,7 @@ def identify(
     problem.scale = flat(values, scales("identify", values, scale or {}))
     if advance is not None:
         known = bool((problem.prior[1] > 0.0).all())
+        _checks.number("identify", "an advance", advance)
         _check_advance(advance, options, prior=known, bounds=bool(bounds))
         problem.advance(advance, (most, tolerance))
     return problem.solved(bounds or {}, (most, tolerance), known=noise is not None)
@@ -159,19 +172,19 @@ class _Fit:
     noise: Mapping[str, float]
     prior: tuple[FloatArray, FloatArray]
     scale: FloatArray
+    report: Report | None = None
 
     def __init__(
-        self, build: Build, measured: Mapping[str, npt.ArrayLike], values: Values,
+        self, build: Build, measured: Mapping[str, FloatArray], values: Values,
         options: RunOptions, comm: MPI.Intracomm | None,
     ) -> None:  # fmt: skip
         self._build, self._options, self._comm = build, options, comm
-        self._start = values
-        self._measured = {n: np.array(x, dtype=np.float64).reshape(-1) for n, x in measured.items()}
-        if not self._measured:
-            raise ValueError("identify: give measured values of a column at least")
+        self._start, self._measured = values, measured
         self._last: tuple[bytes, FloatArray, FloatArray] | None = None
         self._known: Known = {}
-        self.motions = 0
+        self.history: list[Mapping[str, float]] = []
+        #: Scaled parameters of the last motion.
+        self.before: FloatArray | None = None
 
     def solved(
         self, bounds: Mapping[str, tuple[float | None, float | None]],
@@ -182,37 +195,37 @@ class _Fit:
 
         most, tolerance = limits
         begin = flat(self._start, self._start) / self.scale
-        most = max(most - self.motions, 1)
+        most = max(most - len(self.history), 1)
         found = least_squares(
             lambda x: self._of(x)[0], begin, jac=lambda x: self._of(x)[1], max_nfev=most,
             bounds=self._bounds(bounds), ftol=tolerance, xtol=tolerance, gtol=None,
         )  # fmt: skip
         differences, jacobian = self._of(found.x)
-        free = max(len(differences) - len(begin), 1)
-        left = float(differences @ differences) / free
+        left = _left(differences, len(begin))
         covariance, told = _covariance(jacobian)
-        covariance *= (1.0 if known else left) * np.outer(self.scale, self.scale)
+        covariance *= (1.0 if known else left**2) * np.outer(self.scale, self.scale)
         covariance[np.diag(~told)] = np.inf
         roots = self._named(np.sqrt(np.diag(covariance)) / self.scale)
         unknown = named(self._start, np.where(told, 0.0, 1.0))
         return Identification(
-            plain(self._named(found.x)), plain(roots), covariance, left**0.5, self.motions,
-            bool(found.success), str(found.message),
+            plain(self._named(found.x)), plain(roots), covariance, left, len(self.history),
+            bool(found.success), str(found.message), tuple(self.history),
             tuple(_untold(name, own) for name, own in unknown.items() if own.any()),
         )  # fmt: skip
 
     def advance(self, time: float, limits: tuple[int, float]) -> None:
         """Move the start by steps with longer and longer motions, to the whole one (collective)."""
-        rows = max(column.size for column in self._measured.values())
-        growth, end, change = round(time / self._options.dt), 0, np.inf
+        rows = self._rows_of_steps()
+        first = min(int(np.flatnonzero(np.isfinite(x))[0]) for x in self._measured.values())
+        growth, end, change = round(time / self._options.dt), max(first - 1, 0), np.inf
         while end < rows - 1 or change > limits[1] ** 0.5:
-            if self.motions >= limits[0] - 1:
+            if len(self.history) >= limits[0] - 1:
                 return
             end = min(end + growth, rows - 1)
             begin = flat(self._start, self._start) / self.scale
             part = self if end == rows - 1 else self._until(end)
             differences, jacobian = part._of(begin)
-            self.motions += part is not self
+            self.before = begin
             seen = len(differences) - np.count_nonzero(self.prior[1])
             left = _SHARE * float(np.sqrt(np.mean(differences[:seen] ** 2)))
             weights = np.where(np.arange(len(differences)) < seen, 1.0 / max(left, 1.0), 1.0)
@@ -222,13 +235,25 @@ class _Fit:
             change = float(np.abs(step).max())
             self._start = self._named(begin + step)
 
+    def _rows_of_steps(self) -> int:
+        """Number of rows of the whole motion.
+
+        Raises:
+            ValueError: a column has another number of values.
+        """
+        rows = max(1, round(self._options.t_end / self._options.dt)) + 1
+        for name, column in self._measured.items():
+            _check_rows(name, rows, column.size)
+        return rows
+
     def _until(self, end: int) -> _Fit:
         """The same with the motion up to a row."""
-        step = self._options.t_end / (max(x.size for x in self._measured.values()) - 1)
+        step = self._options.t_end / (self._rows_of_steps() - 1)
         options = replace(self._options, dt=step, t_end=end * step)
         measured = {name: column[: end + 1] for name, column in self._measured.items()}
         part = _Fit(self._build, measured, self._start, options, self._comm)
         part.noise, part.prior, part.scale = self.noise, self.prior, self.scale
+        part.report, part.history, part.before = self.report, self.history, self.before
         return part
 
     def _bounds(
@@ -237,19 +262,14 @@ class _Fit:
         """Least and largest value of each scaled number.
 
         Raises:
-            ValueError: a name is no parameter.
+            ValueError: a name is no parameter, or a value is outside at the start.
         """
-        check_names("identify", "bounds", self._start, given)
-        sides = []
-        for k, none in enumerate((-np.inf, np.inf)):
-            own = [
-                np.full(
-                    x.size, none if (limit := given.get(name, (None, None))[k]) is None else limit
-                )
-                for name, x in self._start.items()
-            ]
-            sides.append(np.concatenate(own) / self.scale)
-        return sides[0], sides[1]
+        limits = limits_of("identify", self._start, given)
+        low, high = (
+            flat(self._start, {name: own[k] for name, own in limits.items()}) / self.scale
+            for k in range(2)
+        )
+        return low, high
 
     def _of(self, x: FloatArray) -> tuple[FloatArray, FloatArray]:
         """Differences (k,) over noise, and derivatives (k, n) by scaled numbers (collective)."""
@@ -260,7 +280,6 @@ class _Fit:
         made = made_of(self._build, values)
         check_columns(made, names)
         motion = Motion(made, self._options, self._comm, Storage(), names)
-        self.motions += 1
         influences = [
             influence_of(motion, self._build, values, name, self._known) for name in values
         ]
@@ -269,10 +288,7 @@ class _Fit:
         columns = motion.on_all_ranks(motion.history())
         differences, rows = [], []
         for k, (name, wanted) in enumerate(self._measured.items()):
-            if wanted.shape != columns[name].shape:
-                raise ValueError(
-                    f"identify: {name} has {len(columns[name])} rows, got {len(wanted)} values"
-                )
+            _check_rows(name, len(columns[name]), len(wanted))
             seen = np.isfinite(wanted)
             differences.append((columns[name] - wanted)[seen] / self.noise[name])
             rows.append(changes[:, seen, k].T * self.scale / self.noise[name])
@@ -281,7 +297,18 @@ class _Fit:
         differences.append((weights * (x * self.scale - means))[known])
         rows.append(np.diag(weights * self.scale)[known])
         self._last = key, np.concatenate(differences), np.concatenate(rows)
+        self._record(x)
         return self._last[1:]
+
+    def _record(self, x: FloatArray) -> None:
+        """Add a row to the history, and report it (collective)."""
+        assert self._last is not None
+        change = 0.0 if self.before is None else float(np.abs(x - self.before).max())
+        self.before = np.array(x)
+        left = _left(self._last[1], len(x))
+        self.history.append({"t_end": self._options.t_end, "left": left, "change": change})
+        if self.report is not None:
+            self.report(self.history[-1])
 
     def _named(self, x: FloatArray) -> Values:
         """Values by name of scaled numbers."""
@@ -300,6 +327,42 @@ def _check_advance(time: float, options: RunOptions, *, prior: bool, bounds: boo
         raise ValueError("identify: an advance needs a prior of every parameter")
     if bounds or options.adaptive:
         raise ValueError("identify: an advance takes neither bounds nor adaptive steps")
+
+
+def _columns(measured: Mapping[str, npt.ArrayLike]) -> dict[str, FloatArray]:
+    """Measured values (n,) by column, NaN where there is none.
+
+    Raises:
+        TypeError, ValueError: there is no column, or one without values or with others.
+    """
+    _checks.instance("identify", "measured", measured, Mapping)
+    if not measured:
+        raise ValueError("identify: give measured values of a column at least")
+    found = {}
+    for name, given in measured.items():
+        try:
+            own = np.array(given, dtype=np.float64).reshape(-1)
+        except (TypeError, ValueError):
+            own = np.array([np.inf])
+        if np.isinf(own).any() or np.isnan(own).all():
+            raise ValueError(
+                f"identify: measured values of {name} must be finite numbers, NaN where there is "
+                f"none, one at least, got {_checks.show(given)}"
+            )
+        found[name] = own
+    return found
+
+
+def _check_rows(name: str, rows: int, given: int) -> None:
+    """Raise ValueError unless a column has a value for each row of the history."""
+    if rows != given:
+        raise ValueError(f"identify: {name} has {rows} rows, got {given} values")
+
+
+def _left(differences: FloatArray, parameters: int) -> float:
+    """Root of the mean square of what so many parameters leave over."""
+    free = max(len(differences) - parameters, 1)
+    return float(np.sqrt(differences @ differences / free))
 
 
 def _covariance(jacobian: FloatArray) -> tuple[FloatArray, BoolArray]:
@@ -325,13 +388,13 @@ def _noises(measured: Mapping[str, npt.ArrayLike], given: Mapping[str, float]) -
     """Standard deviations by column.
 
     Raises:
-        ValueError: a column is not measured, or a deviation is not positive.
+        TypeError, ValueError: a column is not measured, or a deviation is no positive number.
     """
+    _checks.instance("identify", "noise", given, Mapping)
     for name, value in given.items():
         if name not in measured:
             raise ValueError(f'identify: noise names "{name}", which is not measured')
-        if not 0.0 < value < np.inf:
-            raise ValueError(f"identify: noise of {name} must be positive, got {value}")
+        _checks.number("identify", f"noise of {name}", value, positive=True)
     return {name: float(given.get(name, 1.0)) for name in measured}
 
 
@@ -345,7 +408,13 @@ def _priors(start: Values, given: Prior) -> tuple[FloatArray, FloatArray]:
     deviations = {name: np.full(value.shape, np.inf) for name, value in start.items()}
     check_names("identify", "prior", start, given)
     for name, pair in given.items():
-        mean, deviation = (np.array(one, dtype=np.float64) for one in pair)
+        try:
+            mean, deviation = (np.array(one, dtype=np.float64) for one in pair)
+        except (TypeError, ValueError):
+            raise ValueError(
+                f"identify: prior of {name} must be a mean and a deviation, got "
+                f"{_checks.show(pair)}"
+            ) from None
         shape = means[name].shape
         if not {mean.shape, deviation.shape} <= {(), shape}:
             raise ValueError(f"identify: prior of {name} must be numbers or have the shape {shape}")

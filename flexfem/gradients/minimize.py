@@ -4,8 +4,10 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
+from contextlib import suppress
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 from mpi4py import MPI
 
@@ -24,9 +26,11 @@ from flexfem.gradients.motion.parameters import (
     check_names,
     checked_values,
     flat,
+    limits_of,
     named,
     plain,
     scales,
+    sides_of,
 )
 from flexfem.gradients.states.analyses import Options
 from flexfem.io.atomic import raise_together
@@ -130,9 +134,16 @@ def minimize(
         OSError: the files cannot be written.
     """
     values = checked_values(start)
+    _checks.count("minimize", "most", most, 1)
+    _checks.number("minimize", "tolerance", tolerance, nonnegative=True)
     solve = method_of(method, constrained=bool(constraints))
     if objective is None and (cost is None or not constraints):
         raise ValueError("minimize: without an objective give a cost and constraints")
+    if objective is not None:
+        _checks.instance("minimize", "objective", objective, (str, Functional))
+    for one in constraints:
+        _checks.instance("minimize", "a constraint", one, Sequence)
+        sides_of(f"minimize: bounds of {_checks.show(one[0])}", one[1:])
     of = [*(() if objective is None else (objective,)), *(one for one, *_ in constraints)]
     once = [one for k, one in enumerate(of) if one not in of[:k]]  # one may have several bounds
     analysis = Differentiation(build, once, options, ks_rho=ks_rho, comm=comm)
@@ -142,7 +153,7 @@ def minimize(
     problem.scale = scales("minimize", values, scale or {})
     problem.output = None if output is None else Path(output)
     problem.report = report
-    limits = _limits(values, bounds or {})
+    limits = limits_of("minimize", values, bounds or {})
     if restart is not None:
         problem.remember(Path(restart))
     between = [(low, high) for _, low, high in constraints]
@@ -243,7 +254,7 @@ class _Problem:
         if self.only_cost:
             values, slopes = np.append(0.0, values), np.vstack([np.zeros(x.size), slopes])
         if self.cost is not None:
-            more, by = self.cost(**plain(current))
+            more, by = self._checked_cost(self.cost(**plain(current)))
             values[0] += more
             slopes[0] += self._scaled(by)
         self._seen[key] = values, slopes
@@ -253,6 +264,24 @@ class _Problem:
         names = self._names if self.only_cost else self._names[1:]
         self._record(dict(zip(["objective", *names], values.tolist(), strict=True)))
         return values, slopes
+
+    def _checked_cost(self, found: Any) -> tuple[float, Mapping[str, npt.ArrayLike]]:
+        """A cost with its derivatives.
+
+        Raises:
+            ValueError: they are something else, or names are no parameters.
+        """
+        by: Mapping[str, npt.ArrayLike] | None = None
+        with suppress(TypeError, ValueError):
+            value, by = found
+            value = float(value)
+        if not isinstance(by, Mapping) or not isinstance(value, float) or not np.isfinite(value):
+            raise ValueError(
+                "minimize: cost must return a finite number and its derivatives by name, got "
+                f"{_checks.show(found)}"
+            )
+        check_names("minimize", "the derivative of cost", self._start, by)
+        return value, by
 
     def _evaluated(self, current: Values) -> Evaluation:
         """Values and derivatives by parameters, without the cost (collective)."""
@@ -312,23 +341,3 @@ class _Problem:
         """Scaled parameters (n,) of values, or of a column of limits."""
         chosen = {n: x if column is None else x[column] for n, x in values.items()}
         return flat(self._start, chosen) / flat(self._start, self.scale)
-
-
-def _limits(values: Values, given: Mapping[str, tuple[float | None, float | None]]) -> Values:
-    """Least and largest value (2,) of each parameter.
-
-    Raises:
-        ValueError: a name is no parameter, or a value is outside at the start.
-    """
-    check_names("minimize", "bounds", values, given)
-    found = {}
-    for name, value in values.items():
-        low, high = given.get(name, (None, None))
-        limits = np.array([-np.inf if low is None else low, np.inf if high is None else high])
-        if not ((limits[0] <= value) & (value <= limits[1])).all():
-            raise ValueError(
-                f"minimize: {name} must lie within its bounds at the start, got "
-                f"{_checks.show(value)}"
-            )
-        found[name] = limits
-    return found

@@ -286,12 +286,37 @@ def test_a_fit_that_advances():
     found = ff.identify(
         oscillator, {"x": exact}, start, options, noise=noise, prior=prior, advance=0.5
     )
+    # motions become longer, the last ones have all rows and the result
+    ends = [row["t_end"] for row in found.history]
+    assert ends[:3] == pytest.approx([0.5, 1.0, 1.5])
+    assert ends == sorted(ends)
+    assert ends[-1] == 2.5
+    assert len(ends) == found.motions
+    assert found.history[0]["change"] == 0.0 < found.history[1]["change"]
     # the prior moves it by less than its deviation of 1e-2 over 200
     assert found.values["stiffness"] == pytest.approx(400.0, rel=1e-5)
     assert found.success
     assert found.motions < 20
 
 
+def test_samples_that_are_missing():
+    """A column from 0.9 s on, every other row: as if nothing else had been computed.
+
+    Rows that count as zero, or motions without samples, move the stiffness by per cents.
+    """
+    options = ff.RunOptions(dt=0.05, t_end=2.5, rho_inf=1.0)
+    exact = columns(ff.simulate(oscillator(0.5, 400.0), options))["x"]
+    exact[:18] = exact[1::2] = np.nan
+    found = ff.identify(
+        oscillator, {"x": exact}, {"damping": 0.6, "stiffness": 380.0}, options, advance=0.5,
+        noise={"x": 1e-4}, prior={"damping": (0.6, 1.0), "stiffness": (380.0, 200.0)},
+    )  # fmt: skip
+    assert found.values["stiffness"] == pytest.approx(400.0, rel=1e-5)
+    # the first motion has samples
+    assert found.history[0]["t_end"] == pytest.approx(1.35)
+
+
+ZEROS = {"x": np.zeros(61)}
 WRONG = [
     (lambda: ff.misfit({}), "give values of a column at least"),
     (lambda: ff.misfit({"x": [1.0]}, {"x": 0.0}), "scale of x must be positive, got 0.0"),
@@ -319,6 +344,27 @@ WRONG = [
     (lambda: _known(damping=([12.0], 1.0)), "prior of damping must be numbers or have the shape"),
     (lambda: _known(damping=(12.0, 0.0)), "prior of damping must have finite means and positive"),
     (lambda: _known(damping=(np.nan, 1.0)), "prior of damping must have finite means and"),
+    (lambda: _identify({"x": [np.nan]}), "measured values of x must be finite numbers, NaN where"),
+    (lambda: _identify({"x": [np.inf]}), "measured values of x must be finite numbers, NaN where"),
+    (lambda: _identify({"x": ["one"]}), "measured values of x must be finite numbers, NaN where"),
+    (lambda: _identify({"x": [1.0]}, most=0), "most must be at least 1, got 0"),
+    (lambda: _identify({"x": [1.0]}, tolerance=0.0), "tolerance must be positive, got 0.0"),
+    (lambda: _identify(ZEROS, bounds={"damping": 3.0}), "bounds of damping must be a least and"),
+    (lambda: _identify(ZEROS, bounds={"damping": (20, 3)}), "bounds of damping must be a least"),
+    (lambda: _identify(ZEROS, bounds={"damping": (20, 30)}), "damping must lie within its bounds"),
+    (lambda: _known(damping=12.0), "prior of damping must be a mean and a deviation, got 12.0"),
+    # of half as many samples, the motion would have steps of twice the size
+    (lambda: _known({"x": np.zeros(31)}, 0.1, damping=(12.0, 1.0)), "x has 61 rows, got 31"),
+    (lambda: _minimize(cost=lambda damping: 1.0), "cost must return a finite number and its"),
+    (lambda: _minimize(cost=lambda damping: (np.nan, {})), "cost must return a finite number and"),
+    # the derivative would count as zero
+    (lambda: _minimize(cost=lambda damping: (1.0, {"mass": 1.0})),
+     'the derivative of cost names "mass", which is no parameter'),
+    (lambda: _minimize(most=0), "most must be at least 1, got 0"),
+    (lambda: _minimize(tolerance=np.nan), "tolerance must be finite, got nan"),
+    (lambda: _minimize(bounds={"damping": (np.nan, 20)}), "bounds of damping must be a least and"),
+    (lambda: _minimize(constraints=[("min:x", 0.0)]), "bounds of 'min:x' must be a least and a"),
+    (lambda: _minimize(constraints=[("min:x", 1.0, 0.0)]), "bounds of 'min:x' must be a least"),
     (lambda: _identify({"x": [1.0]}, advance=0.1), "an advance needs a prior of every parameter"),
     (lambda: _identify({"x": [1.0]}, advance=0.001), "an advance must be a step at least, got"),
     (lambda: _identify({"x": [1.0]}, noise={"x": 1.0}, prior={"damping": (12.0, 1.0)}, advance=0.1,
@@ -334,8 +380,9 @@ def _identify(measured, **more):
     return ff.identify(oscillator, measured, {"damping": 12.0}, OPTIONS, **more)
 
 
-def _known(**prior):
-    return _identify({"x": [1.0]}, noise={"x": 1.0}, prior=prior)
+def _known(measured=None, advance=None, **prior):
+    measured = measured or {"x": [1.0]}
+    return _identify(measured, noise={"x": 1.0}, prior=prior, advance=advance)
 
 
 @pytest.mark.serial

@@ -5,7 +5,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Hashable, Iterable, Iterator, Mapping, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from dataclasses import dataclass, fields, is_dataclass, replace
 from functools import partial
 from typing import Any
@@ -25,8 +25,8 @@ from flexfem.options import meant
 
 __all__ = [
     "Build", "NodePath", "Values", "along", "build_of", "build_with_options", "check_names",
-    "check_once", "checked_values", "flat", "flattened", "model_with", "named", "parameters",
-    "plain", "refusing",
+    "check_once", "checked_values", "flat", "flattened", "limits_of", "model_with", "named",
+    "parameters", "plain", "refusing", "scales", "sides_of",
 ]  # fmt: skip
 
 #: A model of values by name.
@@ -277,6 +277,45 @@ def scales(analysis: str, values: Values, given: Mapping[str, npt.ArrayLike]) ->
                 f"{analysis}: scale of {name} must be positive, got {_checks.show(own)}"
             )
         found[name] = np.broadcast_to(own, value.shape).copy()
+    return found
+
+
+def sides_of(what: str, given: tuple[float | None, float | None]) -> tuple[float, float]:
+    """Least and largest value, infinite for None.
+
+    Raises:
+        ValueError: they are no two numbers, or nothing lies between.
+    """
+    with suppress(TypeError, ValueError):
+        low, high = (
+            none if side is None else float(side)
+            for side, none in zip(given, (-np.inf, np.inf), strict=True)
+        )
+        if low <= high:
+            return low, high
+    raise ValueError(
+        f"{what} must be a least and a largest number, None for none, got {_checks.show(given)}"
+    )
+
+
+def limits_of(
+    analysis: str, values: Values, given: Mapping[str, tuple[float | None, float | None]]
+) -> Values:
+    """Least and largest value (2,) of each parameter.
+
+    Raises:
+        ValueError: a name is no parameter, bounds are none, or a value is outside at the start.
+    """
+    check_names(analysis, "bounds", values, given)
+    found = {}
+    for name, value in values.items():
+        low, high = sides_of(f"{analysis}: bounds of {name}", given.get(name, (None, None)))
+        if not ((low <= value) & (value <= high)).all():
+            raise ValueError(
+                f"{analysis}: {name} must lie within its bounds at the start, got "
+                f"{_checks.show(value)}"
+            )
+        found[name] = np.array([low, high])
     return found
 
 
