@@ -214,7 +214,7 @@ def draw(plotter: Any, instant: Instant, scene: Scene, key: str, opacity: float)
         if name in ("floating_lines", "cables"):
             own |= {"line_width": 6, "render_lines_as_tubes": True}
         if name == "cable_nets":
-            own |= {"line_width": 2, "render_lines_as_tubes": True}
+            own |= {"line_width": 1}
         if name == "beams":
             # Inside solid beams the lines show only where these are too slender to be seen.
             if solid and (opacity < 1.0 or scalars(mesh, scene.field) is None):

@@ -64,6 +64,7 @@ DRAWINGS = {
     "turek_hron": Drawing("--view z --to 0.5 --interval 0.15"),
     "twisting_column": Drawing("--interval 1"),
     "tape_spring": Drawing("--view=0.35,-1,0.2 --from 0.5 --interval 0.02"),
+    "mesh_reflector": Drawing("--view=0.3,-1,0.45 --interval 22"),
     "rope_heap": Drawing("--from 1.49 --interval 1"),
 }
 

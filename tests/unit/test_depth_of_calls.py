@@ -19,8 +19,8 @@ DEPTH = 10
 #: Visited by Newton iterations of beams with joints and kept factors, the first of which go part by
 #: part; rigid bodies add two.
 FILES = 13
-#: Make the sequences of compiled loops, once.
-MAKING = {"_make_sequences", "evaluation"}
+#: Make the sequences of compiled loops, and the elimination of the multipliers, once.
+MAKING = {"_make_sequences", "evaluation", "_eliminate"}
 
 
 def _names(frame):
