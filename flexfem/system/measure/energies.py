@@ -6,7 +6,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from flexfem._types import FloatArray
+from flexfem._types import BoolArray, FloatArray
+from flexfem.constraints.rows.step_laws import step_forces
 from flexfem.core.laws import STORING_FUNCTIONS, LawKind
 from flexfem.core.nodes import motion
 from flexfem.core.nodes.frame_block import FrameBlock
@@ -25,6 +26,8 @@ __all__ = ["Energies", "EnergyMeter", "refresh_rows", "work_of_loads"]
 
 #: Factors with which rows are evaluated at a state, not as part of a time step.
 _UNSCALED = np.array([1.0, 1.0])
+#: Part of the stored energy below which its change over a step is round-off.
+_ROUND = 1e-9
 _NONE = np.zeros(0)
 
 
@@ -56,6 +59,7 @@ class _State:
         sprung, pulls: (r,) energy stored in rows, and the elastic part of their forces.
         all_rates: (r,) of all rows; of none if there are no dampers.
         values: (r,) sums less targets, of moved springs and forces that are quotients, or none.
+        targets: (r,) of all rows.
         stiffness: (r,) of all rows, N/m or N m/rad.
         own_rates: (r,) rates of the targets that dampers see.
         modal, shares: (k,) rates of damped modes, and this rank's share of them in chosen elements.
@@ -75,6 +79,7 @@ class _State:
     pulls: FloatArray
     all_rates: FloatArray
     values: FloatArray
+    targets: FloatArray
     stiffness: FloatArray
     own_rates: FloatArray
     modal: FloatArray
@@ -142,8 +147,10 @@ class EnergyMeter:
         self._springs = owned & self.inside
         # rows whose forces may be the change of what they store over that of their value
         stores = np.isin(rows.elastic[:, 0], (LawKind.LIMIT, *STORING_FUNCTIONS))
-        self._quotients = self._springs & ~self._moved
-        self._quotients &= (rows.unilateral & rows.split) | (stores & rows.mean_forces)
+        self._quotients = self._springs & (
+            (rows.unilateral & rows.split) | (stores & rows.mean_forces)
+        )
+        self._held = self._quotients & ~self._moved  # their rest does not move
         self._dampers = self._springs & (rows.elastic[:, 0] != LawKind.RIGID) & ~driven
         self._damped, self._exact = bool(self._dampers.any()), bool(self._quotients.any())
         # strain energies and viscous stresses, with the weights of the chosen elements in sums
@@ -236,7 +243,7 @@ class EnergyMeter:
             rows.impulses.copy(), rows.of_rows(change * self._working), *rows.stored(),
             rows.of_rows(change) if self._damped else _NONE,
             rows.sums() - rows.targets if self._moves or self._exact else _NONE,
-            rows.elastic[:, 1].copy(),
+            rows.targets.copy(), rows.elastic[:, 1].copy(),
             rows.target_rates.copy(), *self._modal_rates(), self.power(),
         )  # fmt: skip
 
@@ -313,15 +320,14 @@ class EnergyMeter:
 
     def _loss(self, before: _State, after: _State, h: float) -> float:
         """Energy dissipated by dampers and by the damping of beams."""
-        total, rows = 0.0, self._system.constraints
-        exact = self._quotients & (rows.apart | rows.mean_forces)
+        total, exact = 0.0, self._over_step
         if self._damped:
             rate = 0.5 * (before.all_rates + after.all_rates - before.own_rates - after.own_rates)
-            total = h * float((self._damping(before, after) * (self._dampers & ~exact)) @ rate)
+            others = self._dampers & ~exact & ~self._held
+            total = h * float((self._damping(before, after) * others) @ rate)
         if self._exact:
-            way, forces = after.values - before.values, self._mean_force(before, after)
-            lost = forces * way - (after.sprung - before.sprung)
-            total += float(lost[exact].sum())
+            total += float(self._lost_over_step(before, after, h)[exact].sum())
+            total += self._lost_by_way(before, after, h)
         if self._viscous:
             stress, rate = before.viscous + after.viscous, before.stretching + after.stretching
             total += float(np.einsum("m,mi,mi->", 0.25 * h * self._lengths, stress, rate))
@@ -334,6 +340,62 @@ class EnergyMeter:
             rate, share = before.modal + after.modal, before.shares + after.shares
             total += 0.25 * h * float((self._system.modal_dampers.factors * rate) @ share)
         return total
+
+    @property
+    def _over_step(self) -> BoolArray:
+        """(r,) springs whose forces in the last step are the change of what they store."""
+        rows = self._system.constraints
+        return self._quotients & (rows.apart | rows.mean_forces)
+
+    def _sprung_before(self, before: _State, after: _State) -> FloatArray:
+        """(r,) energy stored at the start of a step with the stiffness that acts in it."""
+        ratio = np.divide(
+            after.stiffness, before.stiffness, where=before.stiffness > 0.0,
+            out=np.ones(len(before.stiffness)),
+        )  # fmt: skip
+        return ratio * before.sprung
+
+    def _lost_over_step(self, before: _State, after: _State, h: float) -> FloatArray:
+        """(r,) energy that springs lose whose forces are the change of what they store.
+
+        A damper that does not see the motion of a drive, or sees its rate at the end, loses the
+        product of its force with what it sees.
+        """
+        way, gain = after.values - before.values, after.sprung - self._sprung_before(before, after)
+        lost = self._mean_force(before, after) * way - gain
+        if self._moves:
+            moved, rows = after.targets - before.targets, self._system.constraints
+            seen = np.where(after.own_rates != 0.0, moved, 0.0)
+            if not rows.mean_forces:
+                seen = h * after.own_rates
+            pulls = 0.5 * (before.pulls + after.pulls)
+            pulls = np.divide(gain, way, where=np.abs(gain) > _ROUND * after.sprung, out=pulls)
+            lost += (self._mean_force(before, after) - pulls) * (moved - seen) * self._moved
+        return lost
+
+    def _lost_by_way(self, before: _State, after: _State, h: float) -> float:
+        """Energy that springs lose by their ways, whose forces are those of the scheme.
+
+        That of the force which is the change of what they store: it is not negative, as the mean
+        of what dampers do at both ends of a coarse step may be, where rows turn.
+        """
+        rows = self._system.constraints
+        chosen = np.flatnonzero(self._held & ~self._over_step)
+        if not len(chosen) or h == 0.0:
+            return 0.0
+        way, found = after.values - before.values, np.zeros((len(chosen), 2))
+        step_forces(
+            rows.own.memory, chosen, before.values, after.values, way / h, h, found
+        )  # fmt: skip
+        return float(found[:, 0] @ way[chosen] - (after.sprung - before.sprung)[chosen].sum())
+
+    def _drive_over_step(self, before: _State, after: _State, h: float) -> FloatArray:
+        """(r,) work of drives on these springs: what is stored and lost but not given by bodies."""
+        ways = after.values - before.values + after.targets - before.targets
+        stored = after.sprung - before.sprung
+        return (
+            stored + self._lost_over_step(before, after, h) - self._mean_force(before, after) * ways
+        )
 
     def _heat(self, before: _State, after: _State) -> float:
         """Work over a step of initial strains, against the stresses of the elements."""
@@ -372,16 +434,19 @@ class EnergyMeter:
         """
         rate = 0.5 * (before.rates + after.rates)
         work = -h * float(self._mean_force(before, after) @ rate)
+        exact = self._over_step
         if self._moves:
             moved = after.values - before.values - 0.5 * h * (before.all_rates + after.all_rates)
-            work += 0.5 * float(((before.pulls + after.pulls) * self._moved) @ moved)
-            stiff = self._moved & (before.stiffness > 0.0)
+            ending = self._moved & ~exact
+            work += 0.5 * float(((before.pulls + after.pulls) * ending) @ moved)
+            stiff = ending & (before.stiffness > 0.0)
             k0, k1 = before.stiffness[stiff], after.stiffness[stiff]
             at_one = before.sprung[stiff] / k0 + after.sprung[stiff] / k1
             work += 0.5 * float((k1 - k0) @ at_one)
+            work += float(self._drive_over_step(before, after, h)[self._moved & exact].sum())
         if before.own_rates.any() or after.own_rates.any():
             own = 0.5 * h * (before.own_rates + after.own_rates)
-            work -= float((self._damping(before, after) * self._springs) @ own)
+            work -= float((self._damping(before, after) * (self._springs & ~exact)) @ own)
         return work
 
 
