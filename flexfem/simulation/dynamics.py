@@ -33,7 +33,7 @@ from flexfem.simulation.run.outcome import Outcome, Results
 from flexfem.simulation.run.recording import Recorder
 from flexfem.simulation.run.time_grid import TimeGrid
 from flexfem.simulation.watch.alternating_forces import AlternatingForces
-from flexfem.simulation.watch.energy_drift import energy_drift, gross_drift
+from flexfem.simulation.watch.energy_drift import energy_drift
 from flexfem.simulation.watch.energy_watch import EnergyWatch
 from flexfem.simulation.watch.locked_shapes import locked_shapes
 from flexfem.simulation.watch.unresolved_turns import UnresolvedTurns
@@ -184,18 +184,14 @@ class _TimeSteps(Steps):
         """See :class:`Steps`."""
         return _reason(self._simulation, status, self._options)
 
-    def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> str:
+    def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> None:
         """See :class:`Steps`."""
         cautions, serial = self.cautions, self._simulation.serial
         for watch in (self._watch, self._turns, self._alternating):
             cautions.say([] if watch is None else watch.texts())
         # the first rank has the history
-        lines = energy_drift(serial.model, history), gross_drift(serial.model, history)
-        drift, gross = self.system.comm.bcast(lines)
-        cautions.say(drift)
+        cautions.say(self.system.comm.bcast(energy_drift(serial.model, history)))
         cautions.say(locked_shapes(serial, self.system))
-        gross += [] if self._watch is None else self._watch.gross()
-        return gross[0] if gross and reason == "ok" else reason
 
     def summary(self) -> dict[str, Any]:
         """See :class:`Steps`."""

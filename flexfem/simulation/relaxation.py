@@ -192,10 +192,9 @@ class _Iterations(Steps):
             return f"{culprit} after {at} iterations"
         return with_hint(f"the relaxation diverged after {at} iterations", RELAXATION[1])
 
-    def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> str:
+    def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> None:
         """See :class:`Steps`."""
         self.cautions.say(doubtful_state(self._serial, self.system))
-        return reason
 
     def summary(self) -> dict[str, Any]:
         """See :class:`Steps`."""

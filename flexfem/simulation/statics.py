@@ -456,13 +456,12 @@ class StaticSteps(Steps):
             "increase t_end, or change the sign of stop_value if the column moves away from it",
         )
 
-    def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> str:
+    def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> None:
         """See :class:`Steps`."""
         if reason == "ok":
             self.cautions.say(self._targets.missed)
         self.cautions.say(locked_shapes(self.serial, self.system))
         self.cautions.say(doubtful_state(self.serial, self.system))
-        return reason
 
     def summary(self) -> dict[str, Any]:
         """See :class:`Steps`."""

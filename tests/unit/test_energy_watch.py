@@ -16,12 +16,10 @@ from flexfem.simulation.watch.energy_watch import EnergyWatch
 Motion = Callable[[float], float]
 
 
-def warned(
-    model: ff.Model, dt: float, t_end: float, *, status: str = "ok", **options: Any
-) -> list[str]:
-    """Warnings of a run that ends with a status, but for those on the number of its ranks."""
+def warned(model: ff.Model, dt: float, t_end: float, **options: Any) -> list[str]:
+    """Warnings of a run that ends well, but for those on the number of its ranks."""
     outcome = ff.simulate(model, ff.RunOptions(dt=dt, t_end=t_end, quiet=True, **options))
-    assert outcome.status.startswith(status)
+    assert outcome.status == "ok"
     return [line for line in outcome.summary["warnings"] if " ranks " not in line]
 
 
@@ -30,7 +28,7 @@ def test_a_body_that_spins_too_fast_for_its_steps() -> None:
     """Five radians in a step: its energy grows two hundredfold, found without an energy probe."""
     model = ff.Model("spin")
     model.add(ff.RigidBody("top", 1.0, (1.0, 2.0, 2.5), angular_velocity=(10, 5000, 20)))
-    start, end = warned(model, 1e-3, 1.0, status="spurious energy")
+    start, end = warned(model, 1e-3, 1.0)
     assert 'RigidBody "top": it starts with 5000 rad/s, which is 5 rad in a step' in start
     assert "spurious energy: the balance has grown by" in end
 
@@ -39,8 +37,7 @@ def test_a_body_that_spins_too_fast_for_its_steps() -> None:
 def test_an_integrator_that_damps_nothing_is_named() -> None:
     model = ff.Model("spin")
     model.add(ff.RigidBody("top", 1.0, (1.0, 2.0, 2.5), angular_velocity=(10, 5000, 20)))
-    lines = warned(model, 1e-3, 1.0, status="spurious energy", rho_inf=1.0)
-    assert "set rho_inf below 1" in lines[-1]
+    assert "set rho_inf below 1" in warned(model, 1e-3, 1.0, rho_inf=1.0)[-1]
 
 
 @pytest.mark.serial
@@ -164,16 +161,11 @@ def falling(*more: Any) -> ff.Model:
 @pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_energy_from_nowhere_is_told_without_a_probe() -> None:
-    """Steps of 20 ms do not resolve the impact, steps of 0.2 ms do; a probe tells it alone.
-
-    All the energy there is has come from nowhere: with a status of "ok" it would pass for a result.
-    """
-    failed = "spurious energy: the balance has grown by 4.78 J with energies of at most 4.67 J"
-    (line,) = warned(falling(), 2e-2, 0.4, status=failed, rho_inf=1.0)
+    """Steps of 20 ms do not resolve the impact, steps of 0.2 ms do; a probe tells it alone."""
+    (line,) = warned(falling(), 2e-2, 0.4, rho_inf=1.0)
     assert line.startswith("spurious energy: the balance has grown by")
     assert warned(falling(), 2e-4, 0.4, rho_inf=1.0) == []
-    probed = falling(ff.EnergyProbe())
-    assert len(warned(probed, 2e-2, 0.4, status="spurious energy", rho_inf=1.0)) == 1
+    assert len(warned(falling(ff.EnergyProbe()), 2e-2, 0.4, rho_inf=1.0)) == 1
 
 
 def vibrating(damping: float) -> ff.Model:

@@ -137,9 +137,14 @@ def test_functions_are_the_springs_that_they_say(cable: bool) -> None:
     model = hanging(0.54, stiffness=800.0, damping=6.0, rest_length=LENGTH)
     wanted = columns(ff.simulate(model, ff.RunOptions(dt=1e-3, t_end=0.5, quiet=True)))
     assert (wanted["at_z"] < 0.5).all()  # it is stretched throughout, as a cable is
+    lost = np.abs(wanted["energy_dissipation"]).max()
     for name, values in wanted.items():
-        scale = max(np.abs(values).max(), 1e-3)
-        np.testing.assert_allclose(found[name], values, atol=1e-9 * scale, err_msg=name)
+        bound = 1e-9 * max(np.abs(values).max(), 1e-3)
+        # what a cable's damper takes is measured along its way, not by rates at both ends of steps:
+        # 1.2e-6; a damper that is left out is wrong by all of it
+        if cable and name in ("energy_dissipation", "energy_balance"):
+            bound = 1e-5 * lost
+        np.testing.assert_allclose(found[name], values, rtol=0.0, atol=bound, err_msg=name)
 
 
 @pytest.mark.slow_on_ranks

@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Kinetic energy, momenta and mass of inertia concentrated at a node, for compiled loops.
+"""Kinetic energy, momenta and mass of inertia at nodes; of a single one for compiled loops.
 
 They are summed into one array ``motion`` (11,), all components inertial:
 
@@ -12,6 +12,9 @@ They are summed into one array ``motion`` (11,), all components inertial:
 ======  ==============================================================
 """
 
+import numpy as np
+from scipy.sparse import csr_array
+
 from flexfem._types import FloatArray
 from flexfem.kernels.compiled import inlined
 
@@ -23,6 +26,7 @@ __all__ = [
     "MASS",
     "WIDTH",
     "add_motion",
+    "add_motion_of_points",
     "centre_into",
 ]
 
@@ -78,3 +82,20 @@ def centre_into(H: FloatArray, v: FloatArray, M: FloatArray, x: FloatArray, u: F
         k = 3 + 3 * i
         x[i] = H[i] + H[k] * c0 + H[k + 1] * c1 + H[k + 2] * c2
         u[i] = H[k] * u0 + H[k + 1] * u1 + H[k + 2] * u2
+
+
+def add_motion_of_points(mass: csr_array, x: FloatArray, v: FloatArray, motion: FloatArray) -> None:
+    """Add the contribution of points with a mass matrix.
+
+    Args:
+        mass: (n, n) of one direction, kg.
+        x: (n, 3) positions, m.
+        v: (n, 3) velocities, m/s.
+        motion: (11,) see above.
+    """
+    momenta = mass @ v
+    motion[KINETIC] += 0.5 * float((momenta * v).sum())
+    motion[MASS] += float(mass.sum())
+    motion[FIRST:LINEAR] += (mass @ x).sum(axis=0)
+    motion[LINEAR:ANGULAR] += momenta.sum(axis=0)
+    motion[ANGULAR:WIDTH] += np.cross(x, momenta).sum(axis=0)

@@ -8,6 +8,7 @@ from scipy.sparse import csr_array
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.nodes.motion import add_motion_of_points
 from flexfem.families.cable_net import kernels
 from flexfem.families.cable_net.cables import Cables
 from flexfem.families.cable_net.steps import CableSteps
@@ -194,11 +195,5 @@ class CableElements(StresslessElements):
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         positions_into(block.frames, self._points)
         inertial_into(block.frames, block.velocity, self._vectors)
-        x, v = self._points, self._vectors
         mass = self._mass if chosen.all() else self._masses(chosen)
-        momenta = mass @ v
-        motion[0] += 0.5 * float((momenta * v).sum())
-        motion[1] += float(mass.sum())
-        motion[2:5] += (mass @ x).sum(axis=0)
-        motion[5:8] += momenta.sum(axis=0)
-        motion[8:11] += np.cross(x, momenta).sum(axis=0)
+        add_motion_of_points(mass, self._points, self._vectors, motion)

@@ -96,13 +96,8 @@ class Steps:
         """The status in words, "ok" for a complete run (collective)."""
         raise NotImplementedError
 
-    def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> str:
-        """Add the warnings known at the end only; the first rank has the history (collective).
-
-        Returns:
-            The status in words: that given, or what makes the results of a complete run wrong.
-        """
-        return reason
+    def look_back(self, reason: str, history: Mapping[str, FloatArray]) -> None:
+        """Add the warnings known at the end only (collective); the first rank has the history."""
 
     def common(self, case: str, reason: str) -> dict[str, Any]:
         """Entries of ``summary.json`` on sizes, counts and status."""
@@ -234,7 +229,7 @@ class Run:
         steps, wall = self._steps, self._elapsed()
         steps.recorder.close()
         history = steps.recorder.history()
-        reason = steps.look_back(reason, history)
+        steps.look_back(reason, history)
         summary = steps.common(self._case, reason) | steps.summary() | {
             "restarted_at_step": self._start,
             "wall_seconds": wall,

@@ -9,14 +9,11 @@ from flexfem._types import FloatArray
 from flexfem.model.model import Model
 from flexfem.model.probes.measured import EnergyProbe
 
-__all__ = ["GROSS", "energy_drift", "gross_drift"]
+__all__ = ["energy_drift"]
 
 #: Part of the largest energy above which growth is reported. Sound runs stay below a quarter of
 #: this; impacts and jumps in coarse steps give some times as much.
 _PART = 0.02
-#: Part of the largest energy above which the results are wrong and the run has failed: most of the
-#: energy in the model has come from nowhere. Impacts that steps do not resolve give less.
-GROSS = 0.5
 #: Energies, J, below which a value is round-off.
 _NOTHING = 1e-12
 _ENERGIES = ("kinetic", "strain", "gravity", "work")
@@ -29,22 +26,17 @@ def energy_drift(model: Model, history: Mapping[str, FloatArray]) -> list[str]:
         model: the model.
         history: columns of the motion.
     """
-    return list(_found(model, history, _PART)) if len(history.get("t", ())) else []
+    return list(_found(model, history)) if len(history.get("t", ())) else []
 
 
-def gross_drift(model: Model, history: Mapping[str, FloatArray]) -> list[str]:
-    """The same for growth by more than half of the largest energy, which is a failure."""
-    return list(_found(model, history, GROSS)) if len(history.get("t", ())) else []
-
-
-def _found(model: Model, history: Mapping[str, FloatArray], part: float) -> Iterator[str]:
+def _found(model: Model, history: Mapping[str, FloatArray]) -> Iterator[str]:
     for probe in model.probes:
         if not isinstance(probe, EnergyProbe) or probe.bodies is not None:
             continue
         balance = history[f"{probe.name}_balance"]
         largest = max(float(np.abs(history[f"{probe.name}_{e}"]).max()) for e in _ENERGIES)
         gained = float(balance.max())
-        if not gained > max(part * largest, _NOTHING) or len(balance) < 2:
+        if not gained > max(_PART * largest, _NOTHING) or len(balance) < 2:
             continue
         jump = int(np.argmax(np.diff(balance))) + 1
         yield (

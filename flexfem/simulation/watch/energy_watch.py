@@ -17,7 +17,6 @@ from flexfem.inspection.finding import owner_of
 from flexfem.layout.elements import HistoryElements
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.simulation.watch.brief_contacts import BriefContacts
-from flexfem.simulation.watch.energy_drift import GROSS
 from flexfem.simulation.watch.inside_out import InsideOut
 from flexfem.simulation.watch.sagging import SagWatch
 from flexfem.simulation.watch.validity import ValidityWatch
@@ -264,25 +263,16 @@ class EnergyWatch:
             for number in sorted(found)
         ]
 
-    def gross(self) -> list[str]:
-        """A line if more than half of the largest energy is spurious: the run has failed."""
-        largest = self._largest
-        wrong = self._complete and largest > _NOTHING and self._gain > GROSS * largest
-        return [self._grown()] if wrong else []
-
-    def _grown(self) -> str:
-        return (
-            f"spurious energy: the balance has grown by {self._most_gain:.3g} J with energies "
-            f"of at most {self._largest:.3g} J; {self._advice} (an EnergyProbe shows when)"
-        )
-
     def _balance(self) -> list[str]:
         largest, part = self._largest, _DRIVEN_GAIN if self._driven else _GAIN
         gained = self._gain > part * largest or self._most_gain > _MOST_GAIN * largest
         if not self._complete or largest <= _NOTHING:
             return []
         if gained and not self._probed:
-            return [self._grown()]
+            return [
+                f"spurious energy: the balance has grown by {self._most_gain:.3g} J with energies "
+                f"of at most {largest:.3g} J; {self._advice} (an EnergyProbe shows when)"
+            ]
         if self._loss > _LOSS * largest and not self._losing:
             return [
                 f"numerical dissipation: the balance has fallen by {self._loss:.3g} J with "
