@@ -135,6 +135,13 @@ class Nets:
         return np.column_stack([plan.real, plan.imag]), cables, np.array(rings)
 
     @property
+    def on_edge(self) -> npt.NDArray[np.bool_]:
+        """True for the cables (m,) along the edge."""
+        _, cables, ring_of = self.plan
+        found: npt.NDArray[np.bool_] = (ring_of[cables] == self.rings).all(axis=1)
+        return found
+
+    @property
     def corners(self) -> Numbers:
         """Nodes at the battens, in their order."""
         count = SECTORS * self.rings
@@ -150,9 +157,8 @@ class Nets:
 
         plan, cables, ring_of = self.plan
         count, corners = len(plan), self.corners
-        edge = (ring_of[cables] == self.rings).all(axis=1)
         pieces = SECTORS * self.rings // self.ring.bays
-        q = np.where(edge, self.edge_force * pieces / self.ring.longeron, self.density)
+        q = np.where(self.on_edge, self.edge_force * pieces / self.ring.longeron, self.density)
         ends = (np.repeat(np.arange(len(cables)), 2), cables.ravel())
         signs = np.tile([1.0, -1.0], len(cables))
         C = csr_array((signs, ends), shape=(len(cables), count))
@@ -180,13 +186,12 @@ class Nets:
     def members(self) -> tuple[Numbers, Array, Array]:
         """Cables (k, 2) of front, rear and ties, their stiffness and rest length (k,)."""
         front, rear, tied, tension, ties = self.design
-        _, cables, ring_of = self.plan
+        cables = self.plan[1]
         count = len(front)
         pairs = np.concatenate([cables, cables + count, np.column_stack([tied, tied + count])])
         places = np.concatenate([front, rear])
         lengths = np.linalg.norm(places[pairs[:, 0]] - places[pairs[:, 1]], axis=1)
-        edge = (ring_of[cables] == self.rings).all(axis=1)
-        own = np.where(edge, self.edge_stiffness, self.stiffness)
+        own = np.where(self.on_edge, self.edge_stiffness, self.stiffness)
         stiffness = np.concatenate([own, own, np.full(len(tied), self.stiffness)])
         forces = np.concatenate([tension, tension, ties])
         if not (forces > 0.0).all():
