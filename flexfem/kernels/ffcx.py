@@ -7,7 +7,6 @@ that numba can cache the loop on disk.
 """
 
 import hashlib
-import os
 from dataclasses import dataclass
 from functools import cache
 from importlib.resources import files
@@ -22,7 +21,7 @@ from llvmlite import ir
 from numba import types
 from numba.extending import intrinsic
 
-from flexfem.kernels.ffcx_options import compile_options, quick_compiler
+from flexfem.kernels.ffcx_options import c_arguments, compile_options, quick_compiler
 from flexfem.kernels.lanes import LANES
 
 __all__ = [
@@ -34,13 +33,8 @@ __all__ = [
     "tabulate",
 ]
 
-#: Generated code is straight-line arithmetic: vectorised, without unsafe reordering of sums. The
-#: variable is for clusters with different nodes, and for those whose runs are shorter than
-#: compilation.
-_COMPILE_ARGUMENTS = [
-    *os.environ.get("FLEXFEM_CFLAGS", "-O3 -march=native -fno-math-errno").split(),
-    "-g0",
-]
+#: Generated code is straight-line arithmetic: vectorised, without unsafe reordering of sums.
+_COMPILE_ARGUMENTS = c_arguments("-O3 -march=native -fno-math-errno")
 #: FFCx's language backend of kernels that treat several cells.
 _BATCH = "flexfem.kernels.ffcx_backend"
 

@@ -6,6 +6,7 @@ which may name a folder of compiled code, libraries and tolerances. Files of ano
 could run other code or change results; here all options have fixed values.
 """
 
+import os
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from functools import cache
@@ -22,13 +23,25 @@ from flexfem._packages import without_collection
 from flexfem._trust import private_folder, trusted
 
 __all__ = [
-    "compile_options", "compiled_form", "kernel_folder", "quick_compiler", "without_variables",
+    "c_arguments", "compile_options", "compiled_form", "kernel_folder", "quick_compiler",
+    "without_variables",
 ]  # fmt: skip
 
-#: Default arguments of the C compiler: those of DOLFINx.
-_ARGUMENTS = ("-O2", "-g0")
 #: Seconds that a process waits for another one that compiles the same form.
 _PATIENCE = 120
+
+
+def c_arguments(usual: str) -> list[str]:
+    """Arguments of the C compiler: those in ``FLEXFEM_CFLAGS`` or, without it, the usual ones.
+
+    The variable is for clusters with different nodes, and for those whose runs are shorter than
+    compilation.
+    """
+    return [*os.environ.get("FLEXFEM_CFLAGS", usual).split(), "-g0"]
+
+
+#: Default arguments: those of DOLFINx.
+_ARGUMENTS = tuple(c_arguments("-O2"))
 
 
 def compile_options(comm: MPI.Intracomm, arguments: Sequence[str] = _ARGUMENTS) -> dict[str, Any]:
