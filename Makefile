@@ -61,6 +61,7 @@ test test-all: export FLEXFEM_CFLAGS := -O0 -march=native -fno-math-errno
 test test-all: export MPIR_CVAR_ENABLE_HEAVY_YIELD := 1
 test: NOT_SLOW := and not slow
 test: NOT_SLOW_ON_RANKS := and not (slow or slow_on_ranks)
+test: NOT_ON_THREE := and not three_ranks
 test: $(STAMP) ## lint, documentation, then tests on 1, 2 and 3 ranks: for every change
 test-all: $(STAMP) ## the same with the tests that are slow: before a release
 test test-all:
@@ -69,7 +70,7 @@ test test-all:
 	# what a file's tests share is made once; files as they come, the longest are not the last
 	$(BIN)/python -m pytest -m "not benchmark $(NOT_SLOW)" -n $(RANKS) --dist loadfile --no-loadscope-reorder \
 		--ignore tests/test_architecture.py
-	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial) $(NOT_SLOW_ON_RANKS)" tests
+	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial) $(NOT_SLOW_ON_RANKS) $(NOT_ON_THREE)" tests
 	$(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m "three_ranks $(NOT_SLOW_ON_RANKS)" tests
 
 # what two processes of tests would wait for at the same time
