@@ -72,6 +72,7 @@ class Constraints(NumberedRows):
             a step without.
         poses: (m, 12) frames of the markers at the last evaluation, see ``marker_start``.
         mean_forces: True if ``forces`` are means over the last step, not those at its end.
+        damped: True if a row of this rank may have a force by its rate.
         consistent: True if ``forces`` belong to accelerations that satisfy the constraints, as at a
             start.
         reported: (r,) such forces, once they are computed, see ``System.reported_forces``.
@@ -137,7 +138,7 @@ class Constraints(NumberedRows):
         )  # fmt: skip
         of_rate = ~np.isin(self.elastic[:, 0], (*DAMPED_BY_COEFFICIENT, LawKind.ELEMENT))
         damping = (self.elastic[:, 2] != 0.0) | of_rate
-        self._damped = bool(damping.any())
+        self.damped = bool(damping.any())
         self._dynamics, self._velocity = np.ones(2), Number(1.0)
         self._holds = bool(interface.held.any())
         self._functions = Functions(self)
@@ -455,7 +456,7 @@ class Constraints(NumberedRows):
         steps.append(Call(evaluate_rows, self.own.memory, nodes, self._dynamics))
         if self._functions.places:
             steps.append(lambda: own._functions.watch(own))
-        if self._damped:
+        if self.damped:
             given = self._velocity, False, self.slopes, self.step_jacobian
             steps.append(Call(add_dampers, self.own.memory, nodes, *given))
             if self.lines.joints:
@@ -596,6 +597,10 @@ class Constraints(NumberedRows):
         """(r,) change of ``values`` along local twists (n_nodes, 6) at fixed multipliers."""
         return self.of_rows(self._side_changes(twists, self.step_jacobian))
 
+    def mobilities(self, nodes: FloatArray) -> FloatArray:
+        """(r,) of all rows, ``sum g^2 / m``, by those (n_nodes, 6) of the interface nodes, 1/m."""
+        return self.of_rows(self._side_changes(nodes, self.force_jacobian**2))
+
     def side_changes(self, twists: FloatArray) -> FloatArray:
         """(t, 2) change of every term by the motion of each of its sides, see :meth:`changes`."""
         return self._side_changes(twists, self.force_jacobian)
@@ -685,7 +690,7 @@ class Constraints(NumberedRows):
         slope = np.where(rigid, 1.0, self.slopes[self.row_of_term, 0])
         jacobian: FloatArray = self.force_jacobian * slope[:, np.newaxis, np.newaxis]
         face = self.interface
-        if self._damped:
+        if self.damped:
             add_dampers(
                 self.own.memory, face.interface_nodes.memory, 0.0, True, self.slopes, jacobian
             )

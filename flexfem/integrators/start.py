@@ -13,6 +13,7 @@ from flexfem.constraints.batch import Constraints
 from flexfem.core.row import START_GAP
 from flexfem.core.status import Status
 from flexfem.integrators.redundancy import check_independence
+from flexfem.integrators.stiff_dampers import StiffDampers
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.mechanics import END_POINT, VISCOUS
@@ -40,6 +41,8 @@ _COMPLIANCE = 1e-5
 #: power of time must give zero velocity, which would cause a force by stiffness-proportional
 #: damping. A much shorter span would magnify the rounding of measured drives.
 _SPAN = 0.125
+#: Exponent n with which velocities are ended by dampers.
+_PASSES = 4
 #: Largest number of iterations for friction at the start.
 _SWEEPS = 25
 
@@ -75,16 +78,19 @@ def start_consistently(
         _relax(system, tangent)
     else:
         check_independence(system)
-    return make_consistent(system, tangent, dt)
+    return make_consistent(system, tangent, dt, starting=True)
 
 
-def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status:
+def make_consistent(
+    system: System, tangent: TangentSolver, dt: float, *, starting: bool = False
+) -> Status:
     """Make velocities, accelerations and multipliers satisfy the constraints (collective).
 
     Velocities are projected onto the constraints by the least kinetic energy (unchanged if they
     satisfy them already); accelerations and multipliers follow from ``[[M, G^T], [G, 0]] (w,
     lambda) = (f, -d(G v)/dt)``. Drives are differentiated by one-sided differences over a part of
-    ``dt`` (s), as a motion need not be defined before the start.
+    ``dt`` (s), as a motion need not be defined before the start. When a motion is ``starting``,
+    dampers of joints end velocities that they would end within much less than ``dt``.
     """
     rows = system.constraints
     for contacts in system.contacts:
@@ -93,6 +99,8 @@ def make_consistent(system: System, tangent: TangentSolver, dt: float) -> Status
     status = project_velocities(system, tangent, dt, np.zeros(rows.size))
     if status is not Status.OK:
         return status
+    if starting and not _slow_down(system, tangent, dt):
+        return _unsolved(system, failed)
     if not accelerate(system, tangent, dt):
         return _unsolved(system, failed)
     rows.forces[:], rows.impulses[:], rows.settled[:] = tangent.multiplier_step, 0.0, 0.0
@@ -132,19 +140,26 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
     and damping C that is let go has lost those with ``dt C >> M`` before a step is over, whereas
     the scheme would go on with them: ``dt a``, were it the velocity of stiff membranes after the
     step, had them strained by the damping times it, and even the rounding of their forces does so
-    for directors of thin shells. With ``F = (M + dt C)^-1 M`` on the constraints, ``(2 F - F^2) a``
-    hardly has them and is off by the order of ``dt^2`` only where a step resolves the damping. C is
-    that of linear damping, without users' laws of sections. Bodies are factorised one by one: with
-    the rows between them factors of large shells would take several times the memory.
+    for directors of thin shells. Dampers of joints do the same to light nodes.
+
+    With ``F = (M + dt C)^-1 M`` on the constraints, ``(2 F - F^2) a`` hardly has them and is off by
+    the order of ``dt^2`` only where a step resolves the damping. C is that of linear damping,
+    without users' laws of sections, and of dampers of joints that a step does not resolve. Bodies
+    are factorised one by one: with the rows between them factors of large shells would take several
+    times the memory.
     """
-    if not system.viscous():
-        return True
-    given, found = _steps(system), [np.zeros_like(step) for step in _steps(system)]
-    for part in system.parts:
+    rows, given = system.constraints, _steps(system)
+    dampers = StiffDampers.of(system, tangent, dt)
+    system.decayed = dampers.any or system.viscous()
+    for part, step in zip(system.parts, given, strict=True):
+        part.block.owned_step[:] = step
         part.block.spread_step()
+    if not system.decayed:
+        return True
+    found = [np.zeros_like(step) for step in given]
     system.interface.update_steps()
-    gaps = _rigid(system, system.constraints.changes(system.interface.steps))
-    own = system.constraints.step_jacobian.copy()
+    gaps = _rigid(system, rows.changes(system.interface.steps))
+    dampers.use(rows, dt)
     damped = _damped_solver(system, tangent, dt)
     for values in (gaps, np.zeros_like(gaps)):
         for part, first, last in zip(system.parts, given, found, strict=True):
@@ -153,11 +168,43 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
         if damped is None or not damped.again(values)[0]:
             return False
         found = [last + step for last, step in zip(found, _steps(system), strict=True)]
-    system.constraints.step_jacobian[:] = own
+    rows.evaluate(_RATES)
     for part, last in zip(system.parts, found, strict=True):
         part.block.owned_step[:] = last
     finite = all(bool(np.isfinite(last).all()) for last in found)
     return bool(system.comm.allreduce(finite, op=MPI.LAND))
+
+
+def _slow_down(system: System, tangent: TangentSolver, dt: float) -> bool:
+    """End velocities that dampers of joints would end within much less than ``dt`` (collective).
+
+    A step that begins with such a velocity v would move by half of ``dt v``, and its damper would
+    dissipate more than there is. With F of :func:`_decay`, for the dampers alone, they become
+    ``v - (1 - F)^n v``, where a drive of the damper moves as it says. Constraints, the limit of
+    large dampers, do the same. The masses of the trial state are factorised, also after it.
+    """
+    rows, dampers = system.constraints, StiffDampers.of(system, tangent, dt)
+    missed = (rows.rates() - rows.target_rates) * dampers.chosen
+    if not system.comm.allreduce(bool(missed.any()), op=MPI.LOR):
+        return True
+    dampers.use(rows, dt)
+    tangent.assemble(MASS, mechanics=VISCOUS)
+    if not tangent.factor():
+        return False
+    zeros = [np.zeros_like(part.block.owned_residual) for part in system.parts]
+    for _ in range(_PASSES):
+        if not tangent.solve(zeros, -missed):
+            return False
+        for part in system.parts:
+            part.block.spread_step()
+        system.interface.update_steps()
+        missed = -rows.changes(system.interface.steps) * dampers.chosen
+    for part in system.parts:
+        part.block.velocity += part.block.step
+    system.slowed = True
+    _evaluate(system)
+    tangent.assemble(MASS)
+    return tangent.factor()
 
 
 def _damped_solver(
@@ -165,13 +212,11 @@ def _damped_solver(
 ) -> FrozenSolver | TangentSolver | None:
     """Solver with the factors of :func:`_decay`, None if these are singular (collective).
 
-    Rows are rigid ones alone from now on. Bodies without masses, which cannot be factorised one by
-    one, are factorised with the rows.
+    Bodies without masses, which cannot be factorised one by one, are factorised with the rows.
     """
-    rows, shifts = system.constraints, replace(MASS, velocity=dt)
+    shifts = replace(MASS, velocity=dt)
     damped = FrozenSolver(system, VISCOUS)
     damped.factor(shifts)
-    rows.step_jacobian[:] = rows.rigid_jacobian()
     if damped.prepare(shifts):
         return damped
     tangent.assemble(shifts, mechanics=VISCOUS)

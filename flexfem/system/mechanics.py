@@ -145,6 +145,11 @@ class Mechanics(ABC):
     def forces(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """Matrices (k, 6, 6) of a part's forces."""
 
+    def row_gradients(self, system: System, shifts: Shifts) -> FloatArray:
+        """Derivatives (t, 2, 6) of the values of rows; masses have those of constraints alone."""
+        rows = system.constraints
+        return rows.step_jacobian if shifts.stiffness else rows.rigid_jacobian()
+
     @abstractmethod
     def hessians(self, system: System, factor: FloatArray) -> FloatArray:
         """``sum_rows factor d(force gradient)``, (n_pairs, 12, 12)."""
@@ -277,6 +282,10 @@ class _Viscous(EndPoint):
     def masses(self, system: System, part: BlockPart, shifts: Shifts) -> FloatArray:
         """See :class:`Mechanics`."""
         return super().masses(system, part, replace(shifts, velocity=0.0))
+
+    def row_gradients(self, system: System, shifts: Shifts) -> FloatArray:
+        """See :class:`Mechanics`; dampers may be among the equations of rows."""
+        return system.constraints.step_jacobian
 
     def element_values(
         self, system: System, part: BlockPart, shifts: Shifts, request: TangentRequest

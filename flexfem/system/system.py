@@ -286,6 +286,8 @@ class System:
             jump.
         prediction: the best kind of prediction for the last step.
         modal_dampers: dampers of modes, None without any or where nothing moves.
+        decayed: True if damping has ended accelerations where the state was made consistent last.
+        slowed: True if dampers of joints have ended velocities at the start.
         withheld: work, J, that damping does not take although velocities tell so, on this rank, by
             schemes whose accelerations lack a part of it, see ``integrators.split``.
         row_forces: computes forces of all rows (r,) for :meth:`reported_forces` (collective); None
@@ -328,6 +330,7 @@ class System:
         self.counters, self.traffic = Counters(), Traffic()
         self.time = self.lead = 0.0
         self.withheld = 0.0
+        self.decayed = self.slowed = False
         self.prediction = Prediction.VELOCITY
         self.modal_dampers: ModalDampers | None = None
         self.row_forces: Callable[[], FloatArray] | None = None

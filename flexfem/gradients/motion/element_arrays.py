@@ -202,9 +202,8 @@ class Builder:
 def element_owners(motion: Motion, builder: Builder) -> Owners | None:
     """Owners of the fewest groups, None if there are none (collective)."""
     size = len(builder.steps)
-    damped = (
-        motion.system.viscous() or motion.system.timed or motion.system.modal_dampers is not None
-    )
+    damped = motion.system.viscous() or motion.start_decayed
+    damped = damped or motion.system.timed or motion.system.modal_dampers is not None
     apart = damped or motion.remembering or bool(motion.grid.events)
     apart = apart or bool(motion.system.contacts) or motion.system.constraints.split
     if size <= _GROUPS or apart:

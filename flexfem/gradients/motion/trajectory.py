@@ -65,6 +65,7 @@ class Motion:
         simulation: after the last step.
         recorder: of the columns of the history.
         columns: names of the columns.
+        start_decayed: True if damping has ended accelerations of the start.
         grid: all steps, those between rows of the history among them.
         steps: number of these, or rather of states besides the first one.
         renewal: equations of the state to which :meth:`go_to_end` has gone last, if it was made
@@ -105,9 +106,10 @@ class Motion:
         self._consistent: set[int] = set()
         main = self.simulation.integrator
         ahead = main.alpha_m - main.alpha_f if isinstance(main, GeneralizedAlpha) else None
-        parts: list[type[Renewal]] = [Projection, Accelerations]
-        parts += DAMPING if self.system.viscous() else ()
-        self.grid = Grid(self._add, self._change, self._check_renewal, self._locked, ahead, parts)
+        self.start_decayed = self.system.decayed
+        self.grid = Grid(
+            self._add, self._change, self._check_renewal, self._locked, ahead, self._parts
+        )
         self.scheme = self._steps()
         self.renewal: Renewal | None = None
         self.between: SystemEquations | None = None
@@ -119,6 +121,10 @@ class Motion:
         every = differentiable(model) if wanted is None else wanted
         self.wanted = {*every, *self.measured}
         self._run(TimeGrid.of(options.dt, options.t_end), storage)
+
+    def _parts(self) -> Sequence[type[Renewal]]:
+        """Parts of the renewal that has been made."""
+        return (Projection, Accelerations, *(DAMPING if self.system.decayed else ()))
 
     def _steps(self) -> Steps:
         """Steps of the integrator."""
@@ -386,7 +392,7 @@ class Motion:
 
     def follows(self, state: int) -> bool:
         """True if numbers of memories follow from a state, which is no intermediate one."""
-        return self.grid.renewal(state) in {None, self.grid.parts[-1]}
+        return self.grid.renewal(state) is None or state in self.grid.ends
 
     def take_memories(self, state: int) -> None:
         """Linearise memories where they act, or follow from a state (collective)."""

@@ -1,10 +1,11 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Accelerations that damping of elements ends soon, where a state is made consistent.
+"""Accelerations that damping ends soon, where a state is made consistent.
 
 With the masses M and the linear damping C, ``F = (M + dt C)^-1 M`` on the constraints,
 accelerations become ``(2 F - F^2) a`` (``integrators.start``), which are ``F b`` with
 ``b = 2 a - F a``: two parts of a renewal, each with the equations
-``M s + dt C (x + s) + G^T m = 0`` and ``G s = 0`` for the change ``s = F x - x``.
+``M s + dt C (x + s) + G^T m = 0`` and ``G s = 0`` for the change ``s = F x - x``. C is that of
+elements; stiff dampers c of joints are rows with ``G (x + s) - m / (dt c) = 0``.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.core.laws import LawKind
 from flexfem.gradients.equations.carried import Carried
 from flexfem.gradients.equations.linearized import UnsolvedError
 from flexfem.gradients.equations.odd_forces import AT_STATE, LocalRates, OddForces
@@ -29,6 +31,7 @@ from flexfem.gradients.equations.step_tangent import (
 )
 from flexfem.gradients.equations.values import Equations
 from flexfem.gradients.renewals.renewal import SINGULAR, Renewal
+from flexfem.integrators.stiff_dampers import StiffDampers, damping_of_rows
 from flexfem.system.mechanics import VISCOUS
 from flexfem.system.system import MASS, Shifts, System
 
@@ -52,12 +55,16 @@ class _Damping(Renewal):
         self._to_state()
         self._take_maps()
         accelerations = self._undamped()
+        self._dampers = StiffDampers.of(self._system, self._solver, self._dt)
+        self._rows = self._system.constraints.rigid | self._dampers.chosen
+        self._check_dampers()
         self._shifts = replace(MASS, velocity=self._dt)
         self._factor_damped()
         self._accelerations = self._begun(accelerations)
         self._changes, self._impulses = self._change(self._accelerations)
         self._ended = [a + s for a, s in zip(self._accelerations, self._changes, strict=True)]
         self._jumps = RowJumps(self._system, self._changes)
+        self._slowed = RowJumps(self._system, self._ended)
         rates = *(self._dt * own for own in self._ended), *self._changes, self._impulses
         self._nodes = [LocalRates(part.block) for part in self._system.parts]
         self._odd = OddForces(self._system, rates, self._set)
@@ -70,7 +77,8 @@ class _Damping(Renewal):
         return accelerations
 
     def _factor_damped(self) -> None:
-        """Factorise masses and damping (collective)."""
+        """Factorise masses and damping, with the equations of stiff dampers (collective)."""
+        self._dampers.use(self._system.constraints, self._dt)
         self._solver.assemble(self._shifts, mechanics=VISCOUS)
         self._system.counters.mass_factorizations += 1
         if not self._solver.factor():
@@ -78,8 +86,10 @@ class _Damping(Renewal):
 
     def _change(self, x: BlockVectors) -> Equations:
         """The change s of accelerations x, and the forces m of rows."""
-        nothing = np.zeros(self._system.constraints.size)
-        return self._solved([-own for own in self._damping(x)], nothing)
+        put_steps(self._system, x)
+        rows = self._system.constraints
+        rates = rows.changes(self._system.interface.steps) * self._dampers.chosen
+        return self._solved([-own for own in self._damping(x)], -rates)
 
     def _damping(self, rates: BlockVectors) -> BlockVectors:
         """``dt C`` times local vectors (collective)."""
@@ -98,6 +108,23 @@ class _Damping(Renewal):
         self._system.constraints.multipliers[:] = factor * self._impulses
         self._system.interface.update()
 
+    def _check_dampers(self) -> None:
+        """Refuse dampers whose force is not linear in the rate (collective).
+
+        Raises:
+            InputError: naming one.
+        """
+        rows = self._system.constraints
+        odd = self._dampers.chosen & (rows.elastic[:, 0] != LawKind.SPRING)
+        found = rows.joint_of_row[odd]
+        names = self._system.comm.allgather(rows.joints[found[0]].joint.owner if len(found) else "")
+        if name := max(names):
+            raise InputError(
+                f"gradient: a load jumps, or an event happens, at t = {self._system.time:.6g} s, "
+                f"where the damping of {name} ends accelerations within a step; this has "
+                "derivatives for linear dampers alone"
+            )
+
     def _check(self) -> None:
         """Refuse damping that is not the linear one of the elements (collective).
 
@@ -105,6 +132,8 @@ class _Damping(Renewal):
             InputError: naming it.
         """
         system, forces = self._system, self._damping(self._ended)
+        if not system.viscous():
+            return
         expected, _ = self.equations(system)
         missed = [a - b for a, b in zip(self._odd.values, expected, strict=True)]
         sizes = np.array([max(np.abs(x).max(initial=0.0) for x in one) for one in (missed, forces)])
@@ -128,9 +157,14 @@ class _Damping(Renewal):
         blocks = self._forces(system)
         put_steps(system, self._changes)
         rates = rows.changes(system.interface.steps) - rows.relaxation * self._impulses
+        put_steps(system, self._ended)
+        slowed = rows.changes(system.interface.steps)
+        chosen, coefficients = self._dampers.chosen, self._dt * damping_of_rows(rows)
+        slowed[chosen] -= self._impulses[chosen] / coefficients[chosen]
         put_steps(system, [np.zeros_like(own) for own in self._changes])
-        system.add_constraint_forces(self._impulses * rows.rigid)
-        return [a + b for a, b in zip(blocks, collected(system), strict=True)], rates * rows.rigid
+        system.add_constraint_forces(self._impulses * self._rows)
+        values = np.where(chosen, slowed, rates * rows.rigid)
+        return [a + b for a, b in zip(blocks, collected(system), strict=True)], values
 
     def _forces(self, system: System) -> BlockVectors:
         """``M s + dt C (x + s)`` of a system at the trial state (collective)."""
@@ -145,8 +179,12 @@ class _Damping(Renewal):
         right = self._from_rates([self.factor * (own.a + own.w) for own in carried])
         z, mu = self._solved(right, np.zeros(self._system.constraints.size))
         self._to_state()
-        turned, _ = self._jumps.transposed(mu)
+        stiff = self._dampers.chosen
+        turned, _ = self._jumps.transposed(np.where(stiff, 0.0, mu))
+        of_dampers, forces_back = self._slowed.transposed(np.where(stiff, mu, 0.0))
+        turned = [a + b for a, b in zip(turned, of_dampers, strict=True)]
         moves, slowed = self._odd.transposed(z), self._damping(z)
+        slowed = [a + b for a, b in zip(slowed, forces_back, strict=True)]
         for own, by, nodes, *q, x in zip(
             carried, self.maps, self._nodes, moves, turned, slowed, strict=True
         ):
@@ -161,7 +199,7 @@ class _Damping(Renewal):
         changes: Equations,
     ) -> None:  # fmt: skip
         """See :class:`Renewal`."""
-        q, rows = [own.q for own in carried], self._system.constraints
+        q = [own.q for own in carried]
         self._to_state()
         begun = [
             nodes.changes(own.q, own.v, own.w)
@@ -171,8 +209,9 @@ class _Damping(Renewal):
             -(a + b + c)
             for a, b, c in zip(self._odd.changes(q), self._damping(begun), changes[0], strict=True)
         ]
-        left = self._jumps.changes(q) + changes[1]
-        found, _ = self._solved(total, -left * rows.rigid)
+        stiff = self._dampers.chosen
+        left = np.where(stiff, self._slowed.changes(q, begun), self._jumps.changes(q)) + changes[1]
+        found, _ = self._solved(total, -left * self._rows)
         for own, by, x in zip(carried, self.maps, found, strict=True):
             own.w = own.w + self.factor * by.hold_rates(by.inverse(x))
             own.a = own.w.copy()

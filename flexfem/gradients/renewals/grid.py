@@ -73,7 +73,8 @@ class Grid(Journal):
             at new values.
         ahead: part of a whole step by which the acceleration-like variable is ahead of the
             accelerations; None for integrators without one.
-        parts: those of a renewal.
+        parts: returns those of the renewal that has been made.
+        ends: numbers of the states with which renewals end.
         moves: what leads to each state but the first.
         leads: changes of states by their numbers.
         events: numbers of the events that happen at states, by the numbers of these.
@@ -85,7 +86,8 @@ class Grid(Journal):
     allow: Callable[[], None]
     locked: Callable[[], bool]
     ahead: float | None
-    parts: Sequence[type[Renewal]]
+    parts: Callable[[], Sequence[type[Renewal]]]
+    ends: set[int] = field(default_factory=set)
     moves: list[Move] = field(default_factory=list)
     leads: dict[int, Lead] = field(default_factory=dict)
     events: dict[int, int] = field(default_factory=dict)
@@ -161,9 +163,10 @@ class Grid(Journal):
     def renewed(self) -> None:
         """See :class:`Journal`; accelerations of the states between have no effect."""
         self.allow()
-        for part in self.parts:
+        for part in self.parts():
             self.moves.append(part)
             self.add()
+        self.ends.add(len(self.moves))
 
     def measured(self) -> None:
         """See :class:`Journal`."""

@@ -347,7 +347,8 @@ class Accelerations(Renewal):
             part.block.lead_auxiliary(part.block.accelerations, 0.0)
         self._to_state()
         self._take_maps()
-        if system.viscous():  # which ends a part of them
+        damped = bool(system.comm.allreduce(rows.damped, op=MPI.LOR))
+        if damped or system.viscous():  # which may end a part of them
             put_steps(system, self._undamped())
             for part in system.parts:
                 part.block.acceleration[:] = part.block.step

@@ -321,6 +321,7 @@ def _check_supported(motion: Motion, name: str) -> None:
         "events": bool(motion.model.events),
         "states of force elements, controllers or internal variables": motion.remembering,
         "damping of modes": system.modal_dampers is not None,
+        "damping that ends accelerations at the start": motion.start_decayed,
         "contacts": bool(system.contacts),
         "stops and other unilateral forces": bool(rows.unilateral.any()) or rows.split,
     }

@@ -51,10 +51,12 @@ class StartVelocities:
         most = max(float(f"{way:.3g}") for way, _ in found.values())
         body = min(b for b, (way, _) in found.items() if float(f"{way:.3g}") == most)
         others = f" and {len(found) - 1} more" if len(found) > 1 else ""
+        slowed = self._system.slowed
+        dampers, smaller = (", or stiff dampers end them", ", or reduce dt") if slowed else ("", "")
         return (
             f"{owner_of(self._serial.body(*body))}{others}: initial velocities violate joints "
-            f"or drives: the run starts with {found[body][1]}; give consistent ones, or let drives "
-            "begin smoothly (SmoothStep)"
+            f"or drives{dampers}: the run starts with {found[body][1]}; give consistent ones, or "
+            f"let drives begin smoothly (SmoothStep){smaller}"
         )
 
 

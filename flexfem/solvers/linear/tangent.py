@@ -176,7 +176,7 @@ class TangentSolver:
                 self._grid[i][j].assemble(np.concatenate(values))
             if rows.size_global:
                 forces = self._couplings.side_values(i, rows.force_jacobian)
-                steps = rows.step_jacobian if shifts.stiffness else rows.rigid_jacobian()
+                steps = mechanics.row_gradients(system, shifts)
                 self._grid[i][count].assemble(forces)
                 self._grid[count][i].assemble(self._couplings.side_values(i, steps))
         if rows.size_global:
