@@ -242,7 +242,7 @@ CASE = ff.Case(
     ),
     analysis=ff.STATICS,
     load_steps=2,
-    smoke={"numbers": 4, "gradients": 2, "along": 8, "across": 2},
+    smoke={"numbers": 4, "gradients": 1, "along": 4, "across": 2},
 )  # fmt: skip
 
 if __name__ == "__main__":

@@ -26,6 +26,7 @@ import flexfem as ff
 LENGTH, ROPE, LOAD, GRAVITY = 10.0, 3.0, 1000.0, 9.81  # m, m, kg, m/s^2
 STEEL, LIMIT = ff.Material(2.1e11, 0.3, 7850.0), 160e6  # Pa
 COUNT, FIRST, INNER = 10, 0.3, 0.9  # tubes, diameter to begin with (m), inner over outer one
+FEW = 3  # tubes with --smoke
 REST = ff.StaticOptions(load_steps=1, stabilise=True, quiet=True)
 SLEWING = ff.RunOptions(dt=0.2, t_end=13.0, start="equilibrium", quiet=True)
 #: Exponents of the smooth maxima over elements and over time, one after the other: the larger, the
@@ -45,7 +46,7 @@ def modulus(diameters: np.ndarray) -> np.ndarray:
 
 def mass(sizes: np.ndarray) -> tuple[float, dict[str, np.ndarray]]:
     """Of the jib, t, with its derivatives."""
-    parts = 1e-3 * STEEL.density * LENGTH / COUNT * area(FIRST * np.exp(sizes))
+    parts = 1e-3 * STEEL.density * LENGTH / len(sizes) * area(FIRST * np.exp(sizes))
     return float(parts.sum()), {"sizes": 2.0 * parts}
 
 
@@ -55,10 +56,10 @@ def build(sizes: np.ndarray, rho: float = SHARP[-1]) -> ff.Model:
     Sizes are logarithms of diameters over the first one, and so is what the probe returns, of
     stresses over the limit: one is nearly linear in the other.
     """
-    diameters = FIRST * np.exp(sizes)
+    diameters, count = FIRST * np.exp(sizes), len(sizes)
 
     def number(x: np.ndarray) -> np.ndarray:
-        return np.minimum((x / LENGTH * COUNT).astype(int), COUNT - 1)
+        return np.minimum((x / LENGTH * count).astype(int), count - 1)
 
     def along(s: float) -> ff.Section:
         outer = float(diameters[number(np.array(s))])
@@ -73,7 +74,7 @@ def build(sizes: np.ndarray, rho: float = SHARP[-1]) -> ff.Model:
         normal = axial + np.hypot(*bending) / modulus(own)
         return 0.5 * np.log((normal**2 + 3.0 * (0.5 * torque / modulus(own)) ** 2) / LIMIT**2)
 
-    mesh = ff.LineMesh.straight({"jib": [(0.0, 0.0, 0.0), (LENGTH, 0.0, 0.0)]}, elements=COUNT)
+    mesh = ff.LineMesh.straight({"jib": [(0.0, 0.0, 0.0), (LENGTH, 0.0, 0.0)]}, elements=count)
     foot, tip = ff.Marker("jib", "start"), ff.Marker("jib", "end")
     hook, turn = (
         ff.Marker("load", offset=(0.0, 0.0, ROPE)),
@@ -94,11 +95,11 @@ def build(sizes: np.ndarray, rho: float = SHARP[-1]) -> ff.Model:
     return model
 
 
-def stressed_to_the_limit() -> np.ndarray:
+def stressed_to_the_limit(count: int) -> np.ndarray:
     """Sizes with which each tube has the stress of the limit at its middle, at rest."""
-    part, found, beyond, lever = LENGTH / COUNT, np.zeros(COUNT), LOAD * GRAVITY, 0.5
+    part, found, beyond, lever = LENGTH / count, np.zeros(count), LOAD * GRAVITY, 0.5
     moment = 0.0  # at the outer end of a tube
-    for k in reversed(range(COUNT)):
+    for k in reversed(range(count)):
         low, high = 0.01, 1.0
         for _ in range(60):
             found[k] = 0.5 * (low + high)
@@ -151,8 +152,9 @@ def tell(name: str, sizes: np.ndarray, history: Mapping[str, np.ndarray]) -> Non
 def main(*, smoke: bool) -> None:
     """Both optima, and the closed form of the first one."""
     steps = replace(SLEWING, t_end=0.4) if smoke else SLEWING
-    exact = stressed_to_the_limit()
-    calm, count = lightest(np.zeros(COUNT), REST, smoke=smoke)
+    tubes = FEW if smoke else COUNT
+    exact = stressed_to_the_limit(tubes)
+    calm, count = lightest(np.zeros(tubes), REST, smoke=smoke)
     print(f"at rest {1e3 * mass(calm)[0]:.1f} kg after {count} gradients, "
           f"stressed to the limit {1e3 * mass(exact)[0]:.1f} kg")  # fmt: skip
     tell("best at rest", calm, ff.simulate(build(calm), steps).history)
