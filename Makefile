@@ -68,7 +68,7 @@ test test-all:
 	# the linters leave one core idle: loops that many tests need are compiled beside them
 	@$(MAKE) --no-print-directory -j $(RANKS) compiled-sliding compiled-floating lint docs
 	# what a file's tests share is made once; files as they come, the longest are not the last
-	$(BIN)/python -m pytest -m "not benchmark $(NOT_SLOW)" -n $(RANKS) --dist loadfile --no-loadscope-reorder \
+	$(BIN)/python -m pytest -m "not (benchmark or several_ranks) $(NOT_SLOW)" -n $(RANKS) --dist loadfile --no-loadscope-reorder \
 		--ignore tests/test_architecture.py
 	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial) $(NOT_SLOW_ON_RANKS) $(NOT_ON_THREE)" tests
 	$(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m "three_ranks $(NOT_SLOW_ON_RANKS)" tests

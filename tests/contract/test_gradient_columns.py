@@ -113,8 +113,14 @@ def test_measurements_of_all_families(kind):
     assert errors(found.gradient, BUILDS[kind], NUMBERS, of, options).max() < accuracy
 
 
+@pytest.mark.several_ranks
 @pytest.mark.parametrize(
-    "kind", [pytest.param("se3", marks=pytest.mark.three_ranks), "nurbs", "solid"]
+    "kind",
+    [
+        pytest.param("se3", marks=pytest.mark.three_ranks),
+        pytest.param("nurbs", marks=pytest.mark.slow_on_ranks),
+        "solid",
+    ],
 )
 def test_ranks_agree(kind):
     """All ranks together find what each finds by itself."""

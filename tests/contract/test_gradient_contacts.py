@@ -323,6 +323,7 @@ def test_stops_among_others():
     compare(equipped, EQUIPPED, ["final:p_z", "final:q_x"], options, step=1e-4, sizes=2)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
 @pytest.mark.parametrize(
     ("build", "numbers", "of", "dt", "steps"),

@@ -56,6 +56,7 @@ def test_energies_of_contacts(kind, numbers, dt, end):
     compare_contacts(build, numbers, of, options, step=1e-4)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("touching", [False, True])
 def test_ranks_agree_on_energies(touching):

@@ -171,6 +171,7 @@ def test_states_that_are_computed_again():
     np.testing.assert_allclose(first, second, rtol=1e-9)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
 @pytest.mark.parametrize(
     "name",

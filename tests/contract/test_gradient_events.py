@@ -220,6 +220,7 @@ def test_events_of_sliders(action):
     compare(partial(arrived, action), NUMBERS, of, options, 1e-7, step=3e-4)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
 def test_ranks_agree_on_the_end():
     options = ff.RunOptions(dt=4e-3, t_end=0.05, tolerance=1e-13, split_above=1)
@@ -235,6 +236,7 @@ def test_ranks_agree_on_the_end():
             assert together.gradient[name][number] == pytest.approx(value, rel=1e-9)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
 def test_ranks_agree_on_events():
     """The lock of a rod on several ranks, whose time is that of a marker on one of them."""

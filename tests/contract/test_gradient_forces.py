@@ -232,6 +232,7 @@ def test_equilibria():
         np.testing.assert_allclose(own, expected, rtol=1e-7, atol=1e-9)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
 @pytest.mark.parametrize(
     ("build", "numbers", "joint"),

@@ -254,6 +254,7 @@ def test_strains_that_change_with_time():
     compare(build, {"heat": 200.0, "rate": 80.0}, ["final:tip_x", "mean:tip_z"], STEPS, 1e-7)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.parametrize(
     ("build", "numbers"),
     [

@@ -99,6 +99,7 @@ def test_arrays_of_elements():
     )
 
 
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("name", ["crank", "beam"])
 def test_ranks(name):

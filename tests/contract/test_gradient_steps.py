@@ -181,6 +181,7 @@ def test_many_more_states_than_expected_do_not_fit():
     compare_memories(partial(body, "se3"), options, 4.6e4)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.parametrize("build", [pushed, pytest.param(switched, marks=pytest.mark.three_ranks)])
 def test_ranks_agree(build):
     """All ranks together find what each finds by itself."""

@@ -220,6 +220,7 @@ def test_other_joints(name):
     test_joints(name)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.parametrize(
     "kind",
     [
@@ -270,7 +271,10 @@ def _rod(density, heights=(), moduli=()):
     return model
 
 
-@pytest.mark.parametrize(("name", "size", "models"), [("heights", 0.02, 10), ("moduli", 5e6, 8)])
+@pytest.mark.parametrize(
+    ("name", "size", "models"),
+    [("heights", 0.02, 10), pytest.param("moduli", 5e6, 8, marks=pytest.mark.slow_on_ranks)],
+)
 def test_arrays_of_elements_take_few_models(name, size, models):
     """One number for each element, against the tangent with models of each entry."""
     count = 7

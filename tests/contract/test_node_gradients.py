@@ -161,6 +161,7 @@ def test_gradient_by_nodes_is_that_of_differences(kind: str) -> None:
         assert abs(parts.sum() - value) < 2e-5 * np.abs(parts).sum(), name
 
 
+@pytest.mark.several_ranks
 @pytest.mark.parametrize(
     "kind", [pytest.param("rod in motion", marks=pytest.mark.three_ranks),
              pytest.param("bar in motion", marks=pytest.mark.slow_on_ranks),
@@ -168,8 +169,6 @@ def test_gradient_by_nodes_is_that_of_differences(kind: str) -> None:
 )  # fmt: skip
 def test_gradient_by_nodes_is_the_same_on_ranks(kind: str) -> None:
     """Of split bodies; a node that a rank lacks or counts twice changes the first digit."""
-    if COMM.size == 1:
-        pytest.skip("for several ranks")
     path = KINDS[kind][1]
     alone, shared = found(kind), found(kind, shared=True)
     for name, by in shared.gradient.items():

@@ -289,6 +289,7 @@ def test_a_fit_to_the_whole_motion_at_once():
     assert abs(behind(most=8).values["stiffness"] / 400.0 - 1.0) > 0.05
 
 
+@pytest.mark.slow_on_ranks
 def test_a_fit_that_advances():
     """One whose motions all have the full length, or that forgets what it has found, ends there."""
     found = behind(advance=0.5)
@@ -305,6 +306,7 @@ def test_a_fit_that_advances():
     assert found.motions < 20
 
 
+@pytest.mark.slow_on_ranks
 def test_samples_that_are_missing():
     """A column from 0.9 s on, every other row: as if nothing else had been computed.
 

@@ -294,6 +294,7 @@ def test_mean_forces_and_their_derivatives(slack):
     np.testing.assert_allclose(found.reshape(-1, 3), expected, atol=1e-7)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
 def test_ranks_agree():
     """Cables of one net on several ranks move as on one."""

@@ -132,7 +132,9 @@ def rod(heights: np.ndarray) -> ff.Model:
 @pytest.mark.parametrize(
     ("build", "values", "kind"),
     [
-        (rod, np.linspace(0.02, 0.03, 8), ElementInfluence),
+        pytest.param(
+            rod, np.linspace(0.02, 0.03, 8), ElementInfluence, marks=pytest.mark.slow_on_ranks
+        ),
         pytest.param(
             Pendulum(local), 1.0 + 3.0 * np.sin(np.arange(16.0)), TimedInfluence, marks=ONE
         ),

@@ -147,6 +147,7 @@ def test_forty_stiffnesses_from_the_path_of_a_tip(shared_tmp_path: Path) -> None
     assert found["motions"] <= 60
 
 
+@pytest.mark.several_ranks
 def test_what_is_known_before_on_ranks() -> None:
     """A prior, scales and motions that become longer, on all ranks as on one.
 

@@ -173,15 +173,17 @@ def test_gradient_is_that_of_differences(kind, analysis):
         assert errors.max() < 1e-7, (name, errors)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.parametrize(
     ("kind", "analysis"),
     [
+        # each kind and each analysis
         ("solid", "statics"),
-        ("shell", "statics"),
         ("rigid", "statics"),
         ("beam", "equilibrium"),
         ("shell", "equilibrium"),
-        ("rigid", "equilibrium"),
+        pytest.param("shell", "statics", marks=pytest.mark.slow_on_ranks),
+        pytest.param("rigid", "equilibrium", marks=pytest.mark.slow_on_ranks),
         pytest.param("column", "buckling", marks=pytest.mark.three_ranks),
     ],
 )
@@ -190,8 +192,6 @@ def test_gradient_is_the_same_on_ranks(kind, analysis):
 
     Rounding of stiff matrices is left in derivatives of frequencies and buckling loads.
     """
-    if COMM.size == 1:
-        pytest.skip("for several ranks")
     if kind == "column":
         values = {"youngs": 2.1e11, "length": 1.0}
         alone, shared = (

@@ -317,6 +317,7 @@ def test_a_stop_that_stays_closed_is_a_part_of_the_scheme(integrator: str) -> No
     np.testing.assert_allclose(block.velocity[0, 2], exact.y[1, -1], rtol=1e-3)
 
 
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("drop", [1e-3, -1e-4], ids=["falls", "leaves"])
 def test_ranks(drop: float) -> None:

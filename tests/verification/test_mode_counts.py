@@ -72,7 +72,7 @@ def test_negative_pivots_are_modes_by_the_sign_of_their_energy(spin, backward):
 @pytest.mark.parametrize(("spin", "target"), [
     pytest.param(5.0, 0.0, marks=pytest.mark.serial),
     (20.0, 0.0),
-    (5.0, 6.0),
+    pytest.param(5.0, 6.0, marks=pytest.mark.serial),
 ])  # fmt: skip
 def test_lost_modes_of_rotors_are_named(spin, target, sparse, monkeypatch):
     """Below a critical speed and above it, where a mode of negative energy may be the lost one."""

@@ -239,7 +239,7 @@ def test_modes_near_a_target():
     np.testing.assert_allclose(near, low[3], rtol=1e-8)
 
 
-@pytest.mark.parametrize("sign", [1.0, -1.0])
+@pytest.mark.parametrize("sign", [1.0, pytest.param(-1.0, marks=pytest.mark.serial)])
 def test_whirls_are_followed_through_zero_frequency_in_turning_axes(sign):
     """Forward and backward whirls of an overhung disk, named and tracked, against Stodola.
 

@@ -74,6 +74,7 @@ def frame(storeys: int, modulus: float) -> ff.Model:
     return model
 
 
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("modulus", [SOFT, STEEL])
 @pytest.mark.parametrize(

@@ -163,6 +163,7 @@ def _two_rails(comm: MPI.Intracomm) -> ff.Model:
     return model
 
 
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
 def test_any_number_of_ranks_gives_the_same_motion():
     found = _simulate(_two_rails(COMM), t_end=0.1)

@@ -131,6 +131,7 @@ def test_latches_hold_a_driven_truss():
     assert left < 0.02
 
 
+@pytest.mark.slow_on_ranks
 def test_gradient_while_sliders_pass_nodes():
     """Against differences, where sliders pass from one element of a post to the next."""
     case = load_case("deployable_truss")
