@@ -232,7 +232,8 @@ def netted(*, axial, damping, speed, mass) -> ff.Model:
     model.add(
         ff.CableNet(
             "net", mesh, axial, mass_per_length=mass, rest_length=rest, damping=damping,
-            velocity=(speed, 0.0, 0.0), angular_velocity=(0.0, 3.0, 1.0),
+            slack_damping=0.1 * damping, velocity=(speed, 0.0, 0.0),
+            angular_velocity=(0.0, 3.0, 1.0),
         ),
         ff.PositionProbe("at", ff.Marker("net", "edge")),
         ff.EnergyProbe(),

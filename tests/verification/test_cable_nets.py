@@ -8,6 +8,7 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 import ufl
+from scipy.integrate import solve_ivp
 
 import flexfem as ff
 from flexfem.families.cable_net import kernels
@@ -197,7 +198,15 @@ def test_matrices_are_derivatives(slack):
     """Residual, matrix and action at a state with taut and slack cables that move."""
     model = ff.Model("net")
     model.add(
-        ff.CableNet("net", grid(3), 40.0, mass_per_length=0.3, damping=3e-2, tension_only=slack)
+        ff.CableNet(
+            "net",
+            grid(3),
+            40.0,
+            mass_per_length=0.3,
+            damping=3e-2,
+            tension_only=slack,
+            slack_damping=1e-2 * slack,
+        )
     )
     system = build(NumberedModel(model), COMM, split_above=100)
     (part,) = system.parts
@@ -244,7 +253,7 @@ def test_mean_forces_and_their_derivatives(slack):
     nodes = np.arange(2 * count, dtype=np.int32).reshape(count, 2)
     numbers = np.column_stack(
         [np.ones(count), random.uniform(5.0, 9.0, count), np.full(count, 0.02),
-         np.full(count, slack)]
+         np.full(count, slack), np.full(count, 5e-3 * slack)]
     )  # fmt: skip
     index = np.arange(4 * count, dtype=np.int32).reshape(count, 2, 2)
     ends = [np.zeros((2 * count, 3)) for _ in range(2)]
@@ -294,13 +303,99 @@ def test_mean_forces_and_their_derivatives(slack):
     np.testing.assert_allclose(found.reshape(-1, 3), expected, atol=1e-7)
 
 
+@pytest.mark.serial
+def test_slack_damping_in_closed_form():
+    """Two masses on a slack cable: their relative speed falls by an exponential, energy with it."""
+    m, L, EA, tau, v = 0.3, 1.0, 600.0, 1e-3, 0.4
+    mesh = ff.ElementMesh(
+        [[0, 0, 0], [0.9, 0, 0]], [[0, 1]], "interval", nodes={"wall": [0], "ball": [1]}
+    )
+    rate = EA * tau / (L**2 * m)
+    for integrator in ("energy_momentum", "generalized_alpha"):
+        model = ff.Model("ball")
+        model.add(
+            ff.CableNet(
+                "rope", mesh, EA, mass_per_length=0.0, rest_length=L, node_mass=[1.0, m],
+                velocity=(-v, 0.0, 0.0), fixed={"wall": "xyz"}, slack_damping=tau,
+            ),
+            ff.Probe("ball", ff.Marker("rope", "ball"), ("v",), lambda t, at: (at.velocity[0],)),
+            ff.EnergyProbe(),
+        )  # fmt: skip
+        options = STEPS | {"integrator": integrator}
+        found = ff.simulate(model, ff.RunOptions(dt=5e-3, t_end=0.5, rho_inf=1.0, **options))
+        speed = -v * np.exp(-rate * found.history["t"])
+        # a rate that lacks one of the lengths, or the damper of taut cables alone, is off by 0.1
+        np.testing.assert_allclose(found.history["v"], speed, atol=1e-5)
+        lost = 0.5 * m * (v**2 - speed**2)
+        np.testing.assert_allclose(found.history["energy_dissipation"], lost, atol=2e-5 * m * v**2)
+
+
+@pytest.mark.serial
+def test_a_damped_net_moves_as_by_another_integrator():
+    """A net that becomes slack and taut, against Runge and Kutta's method with small errors."""
+    EA, mu, tau = 40.0, 0.2, 4e-3
+    mesh = grid(3)
+    cells, start = mesh.cells, 1.06 * mesh.points + 0.04 * np.sin(9.0 * mesh.points[:, [2, 0, 1]])
+    rest = np.linalg.norm(np.diff(mesh.points[cells], axis=1)[:, 0], axis=1)
+    mass = np.zeros((9, 9))
+    for (i, j), own in zip(cells, mu * rest, strict=True):
+        mass[np.ix_([i, j], [i, j])] += own / 6.0 * np.array([[2.0, 1.0], [1.0, 2.0]])
+    inverse = np.linalg.inv(mass)
+
+    def slopes(t, y):
+        x, v = y.reshape(2, 9, 3)
+        d, u = np.diff(x[cells], axis=1)[:, 0], np.diff(v[cells], axis=1)[:, 0]
+        length = np.linalg.norm(d, axis=1)
+        strain, rates = length / rest - 1.0, (d * u).sum(axis=1) / (length * rest)
+        pull = (EA * (np.maximum(strain, 0.0) + tau * rates) / length)[:, None] * d
+        forces = np.zeros((9, 3))
+        np.add.at(forces, cells[:, 0], pull)
+        np.subtract.at(forces, cells[:, 1], pull)
+        return np.concatenate([v, inverse @ forces]).ravel()
+
+    first = np.concatenate([start, np.zeros((9, 3))]).ravel()
+    exact = solve_ivp(slopes, (0.0, 0.4), first, "DOP853", rtol=1e-10, atol=1e-12).y[:, -1]
+    expected, errors = exact.reshape(2, 9, 3)[0, 4], []
+    for h in (4e-3, 2e-3):
+        model = ff.Model("net")
+        moved = ff.ElementMesh(start, cells, "interval", nodes=mesh.nodes)
+        model.add(
+            ff.CableNet("net", moved, EA, mass_per_length=mu, rest_length=rest, slack_damping=tau),
+            ff.PositionProbe("at", ff.Marker("net", "middle")),
+            ff.EnergyProbe(),
+        )
+        found = ff.simulate(model, ff.RunOptions(dt=h, t_end=0.4, rho_inf=1.0, **STEPS)).history
+        at = np.array([found[f"at_{axis}"][-1] for axis in "xyz"])
+        errors.append(np.abs(at - expected).max())
+        # dampers that are counted at the ends of steps leave 1e-3 of what they take
+        assert np.ptp(found["energy_balance"]) < 1e-9 * found["energy_strain"][0]
+        assert found["energy_dissipation"][-1] > 0.1 * found["energy_strain"][0]
+    assert np.abs(expected - start[4]).max() > 0.01
+    assert errors[1] < 1e-4  # without the dampers it is another motion
+    assert errors[1] < 0.4 * errors[0]
+
+
+@pytest.mark.serial
+def test_slack_damping_saves_iterations():
+    """A tossed net in steps that do not resolve the vibrations of its cables."""
+    counts = []
+    for slack_damping in (0.0, 2e-2):
+        options = ff.RunOptions(
+            dt=0.05, t_end=2.0, rho_inf=1.0, integrator="energy_momentum", quiet=True,
+            iteration_matrix="updated",
+        )  # fmt: skip
+        found = ff.simulate(tossed(2e-3, slack_damping=slack_damping), options)
+        counts.append(found.summary["newton_iterations"])
+    assert counts[1] < 0.7 * counts[0]
+
+
 @pytest.mark.several_ranks
 @pytest.mark.three_ranks
 def test_ranks_agree():
     """Cables of one net on several ranks move as on one."""
     options = ff.RunOptions(dt=5e-3, t_end=0.1, rho_inf=0.9, split_above=1, **STEPS)
-    found = ff.simulate(tossed(2e-3), options)
-    alone = ff.simulate(tossed(2e-3), options, comm=MPI.COMM_SELF)
+    found = ff.simulate(tossed(2e-3, slack_damping=1e-4), options)
+    alone = ff.simulate(tossed(2e-3, slack_damping=1e-4), options, comm=MPI.COMM_SELF)
     for name, column in alone.history.items():
         size = max(abs(column).max(), 1.0)
         mine = COMM.bcast(found.history[name] if COMM.rank == 0 else None)
@@ -320,6 +415,8 @@ def test_ranks_agree():
         ({"mass_per_length": float("nan")}, "mass_per_length must be finite"),
         ({"node_mass": -1.0}, "node_mass must not be negative, got -1"),
         ({"damping": -1.0}, "damping must not be negative"),
+        ({"slack_damping": -1.0}, "slack_damping must not be negative"),
+        ({"slack_damping": 1.0, "tension_only": False}, "slack_damping is that of cables, got 1"),
         ({"fixed": {"nowhere": "x"}}, "nowhere"),
         ({"fixed": {"middle": "w"}}, 'must be some of "xyz"'),
     ],

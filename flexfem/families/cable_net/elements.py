@@ -50,7 +50,7 @@ class CableElements(StresslessElements):
         """
         self.cables, self.body = cables, cables.body
         self.size = np.ascontiguousarray(cables.numbers[:, kernels.REST])
-        self.viscous = bool(cables.numbers[:, kernels.DAMPING].any())
+        self.viscous = bool(cables.numbers[:, [kernels.DAMPING, kernels.ALWAYS]].any())
         count = len(block.frames)
         self._pairs = NodePairs(count, [cables.nodes])
         self._points, self._vectors, self._rates = np.zeros((3, count, 3))
@@ -173,7 +173,8 @@ class CableElements(StresslessElements):
 
     @property
     def _damped(self) -> IntArray:
-        return np.flatnonzero(self.cables.numbers[:, kernels.DAMPING])
+        dampers = self.cables.numbers[:, [kernels.DAMPING, kernels.ALWAYS]]
+        return np.flatnonzero(dampers.any(axis=1))
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:

@@ -63,11 +63,12 @@ class CableNetFamily(MeshFamily[CableNet]):
 
 
 def _numbers(body: CableNet) -> FloatArray:
-    """Numbers (m, 4) of the cables of a body for the loops."""
-    damping, slack = (
-        np.full(len(body.mesh.cells), float(value)) for value in (body.damping, body.tension_only)
+    """Numbers (m, 5) of the cables of a body for the loops."""
+    damping, slack, always = (
+        np.full(len(body.mesh.cells), float(value))
+        for value in (body.damping, body.tension_only, body.slack_damping)
     )
-    return np.column_stack([body.unstretched, body.axial_stiffness, damping, slack])
+    return np.column_stack([body.unstretched, body.axial_stiffness, damping, slack, always])
 
 
 def _fittings(body: CableNet) -> FloatArray:

@@ -4,18 +4,21 @@
 A cable of the strain ``e = l / L - 1``, whose taut part is ``g = max(e, 0)`` (of bars e itself),
 pulls with EA times a stress s:
 
-- at a state ``s = g (1 + tanh(tau e' / g))``, of bars ``s = e + tau e'``, see ``model.CableNet``;
+- at a state ``s = g (1 + tanh(tau e' / g)) + t e'``, of bars ``s = e + tau e'``, see
+  ``model.CableNet``;
 - in the mean over a step from a to b, with D for changes over it,
-  ``s = r [m (1 + tanh(tau Dg / (h m))) + c (Dg - Dg_last)]`` with ``m = (g_a + g_b)/2`` and
-  ``r = Dg / De``, in the direction of ``t = (d_a + d_b) / (l_a + l_b)``, d being the vectors
-  between both nodes. As ``t (d_b - d_a) = l_b - l_a``, the work on a cable is ``EA L s De``, in
-  which ``r m De = (g_b^2 - g_a^2)/2`` is the change of the energy (a discrete gradient, Gonzalez
-  1996), the damper's part is positive, and that of c, half the numerical dissipation, is the one of
-  ``integrators.energy_momentum.scheme`` in g. It is smooth where the cable becomes taut.
+  ``s = r [m (1 + tanh(tau Dg / (h m))) + c (Dg - Dg_last)] + t De / h`` with
+  ``m = (g_a + g_b)/2`` and ``r = Dg / De``, in the direction of ``(d_a + d_b) / (l_a + l_b)``, d
+  being the vectors between both nodes. ``d_b - d_a`` has the component ``l_b - l_a`` along it, so
+  the work on a cable is ``EA L s De``, in which ``r m De = (g_b^2 - g_a^2)/2`` is the change of the
+  energy (a discrete gradient, Gonzalez 1996), the dampers' parts are positive, and that of c, half
+  the numerical dissipation, is the one of ``integrators.energy_momentum.scheme`` in g. It is smooth
+  where the cable becomes taut.
 
-Each row of numbers has :data:`REST` L, m, :data:`STIFFNESS` EA, N, :data:`DAMPING` tau, s, and
-:data:`SLACK`, 1 of cables and 0 of bars. The driver of cells would call a kernel by address for
-forty operations. Loops add forces in inertial axes, (n, 3), and matrices of pairs of nodes.
+Each row of numbers has :data:`REST` L, m, :data:`STIFFNESS` EA, N, :data:`DAMPING` tau, s,
+:data:`SLACK`, 1 of cables and 0 of bars, and :data:`ALWAYS` t, s, of cables. The driver of cells
+would call a kernel by address for forty operations. Loops add forces in inertial axes, (n, 3), and
+matrices of pairs of nodes.
 """
 
 import math
@@ -26,6 +29,7 @@ from flexfem._types import FloatArray, IndexArray
 from flexfem.kernels.compiled import inlined, kernel
 
 __all__ = [
+    "ALWAYS",
     "DAMPING",
     "REST",
     "SLACK",
@@ -46,7 +50,7 @@ __all__ = [
 ]  # fmt: skip
 
 #: Columns of the numbers of a cable.
-REST, STIFFNESS, DAMPING, SLACK = 0, 1, 2, 3
+REST, STIFFNESS, DAMPING, SLACK, ALWAYS = 0, 1, 2, 3, 4
 #: Squared sine up to which a cable has turned by half a turn, and its axes stay.
 _OPPOSITE = 1e-6
 
@@ -72,11 +76,15 @@ def _stress(e: float, rate: float, row: FloatArray) -> tuple[float, float, float
     tau = row[DAMPING]
     if row[SLACK] == 0.0:
         return e + tau * rate, 1.0, tau
+    always = row[ALWAYS]
     if e <= 0.0:
-        return 0.0, 0.0, 0.0
+        return always * rate, 0.0, always
     quick = math.tanh(tau * rate / e)
     steep = 1.0 - quick * quick
-    return e * (1.0 + quick), 1.0 + quick - steep * tau * rate / e, steep * tau
+    return (
+        e * (1.0 + quick) + always * rate, 1.0 + quick - steep * tau * rate / e,
+        steep * tau + always,
+    )  # fmt: skip
 
 
 @inlined
@@ -102,8 +110,10 @@ def _mean_stress(
         stress = 0.5 * (start + end) + tau * per_step * change + half * (change - last)
         return stress, 0.5 + tau * per_step + half, -half, tau * per_step * change * change
     a, b = max(start, 0.0), max(end, 0.0)
+    whole, slope_always = end - start, row[ALWAYS] * per_step
+    always = slope_always * whole
     if a == 0.0 and b == 0.0:
-        return 0.0, 0.0, 0.0, 0.0
+        return always, slope_always, 0.0, always * whole
     mean, change, by_end = 0.5 * (a + b), b - a, 1.0 if end > 0.0 else 0.0
     pull = tau * per_step * change / mean
     quick = math.tanh(pull)
@@ -112,11 +122,11 @@ def _mean_stress(
     slope = by_end * (0.5 * (1.0 + quick) + steep * (tau * per_step - 0.5 * pull) + half)
     share, by_share = 1.0, 0.0
     if start <= 0.0 or end <= 0.0:  # it is slack over a part of the step
-        whole = end - start
         share = change / whole
         by_share = (by_end - share) / whole
     return (
-        share * stress, share * slope + by_share * stress, -share * half, mean * quick * change,
+        share * stress + always, share * slope + by_share * stress + slope_always, -share * half,
+        mean * quick * change + always * whole,
     )  # fmt: skip
 
 
@@ -151,7 +161,9 @@ def energies(nodes: IndexArray, numbers: FloatArray, x: FloatArray, out: FloatAr
 
 @inlined
 def _rate(d: _Pair, v: FloatArray, i: int, j: int, row: FloatArray) -> float:
-    """Rate of the strain."""
+    """Rate of the strain; zero where both nodes are at the same place."""
+    if d[3] == 0.0:
+        return 0.0
     along = d[0] * (v[j, 0] - v[i, 0]) + d[1] * (v[j, 1] - v[i, 1]) + d[2] * (v[j, 2] - v[i, 2])
     rate: float = along / (d[3] * row[REST])
     return rate
@@ -178,7 +190,7 @@ def add_forces(
     for m in range(len(nodes)):
         i, j, row = nodes[m, 0], nodes[m, 1], numbers[m]
         d = _between(x, i, j)
-        rate = _rate(d, v, i, j, row) if row[DAMPING] > 0.0 else 0.0
+        rate = _rate(d, v, i, j, row) if row[DAMPING] > 0.0 or row[ALWAYS] > 0.0 else 0.0
         stress = _stress(d[3] / row[REST] - 1.0, rate, row)[0]
         if stress == 0.0:  # the nodes of a slack cable may meet
             continue
@@ -197,7 +209,7 @@ def _tangent(
     d = _between(x, i, j)
     e, rate = d[3] / row[REST] - 1.0, _rate(d, v, i, j, row)
     stress, by_strain, by_rate = _stress(e, rate, row)
-    if by_strain == 0.0:
+    if (by_strain == 0.0 and by_rate == 0.0) or d[3] == 0.0:
         K[:] = 0.0
         return
     EA, L, l = row[STIFFNESS], row[REST], d[3]  # noqa: E741
@@ -220,7 +232,7 @@ def tangents(
 
     Args:
         nodes: (m, 2) of the cables.
-        numbers: (m, 4) of the cables.
+        numbers: (m, 5) of the cables.
         x: (n, 3) positions, m.
         v: (n, 3) velocities, m/s.
         factors: of derivatives by positions and by velocities.
@@ -286,7 +298,7 @@ def add_step_forces(
 
     Args:
         nodes: (m, 2) of the cables.
-        numbers: (m, 4) of the cables.
+        numbers: (m, 5) of the cables.
         x0: (n, 3) positions at the start, m.
         x: (n, 3) positions at the end.
         last: (m,) change of the taut parts over the last step.
@@ -312,7 +324,7 @@ def _step_tangent(
 ) -> None:  # fmt: skip
     """``scale`` times the derivative (3, 3) of the mean force on the second node by its end."""
     before, d, stress = _mean(x0, x, i, j, last, law, row)
-    if stress[0] == 0.0 and stress[1] == 0.0:
+    if (stress[0] == 0.0 and stress[1] == 0.0) or d[3] == 0.0:
         K[:] = 0.0
         return
     EA, whole = scale * row[STIFFNESS], before[3] + d[3]
