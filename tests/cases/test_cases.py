@@ -28,6 +28,8 @@ CHOICE = (
     "connecting_rod", "deployable_truss", "flying_spaghetti", "rope_heap", "sheet_landing",
     "slider_crank", "sliding_beam", "tutorial_8_crane",
 )  # fmt: skip
+#: Cases that search for numbers by gradients, of which ranks have tests of their own.
+SEARCHES = ("identification_twin", "optimal_manipulator", "truss_design")
 POLICIES = ("auto", "updated")
 #: Values of --split-above that leave beams and shells whole, and that split them.
 WHOLE, SPLIT = "4000", "1"
@@ -35,11 +37,12 @@ WHOLE, SPLIT = "4000", "1"
 #: already; the policy ``updated`` on ranks has tests of its own.
 RUNS = {
     1: [*((case, "auto", WHOLE) for case in CASES), *((case, "updated", WHOLE) for case in CHOICE)],
-    # each of these is split on some number of ranks; tutorials have nothing that others have not
+    # each of these is split on some number of ranks; tutorials have nothing that others have not,
+    # and searches a slow test
     2: [
         (case, "auto", WHOLE if case in CHOICE else SPLIT)
         for case in CASES
-        if case in CHOICE or not case.startswith("tutorial_")
+        if case in CHOICE or not (case.startswith("tutorial_") or case in SEARCHES)
     ],
     3: [(case, "auto", SPLIT) for case in CHOICE],
 }
@@ -187,8 +190,24 @@ def test_help_lists_every_option(case: str, helps: dict[str, str]) -> None:
 def test_same_history_on_any_number_of_ranks(
     ranks: int, case: str, policy: str, split: str, histories: dict[int, Path]
 ) -> None:
-    one = read_history(histories[1] / f"{case}-{policy}-4000" / "history.csv")
-    other = read_history(histories[ranks] / f"{case}-{policy}-{split}" / "history.csv")
+    assert_same(
+        histories[1] / f"{case}-{policy}-4000", histories[ranks] / f"{case}-{policy}-{split}"
+    )
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("case", SEARCHES)
+def test_searches_on_two_ranks(
+    case: str, histories: dict[int, Path], scripts: Callable[[int, list[list[str]]], str],
+    tmp_path: Path,
+) -> None:  # fmt: skip
+    scripts(2, [[case, "--smoke", "--split-above", SPLIT, "--output", str(tmp_path)]])
+    assert_same(histories[1] / f"{case}-auto-4000", tmp_path)
+
+
+def assert_same(folder: Path, on_ranks: Path) -> None:
+    """Histories in two folders are the same to rounding of sums over ranks."""
+    one, other = (read_history(place / "history.csv") for place in (folder, on_ranks))
     assert list(other) == list(one)
     for column, values in one.items():
         error = np.abs(other[column] - values).max()

@@ -172,12 +172,11 @@ def test_states_that_are_computed_again():
 
 
 @pytest.mark.several_ranks
-@pytest.mark.three_ranks
 @pytest.mark.parametrize(
     "name",
     [
-        "beam",
-        "cables",
+        pytest.param("beam", marks=pytest.mark.three_ranks),
+        pytest.param("cables", marks=pytest.mark.three_ranks),
         "controlled",
         "forces",
         "rebound",
