@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Central differences of fourth and sixth order, and steps that suit a function."""
+"""Central differences of fourth order, extrapolated ones, and steps that suit a function."""
 
 from collections.abc import Callable, Sequence
 from math import inf
@@ -29,8 +29,8 @@ _ROUNDING = 1e-13
 #: which it suits.
 _FINE, _SUITS = (1e-3, 1e-4, 1e-5, 1e-6), 1e-9
 #: Longest step of extrapolated differences relative to the size of what changes, the number of
-#: steps, each a half of the one before, and the relative difference between the fourth and the
-#: sixth order up to which these suit: errors of the sixth are its power 3/2.
+#: steps, each a half of the one before, and the relative difference between the two highest orders
+#: up to which these suit: errors of a sixth order are its power 3/2.
 _FAR, _HALVES, _CLOSE = 3.2e-2, 9, 1e-7
 
 
@@ -62,11 +62,11 @@ def differenced(weights: Sequence[float], values: Sequence[FloatArray]) -> Float
 def extrapolated(
     difference: Callable[[float], FloatArray], size: float, rounding: FloatArray
 ) -> FloatArray:
-    """Derivatives (n,) of sixth order from central differences, with steps as long as suit.
+    """Derivatives (n,) from central differences of sixth or higher order, as far apart as suits.
 
-    Those with three steps, each a half of the one before, are extrapolated to zero (Richardson,
-    Phil. Trans. A 210 (1911) 307-357). Steps are halved until the two highest orders agree, or
-    differ by no more than rounding, which is the less, the longer the steps are.
+    Those with three or more steps, each a half of the one before, are extrapolated to zero
+    (Richardson, Phil. Trans. A 210 (1911) 307-357). Steps are halved until the two highest orders
+    agree, or differ by no more than rounding, which is the less, the longer the steps are.
 
     Args:
         difference: ``(f(h) - f(-h)) / (2 h)``, (n,), of a step h.
@@ -76,21 +76,22 @@ def extrapolated(
     Raises:
         Exception: that of the function, if it does not exist beside the value.
     """
-    found, best, least = list[FloatArray](), np.zeros(0), np.full(len(rounding), inf)
+    orders, best, least = list[FloatArray](), np.zeros(0), np.full(len(rounding), inf)
     for k in range(_HALVES):
         step = _FAR * size / 2.0**k
         try:
-            found.append(difference(step))
+            found = [difference(step)]
         except FAILURES:  # the function may not exist so far away
             if k > _HALVES - 3:
                 raise
-            found.clear()
-        if len(found) < 3:
+            orders.clear()
             continue
-        far, middle, near = found[-3:]
-        low, high = (4.0 * middle - far) / 3.0, (4.0 * near - middle) / 3.0
-        own = (16.0 * high - low) / 15.0
-        off = np.abs(own - high)
+        for n, longer in enumerate(orders, 1):
+            found.append((4.0**n * found[-1] - longer) / (4.0**n - 1.0))
+        orders = found
+        if len(orders) < 3:
+            continue
+        own, off = orders[-1], np.abs(orders[-1] - orders[-2])
         best = np.where(off < least, own, best) if len(best) else own
         least = np.fmin(off, least)
         if (least <= np.maximum(_CLOSE * np.abs(best), rounding / step)).all():

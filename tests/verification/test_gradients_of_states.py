@@ -184,13 +184,14 @@ def test_gradient_is_that_of_differences(kind, analysis):
         ("shell", "equilibrium"),
         pytest.param("shell", "statics", marks=pytest.mark.slow_on_ranks),
         pytest.param("rigid", "equilibrium", marks=pytest.mark.slow_on_ranks),
+        pytest.param("director", "equilibrium", marks=pytest.mark.three_ranks),
         pytest.param("column", "buckling", marks=pytest.mark.three_ranks),
     ],
 )
 def test_gradient_is_the_same_on_ranks(kind, analysis):
     """Of bodies that are split; a sum that a rank lacks or counts twice changes the first digit.
 
-    Rounding of stiff matrices is left in derivatives of frequencies and buckling loads.
+    Matrices at a distance of 2e-3 leave 5e-9 of rounding in frequencies and buckling loads.
     """
     if kind == "column":
         values = {"youngs": 2.1e11, "length": 1.0}
@@ -212,7 +213,7 @@ def test_gradient_is_the_same_on_ranks(kind, analysis):
             size, scale = abs(alone.gradient[name][parameter]), abs(alone.value[name] / value)
             error = abs(own[parameter] - alone.gradient[name][parameter])
             # by parameters without influence rounding of the columns is left
-            limit = 1e-9 * size + 1e-13 * scale if analysis == "statics" else 1e-7 * (size + scale)
+            limit = 1e-9 * size + 1e-13 * scale if analysis == "statics" else 1e-9 * (size + scale)
             assert error <= limit
 
 
@@ -363,6 +364,19 @@ def column(areas, youngs=2.1e11, force=1000.0, length=1.0) -> ff.Model:
 
 COLUMN = load_case("optimal_column")
 BUCKLING = ff.StaticOptions(load_steps=1, buckling_modes=2, quiet=True)
+
+
+@pytest.mark.serial
+def test_buckling_load_scales_with_stiffness_over_load():
+    """The load factor depends on ``E/P`` alone, whatever the mesh.
+
+    Matrices of a slender column at a distance of 2e-3 leave 2.6e-9 of rounding.
+    """
+    values = {"youngs": 2.1e11, "force": 1e3}
+    build = partial(column, np.full(4, 2e-4))
+    found = ff.gradient(build, ["buckling:1", "buckling:2"], values, BUCKLING, comm=SELF)
+    for name in found.value:
+        assert sum(relative(found, name, values).values()) == pytest.approx(0.0, abs=5e-10)
 
 
 @pytest.mark.serial

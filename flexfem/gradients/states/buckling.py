@@ -12,7 +12,7 @@ diagonal.
 
 Both matrices change with a parameter at a fixed state and along the change of their equilibria,
 ``dq/dp = - A^-1 F_p``, which is found first: their differences are those of matrices of neighbours
-moved along it.
+moved along it, with steps as long as suit ``y^T dB x``, see ``points``.
 """
 
 from __future__ import annotations
@@ -27,7 +27,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.gradients.equations.step_tangent import BlockVectors
+from flexfem.core.differences import extrapolated
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.eigenvectors import (
     SHIFT,
@@ -39,8 +39,9 @@ from flexfem.gradients.states.eigenvectors import (
     times,
     vectors_of,
 )
-from flexfem.gradients.states.neighbours import MATRICES, Parameter, check_without_sliders
+from flexfem.gradients.states.neighbours import Parameter, check_without_sliders
 from flexfem.gradients.states.path import SINGULAR, Direction, Equilibria, NearPath
+from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.statics.buckling import LinearBuckling
 
 __all__ = ["BucklingLoads"]
@@ -73,10 +74,11 @@ class BucklingLoads:
         self._span = float(path.times[-1] - path.times[0])
         for group in groups:
             self._check(group)
-        matrices = []
+        matrices, self._tangents = list[PETSc.Mat](), list[TangentSolver]()
         for row in self._rows:
             path.go_to(row)
             matrices.append(path.matrix())
+            self._tangents.append(path.tangent())
         self._vectors = {
             numbers: self._of(matrices, [found[k - 1] for k in numbers])
             for numbers in classes_of(self.loads, groups)
@@ -120,9 +122,12 @@ class BucklingLoads:
         def weigh(x: ComplexArray, transposed: bool) -> ComplexArray:
             return times(first, x, transposed=transposed) - times(last, x, transposed=transposed)
 
+        def apply(x: ComplexArray) -> ComplexArray:
+            return (1.0 - mu) * times(first, x) + mu * times(last, x)
+
         rows = np.zeros(self._path.system.constraints.size)
         starts = [self._path.vector(motion, rows).astype(np.complex128) for _, motion in found]
-        return vectors_of(mu, inverse, starts, self._total, weigh)
+        return vectors_of(mu, inverse, starts, self._total, apply, weigh)
 
     def _total(self, values: ComplexArray) -> ComplexArray:
         """Sums over the ranks."""
@@ -134,34 +139,49 @@ class BucklingLoads:
 
         Those of equal ones are that of their mean.
         """
-        found = {k: np.zeros(len(parameters), dtype=np.complex128) for k in self._vectors}
-        for p, parameter in enumerate(parameters):
-            near = [
-                (NearPath(self._path, one.model, parameter.text), one.offset, one.weight)
-                for one in parameter.neighbours(MATRICES)
-            ]
-            for row, share in zip(self._rows, (lambda mu: 1.0 - mu, lambda mu: mu), strict=True):
-                self._path.go_to(row)
-                direction = self._direction(near)
-                for one, offset, weight in near:
-                    one.go_to_present()
-                    one.move(direction, offset)
-                    matrix = one.matrix()
-                    for numbers, own in self._vectors.items():
-                        change = own.mean(partial(times, matrix))
-                        found[numbers][p] += weight * share(own.value.real) * change
-                    matrix.destroy()
-        for changes in found.values():
-            self._total(changes)
-        return {k: changes.real * self._span for ks, changes in found.items() for k in ks}
+        found = np.array([self._changes(one) for one in parameters])
+        rows = zip(self._vectors, found.T, strict=True)
+        return {number: row for numbers, row in rows for number in numbers}
 
-    def _direction(self, near: Sequence[tuple[NearPath, float, float]]) -> Direction:
-        """Change of the present equilibrium with a parameter (collective)."""
-        blocks: BlockVectors = [np.zeros_like(p.block.owned_step) for p in self._path.system.parts]
-        values = np.zeros(self._path.system.constraints.size)
-        for one, _, weight in near:
+    def _changes(self, parameter: Parameter) -> FloatArray:
+        """Derivatives of all vectors' loads by a number (collective)."""
+        every = list(self._vectors.values())
+        values = np.array([one.value.real for one in every])
+
+        def difference(step: float) -> FloatArray:
+            near = [
+                NearPath(self._path, parameter.beside(by), parameter.text) for by in (-step, step)
+            ]
+            total = np.zeros(len(every), dtype=np.complex128)
+            for number, share in enumerate((1.0 - values, values)):
+                change = self._matrix_change(number, near, step)
+                total += share * [one.mean(partial(times, change)) for one in every]
+                change.destroy()
+            return self._total(total).real * self._span / (2.0 * step)
+
+        rounding = self._span * np.array([one.rounding for one in every])
+        return extrapolated(difference, parameter.size, rounding)
+
+    def _matrix_change(self, number: int, near: Sequence[NearPath], step: float) -> PETSc.Mat:
+        """Difference of the neighbours' matrices at the first or the last row (collective)."""
+        self._path.go_to(self._rows[number])
+        direction = self._direction(self._tangents[number], near, step)
+        matrices = []
+        for one, way in zip(near, (-step, step), strict=True):
             one.go_to_present()
-            own, rows = one.residual()
-            blocks = [a + weight * b for a, b in zip(blocks, own, strict=True)]
-            values = values + weight * rows
-        return self._path.direction(blocks, values)
+            one.move(direction, way)
+            matrices.append(one.matrix())
+        before, after = matrices
+        after.axpy(-1.0, before, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+        before.destroy()
+        return after
+
+    def _direction(
+        self, tangent: TangentSolver, near: Sequence[NearPath], step: float
+    ) -> Direction:
+        """Change of the present equilibrium with a parameter (collective)."""
+        for one in near:
+            one.go_to_present()
+        (before, low), (after, high) = (one.residual() for one in near)
+        blocks = [(b - a) / (2.0 * step) for a, b in zip(before, after, strict=True)]
+        return self._path.direction(tangent, blocks, (high - low) / (2.0 * step))

@@ -30,6 +30,7 @@ __all__ = [
     "Vectors",
     "classes_of",
     "equal",
+    "pencil_change",
     "pencil_inverse",
     "pencil_times",
     "times",
@@ -102,6 +103,21 @@ def pencil_times(matrices: Matrices, value: complex, x: ComplexArray) -> Complex
     return found
 
 
+def pencil_change(before: Matrices, after: Matrices) -> Matrices:
+    """Difference of matrices, in place of the later ones (collective).
+
+    Products with it have the rounding of its entries alone: vectors of modes make sums of far
+    smaller size than these.
+    """
+    pairs = (
+        (before.mass, after.mass), (before.damping, after.damping),
+        (before.stiffness, after.stiffness),
+    )  # fmt: skip
+    for old, new in pairs:
+        new.axpy(-1.0, old, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
+    return after
+
+
 def pencil_inverse(matrices: Matrices, value: complex, *, damped: bool) -> Inverse | None:
     """Inverse of ``P(value)``, None if it is singular (collective).
 
@@ -145,11 +161,13 @@ class Vectors:
     Attributes:
         value: their mean.
         right, left: X and Y.
+        rounding: what rounding leaves of the trace over m of ``Y^H P X``.
     """
 
     value: complex
     right: ComplexArray
     left: ComplexArray
+    rounding: float
 
     def mean(self, change: Callable[[ComplexArray], ComplexArray]) -> complex:
         """This rank's part of the trace over m of ``Y^H dP X``.
@@ -164,6 +182,7 @@ class Vectors:
 def vectors_of(
     value: complex, inverse: Inverse, starts: Sequence[ComplexArray],
     total: Callable[[ComplexArray], ComplexArray],
+    apply: Callable[[ComplexArray], ComplexArray],
     weigh: Callable[[ComplexArray, bool], ComplexArray],
 ) -> Vectors:  # fmt: skip
     """Right and left eigenvectors of m equal eigenvalues (collective).
@@ -174,6 +193,7 @@ def vectors_of(
         starts: m right vectors (n,) to begin the inverse iteration with; their part of the
             constraints need not be known.
         total: sums over the ranks.
+        apply: P at the mean times a vector.
         weigh: P' times a vector, or its Hermitian transpose.
     """
     found = []
@@ -190,4 +210,8 @@ def vectors_of(
     right, left = found
     weighed = np.stack([weigh(x, False) for x in right.T], axis=1)
     size = total(left.conj().T @ weighed)
-    return Vectors(value, right, left @ np.linalg.inv(size).conj().T)
+    left = left @ np.linalg.inv(size).conj().T
+    applied = np.stack([apply(x) for x in right.T], axis=1)
+    applied -= weighed @ total(left.conj().T @ applied)  # eigenvalues differ from their mean
+    rounding = total(np.array([(np.abs(left) * np.abs(applied)).sum()])) / len(starts)
+    return Vectors(value, right, left, float(rounding[0]))

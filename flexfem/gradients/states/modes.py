@@ -10,7 +10,8 @@ simple eigenvalue with its right and left vectors changes by
 (1964) 377-387), the mean of several equal ones by the mean of this over vectors with
 ``Y^H (2 lambda M + C) X`` diagonal.
 
-dP is the difference of the matrices of neighbours in their own states, see ``points``.
+dP is the difference of the matrices of neighbours in their own states, see ``points``, with steps
+as long as suit ``y^H dP x``.
 """
 
 from __future__ import annotations
@@ -23,7 +24,9 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
+from flexfem._types import FloatArray
 from flexfem.analyses.modes import ModeOptions
+from flexfem.core.differences import extrapolated
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.eigenvectors import (
     SHIFT,
@@ -31,6 +34,7 @@ from flexfem.gradients.states.eigenvectors import (
     Vectors,
     classes_of,
     equal,
+    pencil_change,
     pencil_inverse,
     pencil_times,
     times,
@@ -104,23 +108,33 @@ class Frequencies:
         starts = np.zeros((len(numbers), lin.size), dtype=np.complex128)
         for start, k in zip(starts, numbers, strict=True):
             start[: lin.unknowns] = self.modes.shapes[k - 1]
-        return vectors_of(value, inverse, list(starts), lin.total, weigh)
+        apply = partial(pencil_times, matrices, value)
+        return vectors_of(value, inverse, list(starts), lin.total, apply, weigh)
 
     def gradients(self, parameters: Sequence[Parameter]) -> dict[int, ComplexArray]:
         """Derivatives (parameters,) of the eigenvalue of each mode, by its number (collective).
 
         Those of equal ones are that of their mean.
         """
-        found = {k: np.zeros(len(parameters), dtype=np.complex128) for k in self._vectors}
-        for p, parameter in enumerate(parameters):
-            for weight, point in self._state.near(parameter):
-                matrices = point.linearization.matrices()
-                for numbers, own in self._vectors.items():
-                    change = own.mean(partial(pencil_times, matrices, own.value))
-                    found[numbers][p] -= weight * change
-        total = self._state.point.linearization.total
-        sums = {numbers: total(changes) for numbers, changes in found.items()}
-        return {number: changes for numbers, changes in sums.items() for number in numbers}
+        found = np.array([self._changes(one) for one in parameters])
+        rows = zip(self._vectors, found.T, strict=True)
+        return {number: row for numbers, row in rows for number in numbers}
+
+    def _changes(self, parameter: Parameter) -> ComplexArray:
+        """Derivatives of all vectors' eigenvalues by a number (collective)."""
+        every = list(self._vectors.values())
+
+        def difference(step: float) -> FloatArray:
+            before, after = (
+                point.linearization.matrices() for point in self._state.near(parameter, step)
+            )
+            change = pencil_change(before, after)
+            own = [one.mean(partial(pencil_times, change, one.value)) for one in every]
+            total = self._state.point.linearization.total(np.array(own))
+            return np.asarray(total / (-2.0 * step)).view(np.float64)
+
+        rounding = np.repeat([one.rounding for one in every], 2)
+        return extrapolated(difference, parameter.size, rounding).view(np.complex128)
 
 
 def _check_apart(found: Modes, group: Sequence[int]) -> None:

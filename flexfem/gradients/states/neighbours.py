@@ -1,27 +1,24 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Models that differ from another one in one parameter, at the same state.
 
-Derivatives by a parameter at a fixed state are central differences of high order (Fornberg, Math.
-Comp. 51 (1988) 699-706), with a step h:
+Derivatives by a number are extrapolated central differences, see ``core.differences``. Entries of
+matrices of stiff bodies are 1e6 to 1e10 times what a slow mode feels of them: so much is rounding
+over the step, which is as long as suits what is differentiated.
 
-- of residuals by places of nodes ``(f(-2) - 8 f(-1) + 8 f(1) - f(2)) / (12 h)``, error
-  ``h^4 f^(5) / 30``; those by numbers are extrapolated, see ``core.differences``;
-- of matrices ``(-f(-3) + 9 f(-2) - 45 f(-1) + 45 f(1) - 9 f(2) + f(3)) / (60 h)``, error
-  ``h^6 f^(7) / 140``. Entries of stiff bodies are 1e6 to 1e10 times what a slow mode feels of them:
-  so much are rounding over h, and errors of the differences by lengths, enlarged. With the step
-  taken both are about 1e-13 of the entries, and derivatives of frequencies and of buckling loads of
-  slender bodies good to 1e-6 or 1e-7.
+Those of residuals by places of nodes are ``(f(-2) - 8 f(-1) + 8 f(1) - f(2)) / (12 h)``, error
+``h^4 f^(5) / 30`` (Fornberg, Math. Comp. 51 (1988) 699-706).
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Mapping, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
+from flexfem.core.differences import STENCIL
 from flexfem.gradients.equations.node_maps import following
 from flexfem.gradients.motion.influence import check_layout
 from flexfem.gradients.motion.parameters import (
@@ -36,42 +33,12 @@ from flexfem.model.model import Model
 from flexfem.system.system import System
 
 __all__ = [
-    "MATRICES", "RESIDUALS", "Neighbour", "NodeParameters", "Parameter", "Stencil", "by_name",
-    "check_path_independent", "check_without_sliders", "parameters_alone",
-    "parameters_of", "place",
+    "NodeParameters", "Parameter", "by_name", "check_path_independent", "check_without_sliders",
+    "parameters_alone", "parameters_of", "place",
 ]  # fmt: skip
 
-
-@dataclass(frozen=True)
-class Stencil:
-    """Places of differences.
-
-    Attributes:
-        step: of a parameter, relative to it; a tenth of it for one that is zero.
-        weights: by place, in steps.
-    """
-
-    step: float
-    weights: Mapping[int, float]
-
-
-RESIDUALS = Stencil(1e-3, {-2: 1 / 12, -1: -8 / 12, 1: 8 / 12, 2: -1 / 12})
-MATRICES = Stencil(2e-3, {-3: -1 / 60, -2: 9 / 60, -1: -45 / 60, 1: 45 / 60, 2: -9 / 60, 3: 1 / 60})
-
-
-@dataclass(frozen=True)
-class Neighbour:
-    """A model with another value of one parameter.
-
-    Attributes:
-        model: the model.
-        offset: difference of the parameter.
-        weight: of a value there in the derivative.
-    """
-
-    model: Model
-    offset: float
-    weight: float
+#: Step of differences by places of nodes, relative to displacements.
+_NODES = 1e-3
 
 
 @dataclass(frozen=True)
@@ -118,16 +85,6 @@ class Parameter:
         with refusing(self.text):
             return self.build(**plain({**self.values, self.name: moved}))
 
-    def neighbours(self, stencil: Stencil) -> Iterator[Neighbour]:
-        """The models of the differences, one after the other.
-
-        Raises:
-            InputError: there is none with such a value.
-        """
-        step = stencil.step * self.size
-        for place, weight in stencil.weights.items():
-            yield Neighbour(self.beside(place * step), place * step, weight / step)
-
 
 @dataclass(frozen=True)
 class NodeParameters:
@@ -154,11 +111,11 @@ class NodeParameters:
         Raises:
             InputError: one is refused.
         """
-        for place, weight in RESIDUALS.weights.items():
-            moved = self.values[self.name] + place * RESIDUALS.step * by
+        for place, weight in STENCIL:
+            moved = self.values[self.name] + place * _NODES * by
             with refusing(self.name):
                 model = self.build(**plain({**self.values, self.name: moved}))
-            yield model, weight / RESIDUALS.step
+            yield model, weight / _NODES
 
 
 def parameters_of(build: Build, values: Values) -> list[Parameter | NodeParameters]:

@@ -203,16 +203,34 @@ class Equilibria:
         """This rank's part of the equations at the present state, scaled (collective)."""
         return self.vector(*equations_at(self.system, self.shifts))
 
-    def direction(self, blocks: BlockVectors, values: FloatArray) -> Direction:
+    def tangent(self) -> TangentSolver:
+        """Solver with the exact matrix at the present state (collective).
+
+        Raises:
+            StoppedError: it is singular.
+        """
+        tangent = TangentSolver(self.system)
+        END_POINT.evaluate(self.system, self.shifts)
+        tangent.assemble(self.shifts)
+        self.system.counters.factorizations += 1
+        if not tangent.factor():
+            raise StoppedError(SINGULAR)
+        return tangent
+
+    def direction(
+        self, tangent: TangentSolver, blocks: BlockVectors, values: FloatArray
+    ) -> Direction:
         """Change of the present equilibrium for that of its equations (collective).
+
+        Args:
+            tangent: solver with the matrix there.
+            blocks: (n_owned, width) of each block.
+            values: (r,) of all rows of this rank.
 
         Raises:
             StoppedError: the equations are singular.
         """
-        tangent = self.equilibrium.tangent
-        END_POINT.evaluate(self.system, self.shifts)
-        self.equilibrium.assemble()
-        if not (tangent.factor() and tangent.solve(blocks, values)):
+        if not tangent.solve(blocks, values):
             raise StoppedError(SINGULAR)
         steps = [-part.block.owned_step for part in self.system.parts]
         return Direction(steps, -tangent.multiplier_step)

@@ -2,17 +2,18 @@
 """States about which models are linearised, and those of models that differ in one parameter.
 
 About an equilibrium, or in a steady rotation, the state moves with a parameter by
-``dq/dp = - A^-1 F_p``, one solve for each parameter: neighbours are moved along it. About a given
-state at rest they are at their own starts.
+``dq/dp = - A^-1 F_p``: neighbours are moved along it, on both sides by the same central difference
+with their own step, so that differences of what depends on them have even powers of the step alone.
+About a given state at rest they are at their own starts.
 """
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable
+from functools import cached_property
 
 from mpi4py import MPI
-
-import numpy as np
+from petsc4py import PETSc
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
@@ -20,8 +21,6 @@ from flexfem.analyses.modes import StateOptions
 from flexfem.core.status import Status
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.neighbours import (
-    MATRICES,
-    Neighbour,
     Parameter,
     check_path_independent,
     check_without_sliders,
@@ -71,16 +70,17 @@ class LinearizedState:
                 f"gradient: {self.point.failure(status)} in the search for the state"
             )
 
-    def near(self, parameter: Parameter) -> list[tuple[float, OperatingPoint]]:
-        """Neighbours in their states, with their weights in differences of matrices (collective).
+    def near(self, parameter: Parameter, step: float) -> tuple[OperatingPoint, OperatingPoint]:
+        """Neighbours with a smaller and a larger value, in their states (collective).
 
         Raises:
+            InputError: there are none with such values.
             StoppedError: the equations of the equilibrium are singular.
         """
-        near = [(one, self._start(one.model)) for one in parameter.neighbours(MATRICES)]
+        near = self._start(parameter.beside(-step)), self._start(parameter.beside(step))
         if self.point.is_equilibrium:
-            self._bring_to_equilibrium(near, parameter.text)
-        return [(one.weight, point) for one, point in near]
+            self._bring_to_equilibrium(near, step, parameter.text)
+        return near
 
     def _start(self, model: Model) -> OperatingPoint:
         """A neighbour in the state of the options, or at its start (collective)."""
@@ -89,25 +89,29 @@ class LinearizedState:
             point.settle(0.0)
         return point
 
+    @cached_property
+    def _solve(self) -> Callable[[FloatArray], PETSc.Vec | None]:
+        """Solver of the linearised equations of the state (collective)."""
+        lin = self.point.linearization
+        lin.evaluate(lin.multipliers.copy())
+        return self.point.rotation(self._options.spin).solver(lin)
+
     def _bring_to_equilibrium(
-        self, near: Sequence[tuple[Neighbour, OperatingPoint]], name: str
+        self, near: tuple[OperatingPoint, OperatingPoint], step: float, name: str
     ) -> None:
         """Move neighbours to their equilibria, to first order in the parameter (collective)."""
-        base = self.point
-        multipliers = base.linearization.multipliers.copy()
-        base.linearization.evaluate(multipliers)
-        change = np.zeros(base.linearization.size)
-        for one, point in near:
-            place(base.system, point.system, name)
-            change += one.weight * self._evaluated(point, multipliers)
-        solution = base.rotation(self._options.spin).solve(base.linearization, change)
+        lin = self.point.linearization
+        multipliers = lin.multipliers.copy()
+        for point in near:
+            place(self.point.system, point.system, name)
+        before, after = (self._evaluated(point, multipliers) for point in near)
+        solution = self._solve((after - before) / (2.0 * step))
         if solution is None:
             raise StoppedError("gradient: the equations of the equilibrium are singular")
-        steps = base.linearization.split(solution.getArray())
-        forces = base.linearization.rows_of(solution)
-        for one, point in near:
-            point.linearization.move([-one.offset * step for step in steps])
-            self._evaluated(point, multipliers - one.offset * forces)
+        change, forces = lin.split(solution.getArray()), lin.rows_of(solution)
+        for way, point in zip((step, -step), near, strict=True):
+            point.linearization.move([way * own for own in change])
+            self._evaluated(point, multipliers + way * forces)
 
     def _evaluated(self, point: OperatingPoint, multipliers: FloatArray) -> FloatArray:
         """Equations of a neighbour in steady rotation at its present state (collective)."""

@@ -26,10 +26,12 @@ from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import LinearOptions
+from flexfem.core.differences import extrapolated
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.eigenvectors import (
     ComplexArray,
     Inverse,
+    pencil_change,
     pencil_inverse,
     pencil_times,
 )
@@ -39,6 +41,7 @@ from flexfem.model.model import Model
 from flexfem.options import meant
 from flexfem.simulation.equilibria.operating_point import OperatingPoint
 from flexfem.simulation.linear_model import output_names, output_rates
+from flexfem.solvers.modal.linearization import Matrices
 from flexfem.solvers.modal.pencil import Pencil
 from flexfem.solvers.modal.reduced_equations import Inputs
 
@@ -134,6 +137,9 @@ class Responses:
         self._columns = {name: k for k, name in enumerate(output_names(model))}
         self.values = self._of(self._measured(self._state.point, self._motions))
         self._check_sizes()
+        left = self._solved(rights - self._forces(pencil.matrices))
+        rounding = np.abs(self._of(self._measured(self._state.point, left)))
+        self._rounding = np.repeat(rounding, 2)
 
     def _check_names(self, inputs: Inputs) -> None:
         """Refuse outputs and inputs that do not exist, and drives at rest."""
@@ -225,19 +231,29 @@ class Responses:
 
     def gradients(self, parameters: Sequence[Parameter]) -> list[ComplexArray]:
         """Derivatives (parameters,) of each value (collective)."""
-        found = np.zeros((len(self._wanted), len(parameters)), dtype=np.complex128)
-        for p, parameter in enumerate(parameters):
-            change = np.zeros_like(self._motions)
-            for weight, point in self._state.near(parameter):
-                matrices = point.linearization.matrices()
-                change += weight * self._rights(point)
-                for k, (_, frequency) in enumerate(self._asked):
-                    forces = pencil_times(matrices, _shift(frequency), self._motions[k])
-                    change[k] -= weight * forces
-                found[:, p] += weight * self._of(self._measured(point, self._motions))
+        found = np.array([self._changes(one) for one in parameters])
+        return list(found.T)
+
+    def _changes(self, parameter: Parameter) -> ComplexArray:
+        """Derivatives of each value by a number (collective)."""
+
+        def difference(step: float) -> FloatArray:
+            before, after = self._state.near(parameter, step)
+            change = self._rights(after) - self._rights(before)
+            near = (point.linearization.matrices() for point in (before, after))
+            change -= self._forces(pencil_change(*near))
             moved = self._measured(self._state.point, self._solved(change))
-            found[:, p] += self._of(moved)
-        return list(found)
+            sides = (self._measured(point, self._motions) for point in (after, before))
+            own = self._of(moved + np.subtract(*sides)) / (2.0 * step)
+            return np.asarray(own).view(np.float64)
+
+        found = extrapolated(difference, parameter.size, self._rounding)
+        return found.view(np.complex128)
+
+    def _forces(self, matrices: Matrices) -> ComplexArray:
+        """Products (asked, n) of equations of motion with the motions (collective)."""
+        pairs = zip(self._asked, self._motions, strict=True)
+        return np.array([pencil_times(matrices, _shift(own), x) for (_, own), x in pairs])
 
 
 def _shift(frequency: float) -> complex:

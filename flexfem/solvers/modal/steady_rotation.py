@@ -80,8 +80,12 @@ class Rotation:
 
     def solve(self, linearization: Linearization, residual: FloatArray) -> PETSc.Vec | None:
         """Step of Newton's method for a residual; None if the matrix is singular (collective)."""
+        return self.solver(linearization)(residual)
+
+    def solver(self, linearization: Linearization) -> Callable[[FloatArray], PETSc.Vec | None]:
+        """The same for any residual, at the state of the last evaluation (collective)."""
         matrix = _fixed(linearization, linearization.matrices(), self)
-        return solver_of(linearization, matrix)(residual)
+        return solver_of(linearization, matrix)
 
 
 def set_spin(system: System, rotation: Rotation) -> None:
