@@ -314,6 +314,32 @@ def test_stops(how):
     compare(partial(stopped, how), numbers, ["final:p_z", "final:q_x"], options, step=1e-4)
 
 
+@pytest.mark.slow
+@pytest.mark.serial
+def test_taut_cables_that_are_let_go():
+    """Cables that leave the accelerations of the start, in steps of five periods."""
+    build, numbers = partial(struck, mass=2e-3), {"stiffness": 3e4, "lift": 0.02}
+    options = ff.RunOptions(dt=5e-3, t_end=2e-2, rho_inf=0.7, tolerance=1e-13)
+    compare(build, numbers, ["final:p_z"], options, step=1e-6)
+
+
+def struck(stiffness, lift, mass) -> ff.Model:
+    """Two masses and three taut cables, out of their line."""
+    model, names = ff.Model("line"), ("left", "right")
+    for i, name in enumerate(names, start=1):
+        place = (0.3 * i, 0.0, lift * i)
+        model.add(ff.RigidBody(name, mass, (1e-6,) * 3, position=place, velocity=(0.0, 0.3, 0.5)))
+    ends = ff.Ground(), *map(ff.Marker, names), ff.Ground((0.9, 0.0, 0.0))
+    for i in range(3):
+        model.add(
+            ff.SpringDamper(
+                f"cable_{i}", ends[i], ends[i + 1], stiffness, rest_length=0.297, tension_only=True
+            )
+        )
+    model.add(ff.PositionProbe("p", ff.Marker("left")))
+    return model
+
+
 @pytest.mark.serial
 def test_stops_among_others():
     """What damping leaves to the next step is 0.1 of each, outputs in impulses are 1e-3."""

@@ -112,6 +112,9 @@ class Split(EndPoint):
         """Start a step with forces (collective)."""
         self._system.constraints.own.excess[:] = 0.0
         self._system.interface.update()
+        if self._system.constraints.consistent:
+            for rows in self.limited:
+                rows.let_go(self._h)
         return self._divide()
 
     def _divide(self) -> bool:

@@ -136,7 +136,8 @@ class UnilateralRows(Unilateral):
     """Rows that are slack between limits: stops, slack springs and cables, backlash.
 
     One that stays closed is no impact: its force is a part of the scheme until it opens. That is so
-    from a start at which it is closed, and after many steps in which its force hardly changes.
+    from a start at which it is closed, unless steps do not resolve what it does then, and after
+    many steps in which its force hardly changes.
     """
 
     def __init__(self, system: System) -> None:
@@ -270,6 +271,27 @@ class UnilateralRows(Unilateral):
         if not every:
             self._leaving &= np.isin(self._numbers, self._within[self._open])
         rows.settled[self._numbers[self._leaving]] = 0.0
+
+    def let_go(self, h: float) -> None:
+        """Let closed rows leave the accelerations of a start that a step does not resolve.
+
+        Collective. In a step of size ``h`` (s) such an acceleration a would open its row, of
+        stretch s: ``h^2/2 abs(G a) > s``. The scheme would go on with it, and with a spectral
+        radius below 1 the velocity after the step had more energy than all springs. By impulses
+        they keep it.
+        """
+        system, rows, which = self._system, self._rows, self._numbers
+        rows.evaluate(_UNSCALED, elements=False)
+        for part in system.parts:
+            block = part.block
+            block.owned_step[:] = block.acceleration[: block.owned, : block.width]
+            block.spread_step()
+        system.interface.update_steps()
+        moves = 0.5 * h * h * np.abs(rows.changes(system.interface.steps)[which])
+        stretches = np.abs(self._beyond(which, (rows.sums() - rows.targets)[which]))
+        some = bool((moves > stretches)[rows.forces[which] != 0.0].any())
+        if system.comm.allreduce(some, op=MPI.LOR):
+            self.release(every=True)
 
     def accept(self) -> None:
         """See :class:`Unilateral`."""
