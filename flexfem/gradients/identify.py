@@ -20,6 +20,8 @@ from flexfem.gradients.motion.exactness import linearized
 from flexfem.gradients.motion.parameters import (
     Build,
     Values,
+    check_build,
+    check_function,
     check_names,
     checked_values,
     flat,
@@ -149,6 +151,9 @@ def identify(
     """
     _checks.instance("identify", "options", options, RunOptions)
     values = checked_values(start)
+    check_build("identify", build, values)
+    if report is not None:
+        check_function("identify", "report", report)
     _checks.count("identify", "most", most, 1)
     _checks.number("identify", "tolerance", tolerance, positive=True)
     problem = _Fit(build, _columns(measured), values, options, comm)

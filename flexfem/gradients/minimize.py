@@ -23,6 +23,8 @@ from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.parameters import (
     Build,
     Values,
+    check_build,
+    check_function,
     check_names,
     checked_values,
     flat,
@@ -134,6 +136,10 @@ def minimize(
         OSError: the files cannot be written.
     """
     values = checked_values(start)
+    check_build("minimize", build, values)
+    for what, given in (("cost", cost), ("report", report)):
+        if given is not None:
+            check_function("minimize", what, given)
     _checks.count("minimize", "most", most, 1)
     _checks.number("minimize", "tolerance", tolerance, nonnegative=True)
     solve = method_of(method, constrained=bool(constraints))

@@ -355,6 +355,11 @@ WRONG = [
     (lambda: _identify({"x": [np.nan]}), "measured values of x must be finite numbers, NaN where"),
     (lambda: _identify({"x": [np.inf]}), "measured values of x must be finite numbers, NaN where"),
     (lambda: _identify({"x": ["one"]}), "measured values of x must be finite numbers, NaN where"),
+    (lambda: _minimize(report=3), "report must be a function, got 3"),
+    (lambda: _minimize(cost={"damping": 1.0}), "cost must be a function, got "),
+    (lambda: _minimize(start={"mass": 1.0}), "start names mass, but build takes damping, "),
+    (lambda: _identify(ZEROS, report="print"), "report must be a function, got 'print'"),
+    (lambda: _identify(ZEROS, start={"damping": 1.0, "mass": 1.0}), "start names damping, mass, "),
     (lambda: _identify({"x": [1.0]}, most=0), "most must be at least 1, got 0"),
     (lambda: _identify({"x": [1.0]}, tolerance=0.0), "tolerance must be positive, got 0.0"),
     (lambda: _identify(ZEROS, bounds={"damping": 3.0}), "bounds of damping must be a least and"),
@@ -380,12 +385,12 @@ WRONG = [
 ]  # fmt: skip
 
 
-def _minimize(objective="final:x", **more):
-    return ff.minimize(oscillator, objective, {"damping": 12.0}, OPTIONS, **more)
+def _minimize(objective="final:x", start=None, **more):
+    return ff.minimize(oscillator, objective, start or {"damping": 12.0}, OPTIONS, **more)
 
 
-def _identify(measured, **more):
-    return ff.identify(oscillator, measured, {"damping": 12.0}, OPTIONS, **more)
+def _identify(measured, start=None, **more):
+    return ff.identify(oscillator, measured, start or {"damping": 12.0}, OPTIONS, **more)
 
 
 def _known(measured=None, advance=None, **prior):
@@ -397,7 +402,7 @@ def _known(measured=None, advance=None, **prior):
 @pytest.mark.parametrize(("make", "text"), WRONG, ids=[text[:20] for _, text in WRONG])
 def test_wrong_arguments(make, text):
     with pytest.raises(
-        ValueError, match=r"^(misfit|minimize|identify|gradient|optim\w+)\b"
+        (TypeError, ValueError), match=r"^(misfit|minimize|identify|gradient|optim\w+)\b"
     ) as raised:
         make()
     assert text in str(raised.value)

@@ -149,6 +149,40 @@ def checked_values(values: Mapping[str, npt.ArrayLike]) -> Values:
     return found
 
 
+def check_build(owner: str, build: object, values: Values) -> None:
+    """Check the function that builds the model of the values.
+
+    Raises:
+        TypeError: it is none.
+        ValueError: it takes other names; one whose arguments are unknown is let through.
+    """
+    from inspect import signature  # costs time where no function is checked
+
+    check_function(owner, "build", build)
+    assert callable(build)
+    try:
+        taken = signature(build)
+    except (TypeError, ValueError):  # written in C
+        return
+    try:
+        taken.bind(**values)
+    except TypeError:
+        names = list(taken.parameters) or ["nothing"]
+        raise ValueError(
+            f"{owner}: start names {', '.join(values)}, but build takes {', '.join(names)}"
+        ) from None
+
+
+def check_function(owner: str, what: str, value: object) -> None:
+    """Check that something can be called.
+
+    Raises:
+        TypeError: it cannot.
+    """
+    if not callable(value):
+        raise TypeError(f"{owner}: {what} must be a function, got {_checks.show(value)}")
+
+
 def flattened(build: Build, values: Values) -> tuple[Build, Values]:
     """The same function and values, whose arrays have one axis at most."""
     shapes = {name: value.shape for name, value in values.items() if value.ndim > 1}
