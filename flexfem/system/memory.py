@@ -36,14 +36,19 @@ def memory_of_run(model: Model, linear: LinearSolver | None = None) -> float:
     nodes = len(model.rigid_bodies) + (0 if model.mesh is None else len(model.mesh.points))
     nodes += sum(len(b.curve.points) for b in model.beams_of("nurbs") if b.curve is not None)
     total = PROGRAM + LINE_NODE * nodes
-    if model.surface is not None and model.shells:
-        total += _NODES[model.shells[0].element] * len(model.surface.points)
+    total += _memory_of_shells(model)
     for body in model.other_bodies:
         rows = body.width * len(body.points)
         iterative = body.continuum and linear.iterates(rows)
         total += (ITERATED if iterative else UNKNOWN) * float(rows)
     widths = [float(body.reduced.size) for body in model.floating_bodies]
     return float(total + 8.0 * _DENSE * sum(width**2 for width in widths))
+
+
+def _memory_of_shells(model: Model) -> float:
+    if model.surface is None or not model.shells:
+        return 0.0
+    return _NODES[model.shells[0].element] * len(model.surface.points)
 
 
 def check_memory(model: Model, comm: MPI.Intracomm, linear: LinearSolver | None = None) -> None:
@@ -63,8 +68,10 @@ def check_memory(model: Model, comm: MPI.Intracomm, linear: LinearSolver | None 
         return
     here = comm.Split_type(MPI.COMM_TYPE_SHARED)
     taken = together(needed, here.size, comm.size)
+    thin = bool(model.shells) and model.shells[0].element == "rotation_free"
+    sheets = _memory_of_shells(model) * here.size / comm.size if thin else 0.0
     here.Free()
     # the least memory and the largest need of all computers: the same result on all ranks
-    taken = comm.allreduce(taken, op=MPI.MAX)
+    taken = comm.allreduce(sheets + (taken - sheets) / DOUBT, op=MPI.MAX)
     room = comm.allreduce(available(), op=MPI.MIN)
-    check_room(f'Model "{model.name}": a step', taken / DOUBT, room)
+    check_room(f'Model "{model.name}": a step', taken, room)

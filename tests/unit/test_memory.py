@@ -145,16 +145,34 @@ def test_estimates_grow_as_memory_does() -> None:
     sheet = ff.Model("sheet", surface=grid)
     sheet.add(ff.Shell("s", ff.ShellSection.isotropic(2e-3, ff.Material(5e6, 0.45, 1100.0))))
     assert memory.memory_of_run(sheet) == pytest.approx(0.61e9, rel=0.33)  # measured
-    # 20 panels of solar_array on two ranks: 0.99 and 1.95 GB
+    # 20 panels of solar_array on two ranks: 0.99 and 1.95 GB, and 10.86 GB with 75x223 nodes
     for nodes, measured in (((13, 38), 0.99e9), ((25, 73), 1.95e9)):
         grid = ff.SurfaceMesh.grid(
             "s", np.linspace(0, 1, 20 * nodes[0]), np.linspace(0, 1, nodes[1])
         )
         panels = ff.Model("panels", surface=grid)
         panels.add(ff.Shell("s", ff.ShellSection.isotropic(1e-3, ff.Material(8e9, 0.3, 2300.0))))
-        # within a tenth: with unknowns of other elements the second would be a fifth too large
+        # within a tenth: with unknowns of other elements the second would be a quarter too large
         found = _memory.together(memory.memory_of_run(panels), 2, 2)
         assert found == pytest.approx(measured, rel=0.1)
+    # within a tenth: 12 kB an unknown instead of 11 are a sixth too much
+    found = _memory.together(_memory.PROGRAM + 1_004_028 * _memory.SHEET, 2, 2)
+    assert found == pytest.approx(10.86e9, rel=0.1)
+
+
+@pytest.mark.serial
+def test_shells_that_lack_a_tenth_are_refused(monkeypatch: Any) -> None:
+    """335 nodes with a thousand times the memory of one: 11.3 GB, of which 11.1 GB are shells."""
+    monkeypatch.setattr(memory, "_NODES", {"rotation_free": 3e3 * _memory.SHEET})
+    grid = ff.SurfaceMesh.grid("s", np.linspace(0, 1, 67), np.linspace(0, 1, 5))
+    model = ff.Model("m", surface=grid)
+    model.add(ff.Shell("s", ff.ShellSection.isotropic(1e-3, ff.Material(8e9, 0.3, 2300.0))))
+    monkeypatch.setattr(memory, "available", lambda: 10.5e9)
+    # a quarter less than the estimate, 9.1 GB, would let it begin
+    with pytest.raises(ValueError, match=r"would need about 11\.3 GB of memory, 10\.5 GB are"):
+        memory.check_memory(model, COMM)
+    monkeypatch.setattr(memory, "available", lambda: 12e9)
+    memory.check_memory(model, COMM)
 
 
 @pytest.mark.serial

@@ -28,5 +28,5 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         yield Finding(
             "memory", repr(model),
             f"a step takes about {shown(needed)} of memory, {shown(room)} are available{count}",
-            "reduce the number of elements; runs that need a quarter more than that are refused",
+            "reduce the number of elements; runs with too little of it are refused",
         )  # fmt: skip
