@@ -17,15 +17,18 @@ class ContactShare:
     Attributes:
         contacts: contacts of the system.
         kind: kind of the block.
+        acts: False to leave forces out of residuals; pairs are not searched then.
     """
 
     def __init__(self, contacts: Contacts | BarrierContacts, kind: int) -> None:
         """Store the contacts and the kind of the block."""
-        self.contacts, self.kind = contacts, kind
+        self.contacts, self.kind, self.acts = contacts, kind, True
         self._first = kind == contacts.kinds[0]
 
     def add_residual(self, scale: float) -> None:
         """Add ``scale`` times the forces at the trial state to the residual (collective)."""
+        if not self.acts:
+            return
         if self._first:
             self.contacts.collect(scale)
         self.contacts.hand_out(self.kind, scale)

@@ -15,7 +15,10 @@ from flexfem.gradients.equations.step_tangent import BlockVectors, collected
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import Shifts, System
 
-__all__ = ["Equations", "SystemEquations", "copy_state", "equations_at", "jump", "product"]
+__all__ = [
+    "Equations", "SystemEquations", "contact_forces", "copy_state", "equations_at", "jump",
+    "product",
+]  # fmt: skip
 
 #: Of blocks, (n_owned, width) each, and of all rows of this rank, (r,).
 Equations = tuple[BlockVectors, FloatArray]
@@ -37,6 +40,16 @@ def equations_at(system: System, shifts: Shifts, mechanics: Mechanics = END_POIN
     """Equations of blocks, without reactions of what is fixed, and of all rows (collective)."""
     mechanics.evaluate(system, shifts)
     return collected(system), system.constraints.values.copy()
+
+
+def contact_forces(system: System, shifts: Shifts) -> BlockVectors:
+    """The part of contacts in :func:`equations_at`, at a trial state that is given (collective)."""
+    system.begin_evaluation(shifts.acceleration)
+    for part in system.parts:
+        part.block.residual[:] = 0.0
+        if part.contacts is not None:
+            part.contacts.add_residual(shifts.scale)
+    return collected(system)
 
 
 def product(system: System, factors: Equations, changes: Equations) -> float:

@@ -28,12 +28,11 @@ from flexfem.gradients.motion.influence import (
     UNSCALED,
     Factors,
     Sums,
-    check_layout,
-    check_times,
     evaluated,
     own_equations,
 )
 from flexfem.gradients.motion.parameters import Build, Values, plain
+from flexfem.gradients.motion.support import check_layout, check_times
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.layout.elements import TimedElements
 from flexfem.model.model import Model
@@ -189,7 +188,7 @@ class Builder:
         motion = self._motion
         one = Simulation(self._model(parts), motion.options, motion.system.comm)
         check_layout(motion.system, one.system, self._name)
-        check_times(motion, one, self._name)
+        check_times(motion.simulation.breakpoints, one.breakpoints, self._name)
         state, worst = motion.state(0), 0.0
         for part in one.system.parts:
             for name in ("frames", "velocity"):

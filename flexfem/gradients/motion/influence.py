@@ -4,12 +4,14 @@
 Both are differentiated by central differences between two models that differ in one parameter: at a
 fixed state, one step after the other, not between two motions. What is linear in a parameter is
 exact. Where nodes move, forces of bodies are small differences of what is rounded, and four models
-farther away give more digits, if nothing has a kink between them.
+farther away give more digits, if nothing has a kink between them. They are needed where a mesh
+generator places nodes to a tolerance: the start and the equations must then tell the same motion of
+the nodes. Forces of contacts, which are as steep as gaps are small, are differences of their own.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from contextlib import suppress
 from typing import Protocol
 
@@ -28,6 +30,7 @@ from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import (
     Equations,
     SystemEquations,
+    contact_forces,
     copy_state,
     equations_at,
     jump,
@@ -36,15 +39,16 @@ from flexfem.gradients.equations.values import (
 from flexfem.gradients.motion.columns import Seeds
 from flexfem.gradients.motion.direct import DirectEffect, force_columns, take_rows
 from flexfem.gradients.motion.parameters import Build, Values, plain, refusing
+from flexfem.gradients.motion.support import check_fixed, check_layout, check_times
 from flexfem.gradients.motion.trajectory import Motion, StoppedError
-from flexfem.gradients.unilateral.forces import recall_sides
+from flexfem.gradients.unilateral.forces import leave_out_contacts, recall_sides
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.system import Shifts, System
 
 __all__ = [
     "STEP", "UNSCALED", "Factors", "Influence", "NumberInfluence", "Sums", "beside",
-    "check_layout", "check_times", "difference_of", "evaluated", "own_equations",
+    "difference_of", "evaluated", "own_equations",
     "start_by_blocks", "start_of",
 ]  # fmt: skip
 
@@ -68,8 +72,20 @@ _SMOOTH = 1e-6
 #: Second differences of the equations over first ones, from which on they are no smooth functions
 #: of a parameter.
 _ROUGH = 3e-3
-#: Motion of fixed nodes, m and rad, up to which it is none.
-_ROUNDING = 1e-13
+#: Differences of fourth order from those of second order, relative to these or to what short ones
+#: are off by, up to which long ones are taken where short ones cannot be.
+_BENT, _LESS = 1e-4, 0.1
+#: Relative difference between motions of nodes by short and by long differences from which on a
+#: mesh has noise: gmsh places nodes of circles to 1e-9 rad. Rounding is 1e-9 at most.
+_NOISE = 1e-7
+#: Differences of a parameter for forces of contacts alone, the longest first, and the relative
+#: difference between second and fourth order up to which they suit; errors are its square.
+_CONTACTS, _SUITS = (1e-5, 1e-6, 1e-7, 1e-8), 3e-5
+
+#: Places of two models, and of four.
+_PAIR, _PLACES = (1.0, -1.0), [place for place, _ in STENCIL]
+#: Rows of :func:`start_of` that forces do not change: moves and velocities.
+_RATES = 2
 
 #: Equations without scale.
 UNSCALED = Shifts(velocity=0.0, acceleration=0.0, scale=1.0)
@@ -162,62 +178,85 @@ class NumberInfluence:
         at = () if entry is None else entry
         whole = difference_of(values[name][at])
         self.scale = whole / STEP
-        begins = motion.system.contacts or motion.system.constraints.has_unilateral
-        self._step = _CLOSE * self.scale if begins else whole
+        touching, rows = bool(motion.system.contacts), motion.system.constraints
+        self._step = _CLOSE * self.scale if touching or rows.has_unilateral else whole
 
         def changed(by: float) -> Simulation:
             """Start of the model with the parameter changed (collective)."""
             moved: FloatArray = np.array(values[name])
             moved[at] += by
-            return beside(motion, build, {**values, name: moved}, name)
+            found = beside(motion, build, {**values, name: moved}, name)
+            motion.scheme.begin(found)
+            return found
 
-        self._pair = [changed(sign * self._step) for sign in (1.0, -1.0)]
-        for one in self._pair:
-            motion.scheme.begin(one)
+        self._changed = changed
+        self._pair = self._models(_PAIR, self._step)
         # later the models are at other states
         for other in self._pair:
-            _check_fixed(motion.system, other.system, self._name)
-        #: Models farther away, where nodes move and these exist.
-        self._far = list[Simulation]()
-        self.start = self._start(changed)
+            check_fixed(motion.system, other.system, self._name)
+        #: Models farther away, where nodes move and these exist; those nearer, without contacts, if
+        #: there are any; and those of contacts by the length of their differences.
+        self._far, self._bodies, self._noise = list[Simulation](), self._pair, False
+        self._contacts: dict[float, list[Simulation]] = {}
+        self.start = self._start()
+        self._length = self._step if rows.has_unilateral else whole
+        if touching:
+            self._bodies = self._models(_PAIR, self._length)
+            for one in (*self._far, *self._bodies):
+                leave_out_contacts(one.system)
         first, second = (motion.memories.start(one) for one in self._pair)
         self.numbers = (first - second) / (2.0 * self._step)
-        self._direct = self._columns_of(changed)
+        self._direct = self._columns_of()
         # what sticks leaves more of rounding than equations change
         self._checked = any(contacts.rubs for contacts in motion.system.contacts)
 
-    def _start(self, changed: Callable[[float], Simulation]) -> list[Carried]:
+    def _models(self, places: Sequence[float], step: float) -> list[Simulation]:
+        """Models with the parameter changed by parts of a step (collective)."""
+        return [self._changed(place * step) for place in places]
+
+    def _start(self) -> list[Carried]:
         """Differences between the two models, or of fourth order over a longer way (collective)."""
-        motion = self._motion
+        motion, rows = self._motion, self._motion.system.constraints
         first, second = (start_of(motion, one) for one in self._pair)
         short = (first - second) / (2.0 * self._step)
-        if not motion.system.contacts and any(motion.largest(short[0])):
-            step, found, far = _LONG * self.scale, list[FloatArray](), list[Simulation]()
-            with suppress(*FAILURES):  # the model may not exist so far away
-                for place, _ in STENCIL:
-                    one = changed(place * step)
-                    motion.scheme.begin(one)
-                    found.append(start_of(motion, one))
-                    far.append(one)
-                if not (motion.system.constraints.has_unilateral or motion.remembering):
-                    self._far = far
-                long = differenced([weight / step for _, weight in STENCIL], found)
-                lower = (found[2] - found[1]) / (2.0 * step)
-                for k in range(len(short)):
-                    changes = long[k] - lower[k], long[k] - short[k], long[k]
-                    by_order, by_length, size = motion.largest(*changes)
-                    if by_order**2 <= _BETTER * by_length * size:
-                        short[k] = long[k]
+        if not any(motion.largest(short[0])):
+            return start_by_blocks(motion, short)
+        step, far = _LONG * self.scale, list[Simulation]()
+        with suppress(*FAILURES):  # the model may not exist so far away
+            far = self._models(_PLACES, step)
+        if not far:
+            return start_by_blocks(motion, short)
+        long, lower = _orders([start_of(motion, one) for one in far], step)
+        by_length, size = motion.largest(long[0] - short[0], long[0])
+        self._noise = by_length > _NOISE * size
+        if not (rows.has_unilateral or motion.remembering):
+            self._far = far
+        elif self._noise:  # the equations know the motion of the nodes from short differences
+            return start_by_blocks(motion, short)
+        for k in range(_RATES if self._pressed() else len(short)):
+            by_order, by_length, size = motion.largest(
+                long[k] - lower[k], long[k] - short[k], long[k]
+            )
+            if by_order**2 <= _BETTER * by_length * size:
+                short[k] = long[k]
         return start_by_blocks(motion, short)
 
-    def _columns_of(self, changed: Callable[[float], Simulation]) -> DirectEffect:
+    def _pressed(self) -> bool:
+        """True if contacts act at the start, whose accelerations they change (collective)."""
+        closed = [one.closed for near in self._pair for one in near.system.contacts]
+        return bool(self._motion.system.comm.allreduce(any(closed), op=MPI.LOR))
+
+    def _columns_of(self) -> DirectEffect:
         """Columns at a fixed state; models farther away show forces of drives (collective)."""
         motion, simulations, step = self._motion, self._pair, self._step
         weights = [0.5 / step, -0.5 / step]
         driven = motion.system.comm.allreduce(motion.system.constraints.driven, op=MPI.LOR)
         if driven and force_columns(motion.simulation, motion.wanted):
             step = _FAR * self.scale
-            simulations = [changed(place * step) for place, _ in STENCIL]
+            simulations = self._models(_PLACES, step)
+        elif self._noise and self._far and not motion.system.contacts:
+            step, simulations = _LONG * self.scale, self._far
+        if len(simulations) > len(weights):
             weights = [weight / step for _, weight in STENCIL]
         self.forces = differenced(weights, [one.system.constraints.forces for one in simulations])
         return DirectEffect(motion, simulations, weights)
@@ -246,25 +285,80 @@ class NumberInfluence:
         first, second = found
         if not self._checked and motion.between is None:
             self._check_smooth(first, second, step)
-        whole = 2.0 * self._step
+        whole, rows = 2.0 * self._step, (first[1] - second[1]) / (2.0 * self._step)
         blocks = [(a - b) / whole for a, b in zip(first[0], second[0], strict=True)]
-        blocks, rows = self._better(step, (blocks, (first[1] - second[1]) / whole))
+        if (self._far or motion.system.contacts) and motion.between is None:
+            blocks, rows = self._better(step, (blocks, rows))
         return blocks, rows, (numbers[0] - numbers[1]) / whole
 
-    def _better(self, step: int, short: Equations) -> Equations:
-        """Differences of fourth order over a longer way, if they are better (collective)."""
-        motion, length = self._motion, _LONG * self.scale
-        if not self._far or motion.between is not None:
-            return short
-        every = [short, *(evaluated(motion, one, step) for one in self._far)]
-        better = []
-        for own, *found in zip(*([*one[0], one[1]] for one in every), strict=True):
-            long = differenced([weight / length for _, weight in STENCIL], found)
-            lower = (found[2] - found[1]) / (2.0 * length)
-            by_order, by_length, size = motion.largest(long - lower, long - own, long)
-            smooth = by_length <= _SMOOTH * size and by_order**2 <= _BETTER * by_length * size
-            better.append(long if smooth else own)
+    def _better(self, step: int, near: Equations) -> Equations:
+        """Differences of fourth order over a longer way, if they are better (collective).
+
+        Those of contacts, if there are any, are of their own.
+
+        Args:
+            step: number of the step.
+            near: differences between the two models.
+
+        Raises:
+            InputError: they have a kink, and shorter ones have noise.
+        """
+        motion = self._motion
+        if motion.system.contacts:
+            first, second = (evaluated(motion, one, step) for one in self._bodies)
+            whole = 2.0 * self._length
+            blocks = [(a - b) / whole for a, b in zip(first[0], second[0], strict=True)]
+            near = blocks, (first[1] - second[1]) / whole
+        better = [*near[0], near[1]]
+        if self._far:
+            every = [evaluated(motion, one, step) for one in self._far]
+            better = [
+                self._longer(own, found)
+                for own, *found in zip(*([*one[0], one[1]] for one in (near, *every)), strict=True)
+            ]
+        if motion.system.contacts:
+            for k, own in enumerate(self._of_contacts(step)):
+                better[k] = better[k] + own
         return better[:-1], better[-1]
+
+    def _longer(self, short: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
+        """Differences over a longer way, from four values, or short ones if these are better."""
+        length = _LONG * self.scale
+        long, lower = _orders(values, length)
+        by_order, by_length, size = self._motion.largest(long - lower, long - short, long)
+        if self._noise:
+            if by_order > max(_BENT * size, _LESS * by_length):
+                raise InputError(
+                    f'gradient: the equations have a kink where "{self._name}" changes by '
+                    f"{length:.2g}, and its mesh has noise that shorter changes would show"
+                )
+            return long
+        smooth = by_length <= _SMOOTH * size and by_order**2 <= _BETTER * by_length * size
+        return long if smooth else short
+
+    def _of_contacts(self, step: int) -> BlockVectors:
+        """Derivatives of the forces of contacts, by the longest differences that suit them.
+
+        They are the same from whichever step one comes (collective).
+        """
+        best, least = list[FloatArray](), np.inf
+        for length in _CONTACTS:
+            size = length * self.scale
+            if length not in self._contacts:
+                self._contacts[length] = []
+                with suppress(*FAILURES):  # models may not exist so far away
+                    self._contacts[length] = self._models(_PLACES, size)
+            if not (models := self._contacts[length]):
+                continue
+            found = [contacts_evaluated(self._motion, one, step) for one in models]
+            orders = [_orders(own, size) for own in zip(*found, strict=True)]
+            off = [self._motion.largest(long - lower, long) for long, lower in orders]
+            missed = max(own[0] for own in off) / (max(own[1] for own in off) or 1.0)
+            if missed < least:
+                best, least = [long for long, _ in orders], missed
+            if missed <= _SUITS:
+                break
+        return best
 
     def _check_smooth(self, first: Equations, second: Equations, step: int) -> None:
         """Refuse equations that jump with the parameter, as those with other modes (collective)."""
@@ -356,6 +450,12 @@ class NumberInfluence:
         return self._direct.difference(step)
 
 
+def _orders(values: Sequence[FloatArray], step: float) -> tuple[FloatArray, FloatArray]:
+    """Differences of fourth and of second order of values at the places of a stencil."""
+    fourth = differenced([weight / step for _, weight in STENCIL], values)
+    return fourth, (values[2] - values[1]) / (2.0 * step)
+
+
 def start_of(motion: Motion, other: Simulation) -> FloatArray:
     """(4, n) moves of another model from the motion's start, and rates, of all owned nodes."""
     found = []
@@ -397,46 +497,8 @@ def beside(motion: Motion, build: Build, values: Values, name: str) -> Simulatio
     if one.status is not Status.OK:
         raise StoppedError(f'gradient: the motion with another "{name}" does not start')
     check_layout(motion.system, one.system, name)
-    check_times(motion, one, name)
+    check_times(motion.simulation.breakpoints, one.breakpoints, name)
     return one
-
-
-def check_layout(system: System, other: System, name: str) -> None:
-    """Raise unless blocks and rows of another model are those of the motion's (collective)."""
-    same = len(other.parts) == len(system.parts)
-    same = same and other.constraints.size == system.constraints.size
-    same = same and all(
-        np.array_equal(a.block.node_ids, b.block.node_ids) and a.block.width == b.block.width
-        for a, b in zip(other.parts, system.parts, strict=True)
-    )
-    if not system.comm.allreduce(same, op=MPI.LAND):
-        raise InputError(
-            f'gradient: "{name}" changes the number of nodes or joints, and has no derivative'
-        )
-
-
-def check_times(motion: Motion, other: Simulation, name: str) -> None:
-    """Refuse parameters that move jumps and kinks at which steps end (same on all ranks)."""
-    if not other.breakpoints.same(motion.simulation.breakpoints):
-        raise InputError(
-            f'gradient: "{name}" moves the time of a jump or kink of a load or drive, at which a '
-            "step ends, and has no derivative yet"
-        )
-
-
-def _check_fixed(system: System, other: System, name: str) -> None:
-    """Refuse parameters that move nodes with rotations that are fixed in part (collective)."""
-    partly = False
-    for part, moved in zip(system.parts, other.parts, strict=True):
-        if (fixed := part.block.dirichlet) is not None and part.block.width == 6:
-            frames = part.block.start_frames, moved.block.start_frames
-            change = np.abs(twists(*frames, inertial=part.block.inertial)) * fixed
-            some = change.max(axis=1, initial=0.0) > _ROUNDING
-            partly = partly or bool((some & ~fixed.all(axis=1)).any())
-    if system.comm.allreduce(partly, op=MPI.LOR):
-        raise InputError(
-            f'gradient: "{name}" moves nodes that are fixed in part, and has no derivative yet'
-        )
 
 
 def evaluated(
@@ -453,7 +515,36 @@ def evaluated(
         between: equations that are not those of the step; None for those of the motion, if any.
     """
     between = between or motion.between
-    state, system = motion.state(max(step - 1, 0)), other.system
+    system = other.system
+    _place(motion, system, step)
+    if between is not None:
+        motion.memories.recall(other, step)
+        system.set_time(motion.times[step])
+        copy_state(motion.system, system)
+        return between.equations(system, motion.restitution(other, step))
+    if not step:
+        system.set_time(motion.times[step])
+        copy_state(motion.system, system)
+        return equations_at(system, UNSCALED)
+    mechanics = motion.scheme.beside(other, step)
+    blocks, values = equations_at(system, motion.scheme.shifts(step), mechanics)
+    # equations of force elements are scaled by the derivatives in use
+    rows, own = system.constraints, motion.system.constraints
+    scaled = rows.of_elements
+    values[scaled] *= own.compliance[scaled] / rows.compliance[scaled]
+    return blocks, values
+
+
+def contacts_evaluated(motion: Motion, other: Simulation, step: int) -> BlockVectors:
+    """The part of contacts in :func:`evaluated` after a step (collective)."""
+    _place(motion, other.system, step)
+    motion.scheme.beside(other, step)
+    return contact_forces(other.system, motion.scheme.shifts(step))
+
+
+def _place(motion: Motion, system: System, step: int) -> None:
+    """Give another model what the motion's state before a step is, save its rows' targets."""
+    state = motion.state(max(step - 1, 0))
     for part in system.parts:
         accepted = state.rows[part.block.name]
         if motion.scheme.from_start:  # what is carried, or acts over the step, does so from there
@@ -472,21 +563,6 @@ def evaluated(
     system.interface.update()
     recall_sides(system, state)
     system.lead = motion.system.lead
-    if between is not None:
-        motion.memories.recall(other, step)
-        system.set_time(motion.times[step])
-        copy_state(motion.system, system)
-        return between.equations(system, motion.restitution(other, step))
-    if not step:
-        system.set_time(motion.times[step])
-        copy_state(motion.system, system)
-        return equations_at(system, UNSCALED)
-    mechanics = motion.scheme.beside(other, step)
-    blocks, values = equations_at(system, motion.scheme.shifts(step), mechanics)
-    # equations of force elements are scaled by the derivatives in use
-    scaled = rows.of_elements
-    values[scaled] *= own.compliance[scaled] / rows.compliance[scaled]
-    return blocks, values
 
 
 def own_equations(motion: Motion, step: int) -> Equations:

@@ -3,26 +3,35 @@
 
 from collections.abc import Iterable
 
+from mpi4py import MPI
+
+import numpy as np
+
 from flexfem._checks import InputError
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.contact.contacts import Contacts
 from flexfem.control.fmu import FmuLaw
 from flexfem.core.marker import Observed, SlidingMarker
+from flexfem.gradients.equations.node_maps import twists
 from flexfem.gradients.motion.functionals import TIME
 from flexfem.model.event import LockJoint, Rebound, ReleaseJoint, Stop
 from flexfem.model.model import Model
 from flexfem.model.probes.cable import CableProbe
 from flexfem.model.probes.measured import ReactionProbe
 from flexfem.options import meant
+from flexfem.simulation.motion.breakpoints import Breakpoints
+from flexfem.system.system import System
 
 __all__ = [
-    "check_columns", "check_contacts", "check_sliding", "check_supported",
-    "differentiable",
+    "check_columns", "check_contacts", "check_fixed", "check_layout", "check_sliding",
+    "check_supported", "check_times", "differentiable",
 ]  # fmt: skip
 
 #: Integrators whose steps have derivatives.
 _INTEGRATORS = ("generalized_alpha", "energy_momentum", "stabilized_index2")
+#: Motion of fixed nodes, m and rad, up to which it is none.
+_ROUNDING = 1e-13
 
 
 def differentiable(model: Model) -> list[str]:
@@ -114,3 +123,41 @@ def check_contacts(every: Iterable[Contacts | BarrierContacts]) -> None:
                         f'gradient: Contact "{own.contact.name}": restitution has no derivatives '
                         "yet; leave it out"
                     )
+
+
+def check_layout(system: System, other: System, name: str) -> None:
+    """Raise unless blocks and rows of another model are those of the motion's (collective)."""
+    same = len(other.parts) == len(system.parts)
+    same = same and other.constraints.size == system.constraints.size
+    same = same and all(
+        np.array_equal(a.block.node_ids, b.block.node_ids) and a.block.width == b.block.width
+        for a, b in zip(other.parts, system.parts, strict=True)
+    )
+    if not system.comm.allreduce(same, op=MPI.LAND):
+        raise InputError(
+            f'gradient: "{name}" changes the number of nodes or joints, and has no derivative'
+        )
+
+
+def check_times(own: Breakpoints, other: Breakpoints, name: str) -> None:
+    """Refuse parameters that move jumps and kinks at which steps end (same on all ranks)."""
+    if not other.same(own):
+        raise InputError(
+            f'gradient: "{name}" moves the time of a jump or kink of a load or drive, at which a '
+            "step ends, and has no derivative yet"
+        )
+
+
+def check_fixed(system: System, other: System, name: str) -> None:
+    """Refuse parameters that move nodes with rotations that are fixed in part (collective)."""
+    partly = False
+    for part, moved in zip(system.parts, other.parts, strict=True):
+        if (fixed := part.block.dirichlet) is not None and part.block.width == 6:
+            frames = part.block.start_frames, moved.block.start_frames
+            change = np.abs(twists(*frames, inertial=part.block.inertial)) * fixed
+            some = change.max(axis=1, initial=0.0) > _ROUNDING
+            partly = partly or bool((some & ~fixed.all(axis=1)).any())
+    if system.comm.allreduce(partly, op=MPI.LOR):
+        raise InputError(
+            f'gradient: "{name}" moves nodes that are fixed in part, and has no derivative yet'
+        )

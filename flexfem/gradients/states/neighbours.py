@@ -20,7 +20,6 @@ from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.differences import STENCIL
 from flexfem.gradients.equations.node_maps import following
-from flexfem.gradients.motion.influence import check_layout
 from flexfem.gradients.motion.parameters import (
     Build,
     NodePath,
@@ -29,6 +28,7 @@ from flexfem.gradients.motion.parameters import (
     plain,
     refusing,
 )
+from flexfem.gradients.motion.support import check_layout
 from flexfem.model.model import Model
 from flexfem.system.system import System
 

@@ -12,7 +12,9 @@ from flexfem.gradients.unilateral.stops import Stops
 from flexfem.integrators.split.step import Split
 from flexfem.system.system import System
 
-__all__ = ["barriers", "leave_out_barriers", "recall_sides", "unilateral_forces"]
+__all__ = [
+    "barriers", "leave_out_barriers", "leave_out_contacts", "recall_sides", "unilateral_forces",
+]  # fmt: skip
 
 
 def unilateral_forces(system: System, split: Split | None) -> list[Unilateral]:
@@ -38,6 +40,13 @@ def leave_out_barriers(system: System, *, rubbing: bool = False) -> None:
     for contacts in barriers(system):
         if contacts.rubs or not rubbing:
             contacts.factor = 0.0
+
+
+def leave_out_contacts(system: System) -> None:
+    """Let no contacts act, whatever overlaps."""
+    for part in system.parts:
+        if part.contacts is not None:
+            part.contacts.acts = False
 
 
 def recall_sides(system: System, state: State) -> None:
