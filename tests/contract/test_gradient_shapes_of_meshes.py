@@ -42,7 +42,7 @@ def wheel(**numbers):
 
 SIZES = {"outer_radius": 0.15, "width": 0.05}
 MOTIONS = {ring: (["final:spin", "final:energy_strain"], OPTIONS(dt=2e-3, t_end=4e-3)),
-           wheel: (["final:x"], OPTIONS(dt=2e-3, t_end=4e-3))}  # fmt: skip
+           wheel: (["final:x"], OPTIONS(dt=2e-3, t_end=6e-3))}  # fmt: skip
 
 
 @pytest.mark.serial
