@@ -152,7 +152,7 @@ def test_estimates_grow_as_memory_does() -> None:
         )
         panels = ff.Model("panels", surface=grid)
         panels.add(ff.Shell("s", ff.ShellSection.isotropic(1e-3, ff.Material(8e9, 0.3, 2300.0))))
-        # within a tenth: with unknowns of other elements the second would be a quarter too large
+        # within a tenth: with unknowns of other elements the second would be a fifth too large
         found = _memory.together(memory.memory_of_run(panels), 2, 2)
         assert found == pytest.approx(measured, rel=0.1)
     # within a tenth: 12 kB an unknown instead of 11 are a sixth too much
