@@ -32,6 +32,8 @@ _FINE, _SUITS = (1e-3, 1e-4, 1e-5, 1e-6), 1e-9
 #: steps, each a half of the one before, and the relative difference between the two highest orders
 #: up to which these suit: errors of a sixth order are its power 3/2.
 _FAR, _HALVES, _CLOSE = 3.2e-2, 9, 1e-7
+#: Most steps that are extrapolated together: what is beyond a pole or a kink is left behind.
+_TOGETHER = 5
 
 
 def central(moved: Callable[[int, float], FloatArray], sizes: Sequence[float]) -> FloatArray:
@@ -61,12 +63,14 @@ def differenced(weights: Sequence[float], values: Sequence[FloatArray]) -> Float
 
 def extrapolated(
     difference: Callable[[float], FloatArray], size: float, rounding: FloatArray
-) -> FloatArray:
-    """Derivatives (n,) from central differences of sixth or higher order, as far apart as suits.
+) -> tuple[FloatArray, FloatArray]:
+    """Derivatives (n,) of a function, with bounds of their errors, from central differences.
 
     Those with three or more steps, each a half of the one before, are extrapolated to zero
-    (Richardson, Phil. Trans. A 210 (1911) 307-357). Steps are halved until the two highest orders
-    agree, or differ by no more than rounding, which is the less, the longer the steps are.
+    (Richardson, Phil. Trans. A 210 (1911) 307-357), of sixth or higher order. Steps are halved
+    until the two highest orders agree, or differ by no more than rounding, which is the less, the
+    longer the steps are. How much they differ is a bound (n,) of the errors, unless differences
+    change the more, the shorter steps are, as beside a jump: then it is by how much.
 
     Args:
         difference: ``(f(h) - f(-h)) / (2 h)``, (n,), of a step h.
@@ -77,6 +81,7 @@ def extrapolated(
         Exception: that of the function, if it does not exist beside the value.
     """
     orders, best, least = list[FloatArray](), np.zeros(0), np.full(len(rounding), inf)
+    plain = list[FloatArray]()
     for k in range(_HALVES):
         step = _FAR * size / 2.0**k
         try:
@@ -86,9 +91,10 @@ def extrapolated(
                 raise
             orders.clear()
             continue
+        plain.append(found[0])
         for n, longer in enumerate(orders, 1):
             found.append((4.0**n * found[-1] - longer) / (4.0**n - 1.0))
-        orders = found
+        orders = found[:_TOGETHER]
         if len(orders) < 3:
             continue
         own, off = orders[-1], np.abs(orders[-1] - orders[-2])
@@ -96,7 +102,8 @@ def extrapolated(
         least = np.fmin(off, least)
         if (least <= np.maximum(_CLOSE * np.abs(best), rounding / step)).all():
             break
-    return best
+    before, last = (np.abs(plain[k] - plain[k - 1]) for k in (-2, -1))
+    return best, np.where(last > before, np.maximum(last, least), least)
 
 
 def suited_step(found: Callable[[float], FloatArray]) -> tuple[float, float]:

@@ -139,3 +139,24 @@ def test_a_mechanism_has_no_derivative():
     with pytest.raises(RuntimeError, match="can move without stiffness") as raised:
         ff.gradient(rod(body), "final:tip_z", ["bob.mass"], statics(stabilise=True))
     assert_on_page(str(raised.value))
+
+
+def stepped(height: float) -> ff.Model:
+    """A rod that is stiffer by a hundredth from its height on."""
+    return rod(height=height * (1.0 if height < 0.01 else 1.003))
+
+
+@pytest.mark.parametrize(
+    ("of", "options"),
+    [
+        ("frequency:1", modes()),
+        ("buckling:1", statics()),
+        ("gain:tip_z/push@1", linear()),
+        ("final:tip_z", statics()),
+    ],
+)
+def test_what_jumps(of, options):
+    """Derivatives beside a jump are the jump over the step of the differences."""
+    with pytest.raises(ValueError, match='jump where "height" changes') as caught:
+        ff.gradient(stepped, of, {"height": 0.01}, options)
+    assert_on_page(str(caught.value))

@@ -27,7 +27,6 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.differences import extrapolated
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.eigenvectors import (
     SHIFT,
@@ -39,7 +38,7 @@ from flexfem.gradients.states.eigenvectors import (
     times,
     vectors_of,
 )
-from flexfem.gradients.states.neighbours import Parameter, check_without_sliders
+from flexfem.gradients.states.neighbours import Parameter, check_without_sliders, derivatives_by
 from flexfem.gradients.states.path import SINGULAR, Direction, Equilibria, NearPath
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.statics.buckling import LinearBuckling
@@ -140,6 +139,7 @@ class BucklingLoads:
         Those of equal ones are that of their mean.
         """
         found = np.array([self._changes(one) for one in parameters])
+        found = found.reshape(len(parameters), len(self._vectors))
         rows = zip(self._vectors, found.T, strict=True)
         return {number: row for numbers, row in rows for number in numbers}
 
@@ -148,7 +148,7 @@ class BucklingLoads:
         every = list(self._vectors.values())
         values = np.array([one.value.real for one in every])
 
-        def difference(step: float) -> FloatArray:
+        def difference(step: float) -> ComplexArray:
             near = [
                 NearPath(self._path, parameter.beside(by), parameter.text) for by in (-step, step)
             ]
@@ -157,10 +157,10 @@ class BucklingLoads:
                 change = self._matrix_change(number, near, step)
                 total += share * [one.mean(partial(times, change)) for one in every]
                 change.destroy()
-            return self._total(total).real * self._span / (2.0 * step)
+            return self._total(total) * self._span / (2.0 * step)
 
         rounding = self._span * np.array([one.rounding for one in every])
-        return extrapolated(difference, parameter.size, rounding)
+        return derivatives_by(parameter, difference, rounding).real
 
     def _matrix_change(self, number: int, near: Sequence[NearPath], step: float) -> PETSc.Mat:
         """Difference of the neighbours' matrices at the first or the last row (collective)."""

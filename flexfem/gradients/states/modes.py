@@ -24,9 +24,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem._types import FloatArray
 from flexfem.analyses.modes import ModeOptions
-from flexfem.core.differences import extrapolated
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.eigenvectors import (
     SHIFT,
@@ -40,7 +38,7 @@ from flexfem.gradients.states.eigenvectors import (
     times,
     vectors_of,
 )
-from flexfem.gradients.states.neighbours import Parameter
+from flexfem.gradients.states.neighbours import Parameter, derivatives_by
 from flexfem.gradients.states.points import LinearizedState
 from flexfem.model.model import Model
 from flexfem.simulation.modes import doubts, modes_at
@@ -117,6 +115,7 @@ class Frequencies:
         Those of equal ones are that of their mean.
         """
         found = np.array([self._changes(one) for one in parameters])
+        found = found.reshape(len(parameters), len(self._vectors))
         rows = zip(self._vectors, found.T, strict=True)
         return {number: row for numbers, row in rows for number in numbers}
 
@@ -124,17 +123,16 @@ class Frequencies:
         """Derivatives of all vectors' eigenvalues by a number (collective)."""
         every = list(self._vectors.values())
 
-        def difference(step: float) -> FloatArray:
+        def difference(step: float) -> ComplexArray:
             before, after = (
                 point.linearization.matrices() for point in self._state.near(parameter, step)
             )
             change = pencil_change(before, after)
             own = [one.mean(partial(pencil_times, change, one.value)) for one in every]
             total = self._state.point.linearization.total(np.array(own))
-            return np.asarray(total / (-2.0 * step)).view(np.float64)
+            return np.asarray(total / (-2.0 * step))
 
-        rounding = np.repeat([one.rounding for one in every], 2)
-        return extrapolated(difference, parameter.size, rounding).view(np.complex128)
+        return derivatives_by(parameter, difference, np.array([one.rounding for one in every]))
 
 
 def _check_apart(found: Modes, group: Sequence[int]) -> None:

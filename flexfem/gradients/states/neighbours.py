@@ -18,7 +18,7 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
-from flexfem.core.differences import STENCIL
+from flexfem.core.differences import STENCIL, extrapolated
 from flexfem.gradients.equations.node_maps import following
 from flexfem.gradients.motion.parameters import (
     Build,
@@ -29,16 +29,21 @@ from flexfem.gradients.motion.parameters import (
     refusing,
 )
 from flexfem.gradients.motion.support import check_layout
+from flexfem.gradients.states.eigenvectors import ComplexArray
 from flexfem.model.model import Model
 from flexfem.system.system import System
 
 __all__ = [
     "NodeParameters", "Parameter", "by_name", "check_path_independent", "check_without_sliders",
-    "parameters_alone", "parameters_of", "place",
+    "derivatives_by", "parameters_alone", "parameters_of", "place",
 ]  # fmt: skip
 
 #: Step of differences by places of nodes, relative to displacements.
 _NODES = 1e-3
+#: Errors of derivatives relative to these, from which on functions are not smooth. What is less
+#: than so many roundings over the size of the number, or than a part of the largest derivative, is
+#: noise.
+_ROUGH, _NOISE, _NOTHING = 1e-3, 1e6, 1e-9
 
 
 @dataclass(frozen=True)
@@ -116,6 +121,33 @@ class NodeParameters:
             with refusing(self.name):
                 model = self.build(**plain({**self.values, self.name: moved}))
             yield model, weight / _NODES
+
+
+def derivatives_by(
+    parameter: Parameter, difference: Callable[[float], ComplexArray], rounding: FloatArray
+) -> ComplexArray:
+    """Derivatives (n,) of functions by a number (collective).
+
+    Args:
+        parameter: the number.
+        difference: ``(f(h) - f(-h)) / (2 h)``, (n,), of a step h, the same on all ranks.
+        rounding: (n,) of f.
+
+    Raises:
+        InputError: differences do not settle as steps become short, as where f jumps.
+    """
+
+    def parts(step: float) -> FloatArray:
+        return np.asarray(difference(step), dtype=np.complex128).view(np.float64)
+
+    own, errors = extrapolated(parts, parameter.size, np.repeat(rounding, 2))
+    found, off = (np.asarray(one).view(np.complex128) for one in (own, errors))
+    noise = _NOISE * rounding / parameter.size + _NOTHING * np.abs(found).max(initial=0.0)
+    if (np.abs(off) > _ROUGH * np.abs(found) + noise).any():
+        raise InputError(
+            f'gradient: the equations jump where "{parameter.text}" changes, and have no derivative'
+        )
+    return found
 
 
 def parameters_of(build: Build, values: Values) -> list[Parameter | NodeParameters]:

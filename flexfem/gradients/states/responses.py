@@ -26,7 +26,6 @@ from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import LinearOptions
-from flexfem.core.differences import extrapolated
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.eigenvectors import (
     ComplexArray,
@@ -35,7 +34,7 @@ from flexfem.gradients.states.eigenvectors import (
     pencil_inverse,
     pencil_times,
 )
-from flexfem.gradients.states.neighbours import Parameter
+from flexfem.gradients.states.neighbours import Parameter, derivatives_by
 from flexfem.gradients.states.points import LinearizedState
 from flexfem.model.model import Model
 from flexfem.options import meant
@@ -138,8 +137,7 @@ class Responses:
         self.values = self._of(self._measured(self._state.point, self._motions))
         self._check_sizes()
         left = self._solved(rights - self._forces(pencil.matrices))
-        rounding = np.abs(self._of(self._measured(self._state.point, left)))
-        self._rounding = np.repeat(rounding, 2)
+        self._rounding = np.abs(self._of(self._measured(self._state.point, left)))
 
     def _check_names(self, inputs: Inputs) -> None:
         """Refuse outputs and inputs that do not exist, and drives at rest."""
@@ -232,23 +230,21 @@ class Responses:
     def gradients(self, parameters: Sequence[Parameter]) -> list[ComplexArray]:
         """Derivatives (parameters,) of each value (collective)."""
         found = np.array([self._changes(one) for one in parameters])
-        return list(found.T)
+        return list(found.reshape(len(parameters), len(self.values)).T)
 
     def _changes(self, parameter: Parameter) -> ComplexArray:
         """Derivatives of each value by a number (collective)."""
 
-        def difference(step: float) -> FloatArray:
+        def difference(step: float) -> ComplexArray:
             before, after = self._state.near(parameter, step)
             change = self._rights(after) - self._rights(before)
             near = (point.linearization.matrices() for point in (before, after))
             change -= self._forces(pencil_change(*near))
             moved = self._measured(self._state.point, self._solved(change))
             sides = (self._measured(point, self._motions) for point in (after, before))
-            own = self._of(moved + np.subtract(*sides)) / (2.0 * step)
-            return np.asarray(own).view(np.float64)
+            return self._of(moved + np.subtract(*sides)) / (2.0 * step)
 
-        found = extrapolated(difference, parameter.size, self._rounding)
-        return found.view(np.complex128)
+        return derivatives_by(parameter, difference, self._rounding)
 
     def _forces(self, matrices: Matrices) -> ComplexArray:
         """Products (asked, n) of equations of motion with the motions (collective)."""

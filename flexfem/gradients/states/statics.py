@@ -136,7 +136,7 @@ class _ByNumbers:
             return found
 
         path = self._path
-        found = extrapolated(difference, parameter.size, self._rounding)
+        found, _ = extrapolated(difference, parameter.size, self._rounding)
         if jumps[shortest := min(jumps)]:
             difference(_NEAR * shortest)  # what is curved is straight so near
         if jumps[min(jumps)]:
