@@ -7,8 +7,9 @@ could run other code or change results; here all options have fixed values.
 """
 
 import os
+import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
+from contextlib import contextmanager, suppress
 from functools import cache
 from importlib import import_module
 from pathlib import Path
@@ -24,7 +25,7 @@ from flexfem._trust import private_folder, trusted
 
 __all__ = [
     "c_arguments", "compile_options", "compiled_form", "kernel_folder", "quick_compiler",
-    "without_variables",
+    "remove_abandoned", "without_variables",
 ]  # fmt: skip
 
 #: Seconds that a process waits for another one that compiles the same form.
@@ -127,5 +128,18 @@ def kernel_folder() -> Path:
     advice = "XDG_CACHE_HOME names a folder of your own"
     for folder in dict.fromkeys([usual, Path.home() / ".cache" / "fenics"]):
         if trusted(folder, advice):
+            remove_abandoned(folder)
             return folder
     return private_folder() / "fenics"
+
+
+def remove_abandoned(folder: Path) -> None:
+    """Remove sources whose compilation has not ended within the time that others wait for it.
+
+    A run that is killed while it compiles leaves one, for which all later ones would wait in vain.
+    """
+    begun = time.time() - _PATIENCE
+    for source in folder.glob("libffcx_*.c"):
+        with suppress(OSError):  # others may remove it as well
+            if not source.with_suffix(".c.cached").exists() and source.stat().st_mtime < begun:
+                source.unlink()

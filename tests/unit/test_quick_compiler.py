@@ -1,15 +1,16 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""FFCx with less to look for makes the same code."""
+"""FFCx with less to look for makes the same code; its folder after runs that were killed."""
 
 import gc
 import os
 import subprocess
 import sys
+import time
 
 import pytest
 from ffcx.ir.analysis import graph
 
-from flexfem.kernels.ffcx_options import quick_compiler
+from flexfem.kernels.ffcx_options import quick_compiler, remove_abandoned
 
 pytestmark = pytest.mark.serial
 
@@ -64,3 +65,16 @@ def test_other_versions_of_ffcx_are_let_alone(monkeypatch):
     monkeypatch.delattr(graph, "ValueNumberer")
     with quick_compiler():
         assert not hasattr(graph, "ValueNumberer")
+
+
+def test_sources_of_runs_that_were_killed(tmp_path):
+    """Every later run would wait two minutes for one, and fail."""
+    old = time.time() - 1000.0
+    for name in ("libffcx_forms_killed.c", "libffcx_forms_done.c", "libffcx_forms_begun.c", "x.c"):
+        (tmp_path / name).write_text("")
+        if "begun" not in name:
+            os.utime(tmp_path / name, (old, old))
+    (tmp_path / "libffcx_forms_done.c.cached").touch()
+    remove_abandoned(tmp_path)
+    left = {file.name for file in tmp_path.glob("*.c")}
+    assert left == {"libffcx_forms_done.c", "libffcx_forms_begun.c", "x.c"}
