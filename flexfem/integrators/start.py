@@ -90,7 +90,8 @@ def make_consistent(
     satisfy them already); accelerations and multipliers follow from ``[[M, G^T], [G, 0]] (w,
     lambda) = (f, -d(G v)/dt)``. Drives are differentiated by one-sided differences over a part of
     ``dt`` (s), as a motion need not be defined before the start. When a motion is ``starting``,
-    dampers of joints end velocities that they would end within much less than ``dt``.
+    dampers of joints end velocities, and light nodes get those, that they would have within much
+    less than ``dt``.
     """
     rows = system.constraints
     for contacts in system.contacts:
@@ -104,7 +105,7 @@ def make_consistent(
     if not accelerate(system, tangent, dt):
         return _unsolved(system, failed)
     rows.forces[:], rows.impulses[:], rows.settled[:] = tangent.multiplier_step, 0.0, 0.0
-    if not _decay(system, tangent, dt):
+    if not _decay(system, tangent, dt, starting=starting):
         return _unsolved(system, failed)
     for part in system.parts:
         part.block.spread_step()
@@ -133,7 +134,7 @@ def accelerate(system: System, tangent: TangentSolver, dt: float) -> bool:
     return True
 
 
-def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
+def _decay(system: System, tangent: TangentSolver, dt: float, *, starting: bool) -> bool:
     """Replace accelerations that damping ends within much less than ``dt`` (s) (collective).
 
     The accelerations are the blocks' steps a, which satisfy the constraints. A motion with masses M
@@ -143,10 +144,12 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
     for directors of thin shells. Dampers of joints do the same to light nodes.
 
     With ``F = (M + dt C)^-1 M`` on the constraints, ``(2 F - F^2) a`` hardly has them and is off by
-    the order of ``dt^2`` only where a step resolves the damping. C is that of linear damping,
-    without users' laws of sections, and of dampers of joints that a step does not resolve. Bodies
-    are factorised one by one: with the rows between them factors of large shells would take several
-    times the memory.
+    the order of ``dt^2`` only where a step resolves the damping. Where a motion is ``starting``
+    with dampers of joints that it does not resolve, velocities become those that forces have given
+    it by then, by ``dt (F - F^2) a``: the force over c at a light node, which would be late by half
+    a step without that. C is that of linear damping, without users' laws of sections, and of
+    dampers of joints that a step does not resolve. Bodies are factorised one by one: with the rows
+    between them factors of large shells would take several times the memory.
     """
     rows, given = system.constraints, _steps(system)
     dampers = StiffDampers.of(system, tangent, dt)
@@ -170,6 +173,9 @@ def _decay(system: System, tangent: TangentSolver, dt: float) -> bool:
         found = [last + step for last, step in zip(found, _steps(system), strict=True)]
     rows.evaluate(_RATES)
     for part, last in zip(system.parts, found, strict=True):
+        if starting and dampers.any:  # the last solution is (F - F^2) a
+            part.block.spread_step()
+            part.block.velocity += dt * part.block.step
         part.block.owned_step[:] = last
     finite = all(bool(np.isfinite(last).all()) for last in found)
     return bool(system.comm.allreduce(finite, op=MPI.LAND))

@@ -22,14 +22,20 @@ def angle(t: float, root: ff.MarkerState) -> tuple[float, float]:
     return np.arctan2(-root.rotation[2, 0], root.rotation[0, 0]), root.angular_velocity[1]
 
 
-def arm(kind: str, more: Any = None) -> ff.Model:
-    """Two links, the first one flexible, whose light root a motor holds at an angle."""
+def arm(kind: str, more: Any = None, *, resting: bool = False) -> ff.Model:
+    """Two links, the first one flexible, whose light root a motor holds at an angle.
+
+    It rests at the start without weight and with the angle zero, and is then pushed.
+    """
     lines = {"arm": [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)], "hand": [(1.0, 0.0, 0.0), (1.5, 0.0, 0.0)]}
     section = ff.Section.circle(0.02, ff.Material(7e10, 0.3, 2700.0))
     model = ff.Model("arm", mesh=ff.LineMesh.straight(lines, 4))
     root, tip = ff.Marker("arm", "start"), ff.Marker("hand", "start")
+    push = ff.PointForce(
+        "push", ff.Marker("hand", "end"), (0.0, 0.0, 50.0), amplitude=lambda t: np.sin(40.0 * t)
+    )  # fmt: skip
     model.add(
-        ff.Gravity((0.0, 0.0, -9.81)),
+        push if resting else ff.Gravity((0.0, 0.0, -9.81)),
         ff.Beam("arm", section, damping=1e-4), ff.Beam("hand", section, damping=1e-4),
         ff.Revolute("shoulder", ff.Ground(), root, axis=AXIS),
         ff.Revolute("elbow", ff.Marker("arm", "end"), tip, axis=AXIS),
@@ -38,7 +44,8 @@ def arm(kind: str, more: Any = None) -> ff.Model:
         ff.EnergyProbe(),
     )  # fmt: skip
     if kind == "spring":
-        gains = {"stiffness": PROPORTIONAL, "damping": DERIVATIVE, "rest_angle": TARGET}
+        gains = {"stiffness": PROPORTIONAL, "damping": DERIVATIVE}
+        gains["rest_angle"] = 0.0 if resting else TARGET
         model.add(ff.TorsionalSpringDamper("motor", ff.Ground(), root, axis=AXIS, **gains))
     else:
         model.add(ff.Actuator("motor", ff.Ground(), root, axis=AXIS))
@@ -48,28 +55,48 @@ def arm(kind: str, more: Any = None) -> ff.Model:
     return model
 
 
-def gains_of(t: float, y: np.ndarray) -> float:
+def gains_of(t: float, y: np.ndarray, target: float = TARGET) -> float:
     """Proportional and derivative feedback."""
-    return PROPORTIONAL * (TARGET - y[0]) - DERIVATIVE * y[1]
+    return PROPORTIONAL * (target - y[0]) - DERIVATIVE * y[1]
+
+
+def hold(t: float, y: np.ndarray) -> float:
+    """The same about the angle zero."""
+    return gains_of(t, y, target=0.0)
 
 
 def test_gains_act_as_a_spring_and_a_damper() -> None:
     """On a node of 1e-5 kg m^2 and with a step at which forces of the last step grow without bound.
 
-    The same equations; a rate of the step before moves the tip by 1e-3 m.
+    The same equations, and the same start where nothing acts; dampers let the root have the rate
+    that a force gives it at once, of which feedback tells nothing. A rate of the step before moves
+    the tip by 1e-3 m.
     """
     options = ff.RunOptions(dt=2e-3, t_end=0.1, tolerance=1e-10, quiet=True)
-    wanted = columns(ff.simulate(arm("spring"), options))
-    found = columns(ff.simulate(arm("feedback"), options))
+    wanted = columns(ff.simulate(arm("spring", resting=True), options))
+    found = columns(ff.simulate(arm("feedback", hold, resting=True), options))
     for name in ("angle", "tip_x", "tip_z", "torque_my"):
         scale = np.abs(wanted[name]).max()
         np.testing.assert_allclose(found[name], wanted[name], atol=1e-7 * scale, err_msg=name)
     # what the history says of the controller is what has acted
     np.testing.assert_allclose(found["pd_motor"], found["torque_my"], atol=1e-6)
-    alone = ff.simulate(arm("feedback"), options, comm=MPI.COMM_SELF).history
+    feedback = arm("feedback", hold, resting=True)
+    alone = ff.simulate(feedback, options, comm=MPI.COMM_SELF).history
     for name in ("angle", "tip_z", "torque_my", "energy_work"):
         scale = np.abs(alone[name]).max()
         np.testing.assert_allclose(found[name], alone[name], atol=1e-9 * scale, err_msg=name)
+
+
+@pytest.mark.serial
+def test_a_damper_gives_the_rate_of_its_force_at_once() -> None:
+    """Of second order: half a step late, the angle is off by 2e-3, and by half of it with half."""
+    angles = [
+        ff.simulate(arm("spring"), ff.RunOptions(dt=dt, t_end=0.02, quiet=True)).history["angle"]
+        for dt in (2e-3, 1e-3, 2.5e-4)
+    ]
+    first, second = (abs(own[-1] - angles[-1][-1]) for own in angles[:2])
+    assert first < 1e-3
+    assert second < first / 3.0
 
 
 @pytest.mark.serial
