@@ -41,7 +41,8 @@ _COMPLIANCE = 1e-5
 #: power of time must give zero velocity, which would cause a force by stiffness-proportional
 #: damping. A much shorter span would magnify the rounding of measured drives.
 _SPAN = 0.125
-#: Exponent n with which velocities are ended by dampers.
+#: Exponent n with which velocities are ended by dampers, or given by forces: where a step nearly
+#: resolves a damper, the scheme does better.
 _PASSES = 4
 #: Largest number of iterations for friction at the start.
 _SWEEPS = 25
@@ -146,8 +147,8 @@ def _decay(system: System, tangent: TangentSolver, dt: float, *, starting: bool)
     With ``F = (M + dt C)^-1 M`` on the constraints, ``(2 F - F^2) a`` hardly has them and is off by
     the order of ``dt^2`` only where a step resolves the damping. Where a motion is ``starting``
     with dampers of joints that it does not resolve, velocities become those that forces have given
-    it by then, by ``dt (F - F^2) a``: the force over c at a light node, which would be late by half
-    a step without that. C is that of linear damping, without users' laws of sections, and of
+    it by then, see :func:`_give_rates`: the force over c at a light node, which would be late by
+    half a step without that. C is that of linear damping, without users' laws of sections, and of
     dampers of joints that a step does not resolve. Bodies are factorised one by one: with the rows
     between them factors of large shells would take several times the memory.
     """
@@ -171,14 +172,35 @@ def _decay(system: System, tangent: TangentSolver, dt: float, *, starting: bool)
         if damped is None or not damped.again(values)[0]:
             return False
         found = [last + step for last, step in zip(found, _steps(system), strict=True)]
+    assert damped is not None
+    if starting and dampers.any and not _give_rates(system, damped, dt):
+        return False
     rows.evaluate(_RATES)
     for part, last in zip(system.parts, found, strict=True):
-        if starting and dampers.any:  # the last solution is (F - F^2) a
-            part.block.spread_step()
-            part.block.velocity += dt * part.block.step
         part.block.owned_step[:] = last
     finite = all(bool(np.isfinite(last).all()) for last in found)
     return bool(system.comm.allreduce(finite, op=MPI.LAND))
+
+
+def _give_rates(system: System, damped: FrozenSolver | TangentSolver, dt: float) -> bool:
+    """Add ``dt (F - F^2) (1 - F)^n a`` to velocities, see :func:`_decay` (collective).
+
+    The blocks' steps are ``(F - F^2) a``. Without success the result is False.
+    """
+    rates, zeros = _steps(system), np.zeros(system.constraints.size)
+    for _ in range(_PASSES):
+        for part, own in zip(system.parts, rates, strict=True):
+            part.block.owned_step[:] = own
+            part.block.spread_step()
+        END_POINT.multiply_mass(system, 1.0)
+        if not damped.again(zeros)[0]:
+            return False
+        rates = [own - step for own, step in zip(rates, _steps(system), strict=True)]
+    for part, own in zip(system.parts, rates, strict=True):
+        part.block.owned_step[:] = own
+        part.block.spread_step()
+        part.block.velocity += dt * part.block.step
+    return True
 
 
 def _slow_down(system: System, tangent: TangentSolver, dt: float) -> bool:
