@@ -41,8 +41,7 @@ _COMPLIANCE = 1e-5
 #: power of time must give zero velocity, which would cause a force by stiffness-proportional
 #: damping. A much shorter span would magnify the rounding of measured drives.
 _SPAN = 0.125
-#: Exponent n with which velocities are ended by dampers, or given by forces: where a step nearly
-#: resolves a damper, the scheme does better.
+#: Exponent n with which velocities are ended by dampers, or given by forces.
 _PASSES = 4
 #: Largest number of iterations for friction at the start.
 _SWEEPS = 25
@@ -146,7 +145,7 @@ def _decay(system: System, tangent: TangentSolver, dt: float, *, starting: bool)
 
     With ``F = (M + dt C)^-1 M`` on the constraints, ``(2 F - F^2) a`` hardly has them and is off by
     the order of ``dt^2`` only where a step resolves the damping. Where a motion is ``starting``
-    with dampers of joints that it does not resolve, velocities become those that forces have given
+    with dampers of joints that it is far from resolving, velocities become those that forces have given
     it by then, see :func:`_give_rates`: the force over c at a light node, which would be late by
     half a step without that. C is that of linear damping, without users' laws of sections, and of
     dampers of joints that a step does not resolve. Bodies are factorised one by one: with the rows
@@ -173,7 +172,7 @@ def _decay(system: System, tangent: TangentSolver, dt: float, *, starting: bool)
             return False
         found = [last + step for last, step in zip(found, _steps(system), strict=True)]
     assert damped is not None
-    if starting and dampers.any and not _give_rates(system, damped, dt):
+    if starting and dampers.far and not _give_rates(system, damped, dt):
         return False
     rows.evaluate(_RATES)
     for part, last in zip(system.parts, found, strict=True):

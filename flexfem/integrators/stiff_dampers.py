@@ -25,6 +25,8 @@ __all__ = ["StiffDampers", "damping_of_rows"]
 _LINEAR_PART = (LawKind.SPRING, *FRICTION_LAWS)
 #: Mobility (1/kg) of what has no mass.
 _MASSLESS = 1e30
+#: ``dt c g^2 / m`` from which on a step is far from resolving a damper.
+_FAR = 100.0
 
 
 @dataclass(frozen=True)
@@ -35,11 +37,13 @@ class StiffDampers:
         chosen: (r,) True for these rows.
         coefficients: (r,) c, N s/m or N m s/rad.
         any: True if there are any, on any rank.
+        far: True if a step is far from resolving one of them.
     """
 
     chosen: BoolArray
     coefficients: FloatArray
     any: bool
+    far: bool
 
     @classmethod
     def of(cls, system: System, masses: TangentSolver, dt: float) -> StiffDampers:
@@ -54,16 +58,16 @@ class StiffDampers:
         """
         rows = system.constraints
         if not system.comm.allreduce(rows.damped, op=MPI.LOR):
-            return cls(np.zeros(rows.size, dtype=np.bool_), np.zeros(rows.size), False)
+            return cls(np.zeros(rows.size, dtype=np.bool_), np.zeros(rows.size), False, False)
         for part, mass in zip(system.parts, masses.diagonals(), strict=True):
             step = np.full_like(mass, _MASSLESS)
             part.block.owned_step[:] = np.divide(1.0, mass, out=step, where=mass > 1.0 / _MASSLESS)
             part.block.spread_step()
         system.interface.update_steps()
         coefficients = damping_of_rows(rows)
-        chosen = dt * coefficients * rows.mobilities(system.interface.steps) > 1.0
-        found = system.comm.allreduce(bool(chosen.any()), op=MPI.LOR)
-        return cls(chosen, coefficients, bool(found))
+        ratios = dt * coefficients * rows.mobilities(system.interface.steps)
+        largest = system.comm.allreduce(float(ratios.max(initial=0.0)), op=MPI.MAX)
+        return cls(ratios > 1.0, coefficients, largest > 1.0, largest > _FAR)
 
     def use(self, rows: Constraints, dt: float) -> None:
         """Replace the equations of evaluated rows with laws by those of these dampers."""
