@@ -145,11 +145,11 @@ def _decay(system: System, tangent: TangentSolver, dt: float, *, starting: bool)
 
     With ``F = (M + dt C)^-1 M`` on the constraints, ``(2 F - F^2) a`` hardly has them and is off by
     the order of ``dt^2`` only where a step resolves the damping. Where a motion is ``starting``
-    with dampers of joints that it is far from resolving, velocities become those that forces have given
-    it by then, see :func:`_give_rates`: the force over c at a light node, which would be late by
-    half a step without that. C is that of linear damping, without users' laws of sections, and of
-    dampers of joints that a step does not resolve. Bodies are factorised one by one: with the rows
-    between them factors of large shells would take several times the memory.
+    with dampers of joints that it is far from resolving, velocities become those that forces have
+    given it by then, see :func:`_give_rates`: the force over c at a light node, which would be late
+    by half a step without that. C is that of linear damping, without users' laws of sections, and
+    of dampers of joints that a step does not resolve. Bodies are factorised one by one: with the
+    rows between them factors of large shells would take several times the memory.
     """
     rows, given = system.constraints, _steps(system)
     dampers = StiffDampers.of(system, tangent, dt)
