@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Consistent start: positions are checked, velocities and accelerations are solved for."""
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 from mpi4py import MPI
@@ -154,9 +155,7 @@ def _decay(system: System, tangent: TangentSolver, dt: float, *, starting: bool)
     rows, given = system.constraints, _steps(system)
     dampers = StiffDampers.of(system, tangent, dt)
     system.decayed = dampers.any or system.viscous()
-    for part, step in zip(system.parts, given, strict=True):
-        part.block.owned_step[:] = step
-        part.block.spread_step()
+    _set_steps(system, given)
     if not system.decayed:
         return True
     found = [np.zeros_like(step) for step in given]
@@ -188,16 +187,12 @@ def _give_rates(system: System, damped: FrozenSolver | TangentSolver, dt: float)
     """
     rates, zeros = _steps(system), np.zeros(system.constraints.size)
     for _ in range(_PASSES):
-        for part, own in zip(system.parts, rates, strict=True):
-            part.block.owned_step[:] = own
-            part.block.spread_step()
         END_POINT.multiply_mass(system, 1.0)
         if not damped.again(zeros)[0]:
             return False
         rates = [own - step for own, step in zip(rates, _steps(system), strict=True)]
-    for part, own in zip(system.parts, rates, strict=True):
-        part.block.owned_step[:] = own
-        part.block.spread_step()
+        _set_steps(system, rates)
+    for part in system.parts:
         part.block.velocity += dt * part.block.step
     return True
 
@@ -248,6 +243,13 @@ def _damped_solver(
         return damped
     tangent.assemble(shifts, mechanics=VISCOUS)
     return tangent if tangent.factor() else None
+
+
+def _set_steps(system: System, steps: Sequence[FloatArray]) -> None:
+    """Set the steps of all blocks, those of ghosts as well (collective)."""
+    for part, step in zip(system.parts, steps, strict=True):
+        part.block.owned_step[:] = step
+        part.block.spread_step()
 
 
 def _steps(system: System) -> list[FloatArray]:

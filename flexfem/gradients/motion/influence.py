@@ -194,9 +194,9 @@ class NumberInfluence:
         # later the models are at other states
         for other in self._pair:
             check_fixed(motion.system, other.system, self._name)
-        #: Models farther away, where nodes move and these exist; those nearer, without contacts, if
-        #: there are any; and those of contacts by the length of their differences.
-        self._far, self._bodies, self._noise = list[Simulation](), self._pair, False
+        #: Models farther away, where nodes move and these exist; with contacts, two without their
+        #: forces, and those of contacts by the length of their differences.
+        self._far, self._bodies, self._noise = list[Simulation](), list[Simulation](), False
         self._contacts: dict[float, list[Simulation]] = {}
         self.start = self._start()
         self._length = self._step if rows.has_unilateral else whole
@@ -285,40 +285,36 @@ class NumberInfluence:
         first, second = found
         if not self._checked and motion.between is None:
             self._check_smooth(first, second, step)
-        whole, rows = 2.0 * self._step, (first[1] - second[1]) / (2.0 * self._step)
-        blocks = [(a - b) / whole for a, b in zip(first[0], second[0], strict=True)]
-        if (self._far or motion.system.contacts) and motion.between is None:
+        whole = 2.0 * self._step
+        changes = (numbers[0] - numbers[1]) / whole
+        if motion.between is None and motion.system.contacts:
+            first, second = (evaluated(motion, one, step) for one in self._bodies)
+            near = _difference(first, second, 2.0 * self._length)
+            blocks, rows = self._better(step, near)
+            of_contacts = self._of_contacts(step)
+            return [a + b for a, b in zip(blocks, of_contacts, strict=True)], rows, changes
+        blocks, rows = _difference(first, second, whole)
+        if motion.between is None:
             blocks, rows = self._better(step, (blocks, rows))
-        return blocks, rows, (numbers[0] - numbers[1]) / whole
+        return blocks, rows, changes
 
     def _better(self, step: int, near: Equations) -> Equations:
         """Differences of fourth order over a longer way, if they are better (collective).
 
-        Those of contacts, if there are any, are of their own.
-
         Args:
             step: number of the step.
-            near: differences between the two models.
+            near: differences over a short way.
 
         Raises:
             InputError: they have a kink, and shorter ones have noise.
         """
-        motion = self._motion
-        if motion.system.contacts:
-            first, second = (evaluated(motion, one, step) for one in self._bodies)
-            whole = 2.0 * self._length
-            blocks = [(a - b) / whole for a, b in zip(first[0], second[0], strict=True)]
-            near = blocks, (first[1] - second[1]) / whole
-        better = [*near[0], near[1]]
-        if self._far:
-            every = [evaluated(motion, one, step) for one in self._far]
-            better = [
-                self._longer(own, found)
-                for own, *found in zip(*([*one[0], one[1]] for one in (near, *every)), strict=True)
-            ]
-        if motion.system.contacts:
-            for k, own in enumerate(self._of_contacts(step)):
-                better[k] = better[k] + own
+        if not self._far:
+            return near
+        every = [near, *(evaluated(self._motion, one, step) for one in self._far)]
+        better = [
+            self._longer(own, found)
+            for own, *found in zip(*([*one[0], one[1]] for one in every), strict=True)
+        ]
         return better[:-1], better[-1]
 
     def _longer(self, short: FloatArray, values: Sequence[FloatArray]) -> FloatArray:
@@ -448,6 +444,12 @@ class NumberInfluence:
         :meth:`followed`. They are zero on the other ranks.
         """
         return self._direct.difference(step)
+
+
+def _difference(first: Equations, second: Equations, whole: float) -> Equations:
+    """First values minus second ones over the change of the parameter between them."""
+    blocks = [(a - b) / whole for a, b in zip(first[0], second[0], strict=True)]
+    return blocks, (first[1] - second[1]) / whole
 
 
 def _orders(values: Sequence[FloatArray], step: float) -> tuple[FloatArray, FloatArray]:

@@ -38,7 +38,12 @@ from flexfem.gradients.states.eigenvectors import (
     times,
     vectors_of,
 )
-from flexfem.gradients.states.neighbours import Parameter, check_without_sliders, derivatives_by
+from flexfem.gradients.states.neighbours import (
+    Parameter,
+    check_without_sliders,
+    derivatives_by,
+    derivatives_of_classes,
+)
 from flexfem.gradients.states.path import SINGULAR, Direction, Equilibria, NearPath
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.statics.buckling import LinearBuckling
@@ -138,10 +143,7 @@ class BucklingLoads:
 
         Those of equal ones are that of their mean.
         """
-        found = np.array([self._changes(one) for one in parameters])
-        found = found.reshape(len(parameters), len(self._vectors))
-        rows = zip(self._vectors, found.T, strict=True)
-        return {number: row for numbers, row in rows for number in numbers}
+        return derivatives_of_classes(parameters, self._changes, self._vectors)
 
     def _changes(self, parameter: Parameter) -> FloatArray:
         """Derivatives of all vectors' loads by a number (collective)."""

@@ -38,7 +38,7 @@ from flexfem.gradients.states.eigenvectors import (
     times,
     vectors_of,
 )
-from flexfem.gradients.states.neighbours import Parameter, derivatives_by
+from flexfem.gradients.states.neighbours import Parameter, derivatives_by, derivatives_of_classes
 from flexfem.gradients.states.points import LinearizedState
 from flexfem.model.model import Model
 from flexfem.simulation.modes import doubts, modes_at
@@ -114,10 +114,7 @@ class Frequencies:
 
         Those of equal ones are that of their mean.
         """
-        found = np.array([self._changes(one) for one in parameters])
-        found = found.reshape(len(parameters), len(self._vectors))
-        rows = zip(self._vectors, found.T, strict=True)
-        return {number: row for numbers, row in rows for number in numbers}
+        return derivatives_of_classes(parameters, self._changes, self._vectors)
 
     def _changes(self, parameter: Parameter) -> ComplexArray:
         """Derivatives of all vectors' eigenvalues by a number (collective)."""

@@ -11,10 +11,11 @@ Those of residuals by places of nodes are ``(f(-2) - 8 f(-1) + 8 f(1) - f(2)) / 
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 
 import numpy as np
+import numpy.typing as npt
 
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
@@ -35,7 +36,7 @@ from flexfem.system.system import System
 
 __all__ = [
     "NodeParameters", "Parameter", "by_name", "check_path_independent", "check_without_sliders",
-    "derivatives_by", "parameters_alone", "parameters_of", "place",
+    "derivatives_by", "derivatives_of_classes", "parameters_alone", "parameters_of", "place",
 ]  # fmt: skip
 
 #: Step of differences by places of nodes, relative to displacements.
@@ -148,6 +149,22 @@ def derivatives_by(
             f'gradient: the equations jump where "{parameter.text}" changes, and have no derivative'
         )
     return found
+
+
+def derivatives_of_classes[T: np.generic](
+    parameters: Sequence[Parameter], changes: Callable[[Parameter], npt.NDArray[T]],
+    classes: Collection[tuple[int, ...]],
+) -> dict[int, npt.NDArray[T]]:  # fmt: skip
+    """Derivatives (parameters,) of each of some values, by its number (collective).
+
+    Args:
+        parameters: numbers.
+        changes: derivatives of all classes by one of them.
+        classes: numbers of equal values, of which the mean has derivatives.
+    """
+    found = np.array([changes(one) for one in parameters]).reshape(len(parameters), len(classes))
+    rows = zip(classes, found.T, strict=True)
+    return {number: row for numbers, row in rows for number in numbers}
 
 
 def parameters_of(build: Build, values: Values) -> list[Parameter | NodeParameters]:
