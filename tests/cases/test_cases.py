@@ -28,8 +28,10 @@ CHOICE = (
     "connecting_rod", "deployable_truss", "flying_spaghetti", "rope_heap", "sheet_landing",
     "slider_crank", "sliding_beam", "tutorial_8_crane",
 )  # fmt: skip
-#: Cases that search for numbers by gradients, of which ranks have tests of their own.
-SEARCHES = ("identification_twin", "optimal_manipulator", "truss_design")
+#: Published systems, and those that need most of ranks: they run on two as well.
+SYSTEMS = (
+    "mesh_reflector", "parallel_manipulator", "plectoneme", "solar_array", "tape_spring", "turbine",
+)  # fmt: skip
 POLICIES = ("auto", "updated")
 #: Values of --split-above that leave beams and shells whole, and that split them.
 WHOLE, SPLIT = "4000", "1"
@@ -37,13 +39,8 @@ WHOLE, SPLIT = "4000", "1"
 #: already; the policy ``updated`` on ranks has tests of its own.
 RUNS = {
     1: [*((case, "auto", WHOLE) for case in CASES), *((case, "updated", WHOLE) for case in CHOICE)],
-    # each of these is split on some number of ranks; tutorials have nothing that others have not,
-    # and searches a slow test
-    2: [
-        (case, "auto", WHOLE if case in CHOICE else SPLIT)
-        for case in CASES
-        if case in CHOICE or not (case.startswith("tutorial_") or case in SEARCHES)
-    ],
+    # each of these is split on some number of ranks; the others have a slow test
+    2: [*((case, "auto", WHOLE) for case in CHOICE), *((case, "auto", SPLIT) for case in SYSTEMS)],
     3: [(case, "auto", SPLIT) for case in CHOICE],
 }
 #: Runs with the usual iteration matrix on one and two ranks.
@@ -196,8 +193,8 @@ def test_same_history_on_any_number_of_ranks(
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("case", SEARCHES)
-def test_searches_on_two_ranks(
+@pytest.mark.parametrize("case", [case for case in CASES if case not in (*CHOICE, *SYSTEMS)])
+def test_others_on_two_ranks(
     case: str, histories: dict[int, Path], scripts: Callable[[int, list[list[str]]], str],
     tmp_path: Path,
 ) -> None:  # fmt: skip

@@ -46,6 +46,7 @@ def _places(system: System) -> np.ndarray:
     return system.comm.allreduce(points)
 
 
+@pytest.mark.slow
 @pytest.mark.three_ranks
 def test_pressure_depends_on_the_rim_alone(rng):
     """Gauss: ``p/2`` times the integral of x x dx along the quadratic edges of the boundary."""
@@ -156,6 +157,7 @@ def test_ring_under_pressure():
         assert outcome.history["point_x"][-1] == pytest.approx(np.sqrt(1.2), rel=5e-4)
 
 
+@pytest.mark.slow
 def test_work_of_pressure_is_counted():
     """A free sheet that rotates in its plane, pushed along its normal: momentum, closed balance."""
     stiff = ff.ShellSection.isotropic(0.1, ff.Material(1e6, 0.3, 10.0))

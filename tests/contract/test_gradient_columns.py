@@ -99,7 +99,10 @@ COLUMNS = {
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("kind", BUILDS)
+@pytest.mark.parametrize(
+    "kind",
+    [pytest.param(k, marks=[pytest.mark.slow] * (k in ("nurbs", "director"))) for k in BUILDS],
+)
 def test_measurements_of_all_families(kind):
     columns, accuracy = COLUMNS[kind]
     of = [f"mean:{name}" for name in columns]
@@ -119,7 +122,7 @@ def test_measurements_of_all_families(kind):
     [
         pytest.param("se3", marks=pytest.mark.three_ranks),
         pytest.param("nurbs", marks=pytest.mark.slow_on_ranks),
-        "solid",
+        pytest.param("solid", marks=pytest.mark.slow_on_ranks),
     ],
 )
 def test_ranks_agree(kind):

@@ -234,6 +234,7 @@ RUBBED = {
 SLIDING = {"speed": 1.0, "friction": 0.3}
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_balls_that_rub_and_lose_energy():
     """They slip, then stick."""
@@ -242,6 +243,7 @@ def test_balls_that_rub_and_lose_energy():
     compare(balls, BALLS, of, options, step=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_impulses_in_joints():
     options = ff.RunOptions(dt=2e-4, t_end=5e-3, tolerance=1e-13)
@@ -249,6 +251,7 @@ def test_impulses_in_joints():
     compare(damped, numbers, ["final:p_z", "final:q_x", "mean:q_z"], options, step=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_impulses_with_internal_variables():
     options = ff.RunOptions(dt=1e-3, t_end=0.01, tolerance=1e-13)
@@ -256,12 +259,14 @@ def test_impulses_with_internal_variables():
     compare(caught, numbers, ["final:tip_z", "mean:tip_z"], options, step=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_impulses_with_sliders():
     options = ff.RunOptions(dt=5e-4, t_end=0.01, tolerance=1e-13)
     compare(sliding, {**STOP, "pull": 20.0}, ["final:p_z", "final:q_x"], options, step=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_impulses_of_steps_that_are_taken_again():
     """What accelerations of damped bodies lack behind an impulse is found at accepted states."""
@@ -276,13 +281,14 @@ def test_impulses_of_steps_that_are_taken_again():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("law", ["barrier", "penalty"])
+@pytest.mark.parametrize("law", [pytest.param("barrier", marks=pytest.mark.slow), "penalty"])
 def test_shells_on_obstacles(law):
     options = ff.RunOptions(dt=2e-4, t_end=5e-3, tolerance=1e-13)
     of = ["final:q_x", "final:q_z"]
     compare(partial(sheet, law), SHEET, of, options, step=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_penalties_that_rub_and_lose_energy():
     """They slip and stick; without what they remember derivatives are off by a tenth."""
@@ -291,6 +297,7 @@ def test_penalties_that_rub_and_lose_energy():
     compare(rubbed, RUBBED, of, options, step=1e-4)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_shells_that_slide():
     """Surfaces tilt under friction: without the change of these tilts 1e-3 and more."""
@@ -307,7 +314,9 @@ def test_surfaces_that_do_not_meet():
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("how", ["stop", "curve", pytest.param("angle", marks=pytest.mark.slow)])
+@pytest.mark.parametrize(
+    "how", ["stop", *(pytest.param(h, marks=pytest.mark.slow) for h in ("curve", "angle"))]
+)
 def test_stops(how):
     options = ff.RunOptions(dt=5e-4, t_end=0.016, tolerance=1e-13)
     numbers = STOP if how != "curve" else {"speed": 1.0}
@@ -340,6 +349,7 @@ def struck(stiffness, lift, mass) -> ff.Model:
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_stops_among_others():
     """What damping leaves to the next step is 0.1 of each, outputs in impulses are 1e-3."""
@@ -355,8 +365,8 @@ def test_stops_among_others():
     ("build", "numbers", "of", "dt", "steps"),
     [
         (balls, BALLS, "final:p_z", 5e-4, 12),
-        pytest.param(rod, ROD, "mean:q_z", 2e-4, 15, marks=pytest.mark.three_ranks),
-        (rubbed, RUBBED, "final:q_x", 5e-4, 12),
+        pytest.param(rod, ROD, "mean:q_z", 2e-4, 15, marks=pytest.mark.slow_on_ranks),
+        pytest.param(rubbed, RUBBED, "final:q_x", 5e-4, 12, marks=pytest.mark.slow_on_ranks),
         (partial(sheet, "barrier", radius=0.05, slide=(3.0, 0.7)), SLIDING, "final:q_z", 5e-4, 5),
         pytest.param(equipped, EQUIPPED, "final:p_z", 5e-4, 33, marks=pytest.mark.slow_on_ranks),
     ],

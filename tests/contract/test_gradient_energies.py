@@ -45,8 +45,9 @@ def landing(kind, **numbers):
 @pytest.mark.parametrize(
     ("kind", "numbers", "dt", "end"),
     [
-        ("rod", ROD, 5e-4, 4e-3), ("balls", {"height": 0.006, "speed": 1.0}, 5e-4, 7e-3),
-        ("sheet", {"speed": 1.0}, 2e-4, 5e-3),
+        ("balls", {"height": 0.006, "speed": 1.0}, 5e-4, 7e-3),
+        pytest.param("rod", ROD, 5e-4, 4e-3, marks=pytest.mark.slow),
+        pytest.param("sheet", {"speed": 1.0}, 2e-4, 5e-3, marks=pytest.mark.slow),
     ],
 )  # fmt: skip
 def test_energies_of_contacts(kind, numbers, dt, end):
@@ -58,7 +59,7 @@ def test_energies_of_contacts(kind, numbers, dt, end):
 
 @pytest.mark.several_ranks
 @pytest.mark.three_ranks
-@pytest.mark.parametrize("touching", [False, True])
+@pytest.mark.parametrize("touching", [False, pytest.param(True, marks=pytest.mark.slow_on_ranks)])
 def test_ranks_agree_on_energies(touching):
     """The energies of a spring and of a contact count once, on whichever rank they are."""
     options = ff.RunOptions(dt=1e-3, t_end=2e-3, tolerance=1e-13, split_above=1)

@@ -114,8 +114,8 @@ MOTIONS = {
 }  # fmt: skip
 
 
-#: Solids, whose forms are processed again for each model.
-SLOW = ("dilatation", "sliding")
+#: Solids, whose forms are processed again for each model, contacts, and what others cover.
+SLOW = ("solid", "dilatation", "sliding", "landing", "friction", "rebound", "controlled")
 
 
 @pytest.mark.serial
@@ -177,10 +177,10 @@ def test_states_that_are_computed_again():
     [
         pytest.param("beam", marks=pytest.mark.three_ranks),
         pytest.param("cables", marks=pytest.mark.three_ranks),
-        "controlled",
         "forces",
         "rebound",
-        "friction",
+        pytest.param("controlled", marks=pytest.mark.slow_on_ranks),
+        pytest.param("friction", marks=pytest.mark.slow_on_ranks),
         pytest.param("sliding", marks=pytest.mark.slow),
     ],
 )

@@ -111,6 +111,7 @@ def controlled(kind, **numbers):
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_events_with_friction_and_controllers():
     """Without the friction by the forces behind an event derivatives are off by 1e-3."""

@@ -147,6 +147,7 @@ SOME = {name: NUMBERS[name] for name in ("youngs", "mass")}
 OTHERS = {name: value for name, value in NUMBERS.items() if name not in SOME}
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_flexible_bodies_and_sliders():
     """The bead passes from an element to the next one: across it differences would be of a kink."""
@@ -238,7 +239,7 @@ def test_equilibria():
     ("build", "numbers", "joint"),
     [
         (partial(jointed, "Pulley"), THROWN, "joint"), (slid, NUMBERS, "slide"),
-        (hoist, HOIST, None),
+        pytest.param(hoist, HOIST, None, marks=pytest.mark.slow_on_ranks),
     ],
 )  # fmt: skip
 def test_ranks_agree_on_forces(build, numbers, joint):

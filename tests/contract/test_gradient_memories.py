@@ -175,6 +175,7 @@ def test_jumps_of_loads(build, numbers, name, time):
     compare(build, numbers, ["final:tip_x", "mean:tip_z"], STEPS, 1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_controllers_with_few_states_in_memory():
     """Steps that are taken again with other held outputs cannot be recovered."""
@@ -260,7 +261,7 @@ def test_strains_that_change_with_time():
     [
         (partial(rope, "iteration"), ROPE),
         pytest.param(arm, ARM, marks=pytest.mark.three_ranks),
-        (partial(bar, "viscoelastic"), BAR),
+        pytest.param(partial(bar, "viscoelastic"), BAR, marks=pytest.mark.slow_on_ranks),
         (partial(damped, "se3"), DAMPED),
     ],
     ids=["rope", "arm", "bar", "damped"],

@@ -47,7 +47,7 @@ MOTIONS = {ring: (["final:spin", "final:energy_strain"], OPTIONS(dt=2e-3, t_end=
 
 @pytest.mark.serial
 @pytest.mark.parametrize("name", ["outer_radius", pytest.param("width", marks=pytest.mark.slow)])
-@pytest.mark.parametrize("build", MOTIONS)
+@pytest.mark.parametrize("build", [ring, pytest.param(wheel, marks=pytest.mark.slow)])
 def test_sizes_of_meshes_of_gmsh(build, name):
     """The motion of nodes is told by differences of one length, for the start and the equations.
 
@@ -63,8 +63,10 @@ def test_sizes_of_meshes_of_gmsh(build, name):
     assert errors(found.gradient, rest, number, of, options, 1e-4).max() < 2e-5
 
 
+@pytest.mark.slow
+@pytest.mark.several_ranks
 @pytest.mark.three_ranks
-@pytest.mark.parametrize("build", [wheel, pytest.param(ring, marks=pytest.mark.slow)])
+@pytest.mark.parametrize("build", MOTIONS)
 def test_ranks_agree(build):
     """Noise of short differences is 1e-8 and more."""
     of, options = MOTIONS[build]

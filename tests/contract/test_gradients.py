@@ -104,6 +104,7 @@ def test_families(kind):
     compare(partial(body, kind), NUMBERS, ["final:tip_z", "mean:speed"], options, 2e-7)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_directors_that_turn_far():
     """They turn about themselves by what others leave: without it errors of 1e-5."""
@@ -129,6 +130,7 @@ def test_nets_of_cables():
     compare(netted, NET, ["final:at_z", "mean:at_x"], options, 1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_damped_modes_of_directors():
     """Their forces turn with directors about themselves as well: 1e-7 and more without that."""
@@ -334,6 +336,7 @@ def test_entries_that_do_not_meet_are_one_group():
     assert found.gradient["final:x"]["masses"] @ masses == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_arrays_that_act_at_other_times():
     """Knots of a force, which act one after the other, and forces, one of which acts later."""

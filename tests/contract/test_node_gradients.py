@@ -139,7 +139,9 @@ def numbers(kind: str, model: ff.Model) -> np.ndarray:
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("kind", KINDS)
+@pytest.mark.parametrize(
+    "kind", [pytest.param(k, marks=[pytest.mark.slow] * (k == "bar in motion")) for k in KINDS]
+)
 def test_gradient_by_nodes_is_that_of_differences(kind: str) -> None:
     """Of fourth order, along displacements of all nodes at random.
 

@@ -80,7 +80,9 @@ def _requests(part: BlockPart) -> dict[str, TangentRequest]:
 
 
 @pytest.mark.parametrize("damping", [0.0, 1e-3])
-@pytest.mark.parametrize("family", FAMILIES)
+@pytest.mark.parametrize(
+    "family", [pytest.param(f, marks=[pytest.mark.slow] * ("varying" in f)) for f in FAMILIES]
+)
 def test_action_is_the_matrix_times_the_step(family: str, damping: float) -> None:
     system, part = _moving(family, damping)
     block, width, shifts = part.block, part.block.width, Shifts(**MOVING)

@@ -111,6 +111,7 @@ def test_controllers_without_derivatives(law, input, text):
     _refused(text, model=_model(push, ff.EnergyProbe(), servo))
 
 
+@pytest.mark.slow
 def test_internal_variables_in_plane_stress():
     """They change the thickness, which acts on the forces in turn."""
     law = ff.laws.Viscoelastic(ff.laws.NeoHookean(2e6, 4e6), [1e6], [0.01])

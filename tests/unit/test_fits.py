@@ -32,6 +32,7 @@ def oscillator(damping, stiffness=400.0) -> ff.Model:
     return model
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_minimum_between_bounds():
     """The best damper is sqrt(k m) = 28.3 N s/m; with less allowed it is the most."""
@@ -46,6 +47,7 @@ def test_minimum_between_bounds():
     assert held.value > found.value
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_minimum_with_a_constraint_and_a_cost(shared_tmp_path):
     """The cheapest damper for which the mass does not overshoot by more than 20 mm."""
@@ -104,6 +106,7 @@ def test_best_of_few_gradients_keeps_the_constraint():
     assert found.value == min(row["objective"] for row in kept)
 
 
+@pytest.mark.slow
 def test_interrupted_minimisation_goes_on(shared_tmp_path):
     """The way is the same to the last digit, and no gradient is computed twice."""
     straight = cheapest(output=shared_tmp_path / "straight")
@@ -200,6 +203,7 @@ def test_what_measurements_do_not_tell():
         assert_on_page(text)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_the_end_of_a_fit_does_not_depend_on_units():
     """Of a motion without noise, as if it were measured in km: values to ten digits all the same.
@@ -240,6 +244,7 @@ def test_identified_parameters_lie_within_their_errors():
     assert ratio == pytest.approx(2e-3 / found.noise, rel=1e-3)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_what_is_known_before():
     """Two springs side by side, of which one is known: means and errors of linear Gaussian theory.
@@ -306,6 +311,7 @@ def test_a_fit_that_advances():
     assert found.motions < 20
 
 
+@pytest.mark.slow
 @pytest.mark.slow_on_ranks
 def test_samples_that_are_missing():
     """A column from 0.9 s on, every other row: as if nothing else had been computed.

@@ -82,6 +82,7 @@ def test_refusals() -> None:
         ff.MovableMesh(mesh, "notch", held="y0").moved(lambda x: np.outer(x[:, 0], (0, -1, 0)))
 
 
+@pytest.mark.slow
 def test_size_of_a_hole_of_gmsh_has_a_derivative() -> None:
     """The mesh generator's own inner nodes jump with the size, and gradients refuse that.
 

@@ -221,6 +221,7 @@ def under(body: Any, gravity: Any, *parts: Any) -> dict[str, float]:
     return {name: values[-1] for name, values in outcome.history.items()} | {"lines": len(lines)}
 
 
+@pytest.mark.slow
 @serial
 def test_what_modes_miss_of_a_weight() -> None:
     """The exact error of small deflections, whose squares in the energy norm add up."""
@@ -367,6 +368,7 @@ def test_a_mean_rotation_has_inertia_at_a_right_angle(axis: int) -> None:
         assert_on_page(str(raised.value))
 
 
+@pytest.mark.slow
 def test_an_average_end_bends_past_a_right_angle() -> None:
     """A moment rolls a beam up, which then springs back; its tip is tied on average, or rigidly."""
     law, angles = ff.laws.SaintVenantKirchhoff(2e7, 0.3), []
@@ -442,6 +444,7 @@ def refused(law: Any, message: str) -> None:
     assert_on_page(str(raised.value))
 
 
+@pytest.mark.slow
 @serial
 def test_laws_that_have_no_polynomial() -> None:
     laws, elastic = ff.laws, ff.laws.NeoHookean(MU, BULK)

@@ -89,14 +89,14 @@ def test_tangent_and_action_are_the_derivative_of_the_residual(
     _check_derivatives(beam, beam.shifts if moving else STILL, rng)
 
 
-@pytest.mark.parametrize("degree", [1, 3])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.slow), 3])
 @pytest.mark.parametrize("damping", [0.0, 0.03])
 def test_derivatives_with_relative_rotation_vectors(one_nurbs, degree, damping, rng):
     beam = _curved(one_nurbs, degree, damping=damping, vectors=True)
     _check_derivatives(beam, beam.shifts, rng)
 
 
-@pytest.mark.parametrize("degree", [1, 3])
+@pytest.mark.parametrize("degree", [pytest.param(1, marks=pytest.mark.slow), 3])
 @pytest.mark.parametrize("moving", [True, False], ids=["moving", "stiffness"])
 def test_derivatives_with_a_law_of_the_user(one_nurbs, degree, moving, rng):
     beam = _curved(one_nurbs, degree, LAW)

@@ -217,7 +217,8 @@ def angle_outline(b, h, t, r):
     return outline, {3: (t + r, t + r)}
 
 
-@pytest.mark.parametrize("name", [pytest.param("channel", marks=pytest.mark.slow), "angle"])
+@pytest.mark.slow
+@pytest.mark.parametrize("name", ["channel", "angle"])
 def test_finite_elements_on_triangles_agree(name, triangles):
     if name == "channel":
         outline, arcs = channel_outline(0.055, 0.1, 0.0045, 0.0075, 0.01)

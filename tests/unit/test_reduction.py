@@ -56,6 +56,7 @@ def test_mass_properties_of_a_turned_and_shifted_box() -> None:
     np.testing.assert_allclose(body.inertia, about, rtol=1e-11)
 
 
+@pytest.mark.slow
 @serial
 def test_inertia_of_eccentric_sections_is_that_of_their_masses() -> None:
     section = ff.Section.rectangle(0.03, 0.02, STEEL, mass_centre=(0.01, -0.02))

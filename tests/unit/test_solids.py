@@ -284,6 +284,7 @@ def test_masses_are_those_of_the_figure(name):
     assert motion[0] == pytest.approx(0.5 * square, rel=1e-12)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_slender_figure_about_its_axis_is_accepted():
     """The trial of the law shears it along the axis: a shear across would turn radii negative."""

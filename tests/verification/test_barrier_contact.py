@@ -69,6 +69,7 @@ def test_damping_of_a_thin_shell_makes_no_energy_in_impacts() -> None:
     assert found["energy_strain"].max() > 0.1 * total[0]
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_damping_does_not_change_where_a_beam_rests_on_a_contact() -> None:
     """Damping has no force at rest, and takes what the energies have lost before."""

@@ -11,9 +11,13 @@ pytestmark = pytest.mark.serial
 NAMES = [
     name for name in modules() if name.startswith(("rigid_", "flexible_", "shell_", "plastic_"))
 ]
+#: Those that compile most, or take longest.
+SLOW = ("plastic_solids", "flexible_solids", "shell_blanket", "flexible_formalisms")
 
 
-@pytest.mark.parametrize("name", NAMES)
+@pytest.mark.parametrize(
+    "name", [pytest.param(name, marks=[pytest.mark.slow] * (name in SLOW)) for name in NAMES]
+)
 def test_within_tolerance(name):
     """Coarse meshes, long steps or short spans."""
     # what each tolerance tells apart is said where it is set

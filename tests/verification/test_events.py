@@ -80,6 +80,7 @@ def test_a_ball_comes_to_rest():
         np.testing.assert_allclose(outcome.history["at_z"][-5:], 0.0, atol=1e-9)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_impacts_without_end_are_a_failure():
     options = RunOptions(dt=0.05, t_end=2.0, tolerance=1e-9)

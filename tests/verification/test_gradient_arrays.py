@@ -72,7 +72,9 @@ class Pendulum:
     ("torque", "values", "few"),
     [
         (local, 1.0 + 3.0 * np.sin(np.arange(16.0)), True),
-        pytest.param(symmetric, 1.0 + 3.0 * np.sin(np.arange(13.0)), False, marks=ONE),
+        pytest.param(
+            symmetric, 1.0 + 3.0 * np.sin(np.arange(13.0)), False, marks=[ONE, pytest.mark.slow]
+        ),
         pytest.param(knots, np.linspace(0.013, 0.088, 6), False, marks=ONE),
     ],
 )

@@ -24,6 +24,7 @@ def table(file: Path) -> list[dict[str, str]]:
     return list(csv.DictReader(file.read_text().splitlines()))
 
 
+@pytest.mark.slow
 @pytest.mark.slow_on_ranks
 def test_strongest_column(shared_tmp_path: Path) -> None:
     """Keller's 4/3, and his areas between the thin ends; the tables and both runs are there."""
@@ -58,6 +59,7 @@ def test_strongest_column(shared_tmp_path: Path) -> None:
     assert loads == pytest.approx([1.0, load], rel=0.01)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_blade_of_uniform_stress(shared_tmp_path: Path) -> None:
     """All elements reach the stress, and areas are those of the formula at their middles."""
@@ -113,6 +115,7 @@ def test_torques_that_keep_a_path(shared_tmp_path: Path) -> None:
         assert len(table(shared_tmp_path / "parameters.csv")) == 30
 
 
+@pytest.mark.slow
 @pytest.mark.slow_on_ranks
 def test_stiffnesses_from_the_path_of_a_tip(shared_tmp_path: Path) -> None:
     """All elements as they were made, from 30 % aside, and the truth within their errors.
@@ -147,6 +150,7 @@ def test_forty_stiffnesses_from_the_path_of_a_tip(shared_tmp_path: Path) -> None
     assert found["motions"] <= 60
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.several_ranks
 def test_what_is_known_before_on_ranks() -> None:
     """A prior, scales and motions that become longer, on all ranks as on one.

@@ -76,6 +76,7 @@ def compared(elements: int, options: ff.RunOptions, accuracy: float) -> None:
         assert by[name] == pytest.approx(slope, rel=accuracy)
 
 
+@pytest.mark.slow
 @pytest.mark.slow_on_ranks
 def test_gradient_by_widths_of_bars() -> None:
     """The first half second with coarse bars; the same on any number of ranks."""

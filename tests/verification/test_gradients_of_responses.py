@@ -107,6 +107,7 @@ OF_ARM = [("tip_y", "motor", 1.0), ("tip_x", "push", 3.0), ("gauge_kappa3", "mot
 GAINS = [f"gain:{out}/{given}@{hz:g}" for out, given, hz in OF_ARM]
 
 
+@pytest.mark.slow_on_ranks
 def test_responses_of_an_elastic_arm_are_those_of_its_linear_models():
     """About a bent equilibrium, against differences of transfer functions of ``linearize``.
 
@@ -136,6 +137,7 @@ def _gains(values) -> list[float]:
     return gains
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_functional_of_responses():
     """Half the sum of squares of gains at three frequencies."""

@@ -250,6 +250,7 @@ def test_deflection_and_frequency_of_a_cantilever():
     assert first["width"] == pytest.approx(0.0, abs=1e-3)
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.three_ranks
 def test_means_of_equal_frequencies_and_buckling_loads():
     """A square cantilever: the width acts on one of each pair, by ``b`` and by ``b^3``."""

@@ -147,7 +147,9 @@ PUSHED = ("every", "of_arm", "of_bob")
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("element", ff.SHELL_ELEMENTS)
+@pytest.mark.parametrize(
+    "element", ["director", pytest.param("rotation_free", marks=pytest.mark.slow)]
+)
 def test_mixed_mechanism(element):
     """Shell, floating body, sliders, drives and a load: of second order, as a whole and apart."""
     errors = {probe: [] for probe in MIXED}

@@ -355,6 +355,7 @@ def test_damped_oscillator():
         np.testing.assert_allclose(history["pull_fx"], -k * x - c * v, atol=0.02)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_friction_and_stop():
     """A block that slides with friction against a stop, is thrown back and comes to rest."""

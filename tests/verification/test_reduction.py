@@ -103,6 +103,7 @@ def test_a_rotating_cantilever_stiffens(rate: float, expected: float) -> None:
     assert found[0] == pytest.approx(np.sqrt(expected**2 - rate**2), rel=2e-3)
 
 
+@pytest.mark.slow
 def test_solid_and_beam_stiffen_alike() -> None:
     section = ff.Section.rectangle(0.1, 0.08, STEEL)
     found = []
@@ -130,6 +131,7 @@ def test_square_plates_do_not_lock(thickness: float) -> None:
     np.testing.assert_allclose(cantilever, [3.471, 8.508, 21.29], rtol=2.5e-2)
 
 
+@pytest.mark.slow
 def test_a_plate_in_its_plane_is_a_beam() -> None:
     from mpi4py import MPI
 
