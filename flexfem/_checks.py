@@ -319,6 +319,8 @@ def numbers(value: object) -> FloatArray:
         ValueError: it is nested raggedly.
     """
     raw = np.asarray(value)
+    if raw.dtype == np.float64:  # as of nearly all functions, which are called in every step
+        return raw
     others = (str, bytes, type(None))
     if raw.dtype.kind not in "biufO" or any(isinstance(one, others) for one in _objects(raw)):
         raise TypeError(f"must be numbers, got {show(value)}")
@@ -335,16 +337,19 @@ def returned(what: str, value: object, shape: tuple[int, ...]) -> FloatArray:
     Raises:
         ReturnError: It has returned something else.
     """
-    noun = "a number" if not shape else f"{shape[0]} number" + "s" * (shape[0] > 1)
     try:
         values = numbers(value)
     except (TypeError, ValueError):
-        raise ReturnError(f"{what} must return {noun}, got {show(value)}") from None
+        raise ReturnError(f"{what} must return {_noun(shape)}, got {show(value)}") from None
     if not shape and values.size == 1:
         return values.reshape(())
     if values.shape != shape:
-        raise ReturnError(f"{what} must return {noun}, got shape {values.shape}")
+        raise ReturnError(f"{what} must return {_noun(shape)}, got shape {values.shape}")
     return values
+
+
+def _noun(shape: tuple[int, ...]) -> str:
+    return "a number" if not shape else f"{shape[0]} number" + "s" * (shape[0] > 1)
 
 
 def returned_number(what: str, value: object) -> float:

@@ -228,17 +228,20 @@ def predict_step(
     system: System, laws: StepLaws, split: Split | None, prediction: Prediction
 ) -> None:
     """Start a step of the given laws with the predicted trial state."""
-    law, rows = laws.predict[prediction], system.constraints
-    parts = np.array([1.0, 1.0, 0.0, 0.0, 0.0, 0.0, 0.0])  # of the increments
+    whole, rows = laws.predict[prediction], system.constraints
 
     def predict(share: float) -> None:
-        system.predict(law * (1.0 + (share - 1.0) * parts), laws.rates)
+        law = whole
+        if share < 1.0:
+            law = whole.copy()
+            law[:2] *= share  # of the increments
+        system.predict(law, laws.rates)
         if split is not None and split.steady and prediction is Prediction.ACCELERATION:
             split.continue_impulses(share)
 
     predict_apart(system, predict)
     if split is None:
-        rows.multipliers[:] = laws.shifts.scale * rows.forces
+        np.multiply(rows.forces, laws.shifts.scale, out=rows.multipliers)
     else:
         split.predict(laws.shifts)
     rows.elements.begin(laws.states)

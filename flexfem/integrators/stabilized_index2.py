@@ -18,7 +18,7 @@ divided by ``dv/dn`` so that their derivatives are G as the step shrinks; then f
 ``p`` with the residuals of its equation and of the rows.
 """
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 
 from mpi4py import MPI
 
@@ -129,7 +129,7 @@ class _PositionsAndRates:
         shift = system.shift(-1.0)
         self._way += shift
         largest = float(np.max([moved.largest, shift]))
-        return Correction(success, replace(moved, largest=largest))
+        return Correction(success, moved._replace(largest=largest))
 
     def _put_defects(self, system: System) -> FloatArray:
         """Set the residuals to those of the equation of p (collective).

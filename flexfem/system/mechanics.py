@@ -8,8 +8,9 @@ equations derives a class from :class:`Mechanics`, which is an argument of solve
 from abc import ABC, abstractmethod
 from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
-from dataclasses import dataclass, replace
+from dataclasses import replace
 from math import isnan, nan
+from typing import NamedTuple
 
 import numpy as np
 
@@ -30,8 +31,7 @@ KeptAction = Callable[[BlockPart, float], bool]
 SolveAgain = Callable[[FloatArray], tuple[bool, FloatArray]]
 
 
-@dataclass(frozen=True)
-class Correction:
+class Correction(NamedTuple):
     """Result of a correction of the trial state.
 
     Attributes:

@@ -2,7 +2,7 @@
 """Corrections of the trial state that pass through no contact: they are cut short."""
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from typing import NamedTuple
 
 from mpi4py import MPI
 
@@ -21,8 +21,7 @@ _PREDICTED = 0.8
 _SHORTER, _TIMES = 0.95, 40
 
 
-@dataclass(frozen=True)
-class Moved:
+class Moved(NamedTuple):
     """Motion of all blocks by their steps.
 
     Attributes:

@@ -23,7 +23,9 @@ def swinging() -> ff.Model:
     markers = {
         "node": ff.Marker("beam", "end", offset=(0.1, 0.2, -0.1)),
         "inside": ff.Marker("beam", 0.45, offset=(0.0, 0.05, 0.02)),
-        "body": ff.Marker("ball", offset=(0.02, -0.03, 0.04)),
+        "body": ff.Marker(
+            "ball", offset=(0.02, -0.03, 0.04), rotation=[(0, -1, 0), (1, 0, 0), (0, 0, 1)]
+        ),
         "interface": ff.Ground((1.0, 2.0, 3.0)),
     }
     model.add(
@@ -70,6 +72,10 @@ def test_accelerations_are_rates_of_velocities():
     own = [np.concatenate([s.acceleration, s.angular_acceleration]) for s in found]
     # differences are good to 1e-7 here; a centripetal term, or the turning element's own, is 1
     np.testing.assert_allclose(own, slopes, atol=1e-5)
+    starts = [serial.marker_pose(m).rotation for probe in model.probes for m in probe.markers]
+    for state, turned in zip(found, starts, strict=True):
+        # rounding alone; a rotation whose transpose is taken is off by 1
+        np.testing.assert_allclose(state.turn @ turned, state.rotation, atol=1e-14)
     recorder.record(0.0)
     for _, values in recorder.flush():  # on the first rank
         table = values.reshape(len(NAMES), 12)

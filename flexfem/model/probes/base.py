@@ -3,6 +3,7 @@
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Any, ClassVar, Self
 
 import numpy as np
@@ -50,22 +51,32 @@ class MarkerState:
     angular_acceleration: FloatArray = field(default_factory=lambda: np.zeros(3))
 
     @classmethod
-    def of_motion(
-        cls, motion: FloatArray, start: FloatArray, arc: float = 0.0, arc_rate: float = 0.0
-    ) -> Self:
-        """State by position, rotation row by row, velocity, spin, and their rates, shape (24,).
+    def of_motions(
+        cls, motions: FloatArray, starts: FloatArray, arcs: Sequence[Sequence[float]]
+    ) -> list[Self]:
+        """States of several markers, whose arrays are parts of the given one.
 
-        The arrays are parts of the given one.
+        Args:
+            motions: shape (n, 33), of each marker position, rotation row by row, velocity, spin,
+                their rates, and :attr:`turn` row by row.
+            starts: shape (n, 3, 3), see the attribute.
+            arcs: arc length and its rate of each marker.
         """
-        state = object.__new__(cls)  # the constructor of frozen attributes takes four times as long
-        state.__dict__.update(
-            position=motion[:3], rotation=motion[3:12].reshape(3, 3), velocity=motion[12:15],
-            angular_velocity=motion[15:18], arc=arc, arc_rate=arc_rate, start=start,
-            acceleration=motion[18:21], angular_acceleration=motion[21:],
-        )  # fmt: skip
-        return state
+        found = []
+        rotations, turns = motions[:, 3:12].reshape(-1, 3, 3), motions[:, 24:].reshape(-1, 3, 3)
+        vectors = (motions[:, k : k + 3] for k in (0, 12, 15, 18, 21))
+        for x, v, w, a, b, R, turn, start, arc in zip(
+            *vectors, rotations, turns, starts, arcs, strict=True
+        ):
+            state = object.__new__(cls)  # the constructor of frozen attributes takes longer
+            state.__dict__.update(
+                position=x, rotation=R, velocity=v, angular_velocity=w, arc=arc[0],
+                arc_rate=arc[1], start=start, acceleration=a, angular_acceleration=b, turn=turn,
+            )  # fmt: skip
+            found.append(state)
+        return found
 
-    @property
+    @cached_property
     def turn(self) -> FloatArray:
         """Rotation since the start in inertial axes, shape (3, 3), whatever the marker's axes."""
         return self.rotation @ self.start.T

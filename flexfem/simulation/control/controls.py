@@ -19,7 +19,7 @@ from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._faults import FAILURES, FunctionError, ReturnError, noted
 from flexfem._types import FloatArray, IntArray
-from flexfem.control.law import SampledLaw
+from flexfem.control.law import SampledLaw, StaticLaw
 from flexfem.core.joint import Joint
 from flexfem.core.load import Load
 from flexfem.core.state import counts
@@ -208,9 +208,12 @@ class SampledLoop(Loop):
                 f"{self._span:.9g}"
             )
         try:
-            self._law = deepcopy(controller.law)
+            law = deepcopy(controller.law)
         except Exception as error:
             raise InputError(f"{self.owner}: law cannot be copied for the run: {error}") from error
+        # asked once: the check of a protocol takes as long as a small law
+        self._with_memory = law if isinstance(law, SampledLaw) else None
+        self._law: StaticLaw = law.update if isinstance(law, SampledLaw) else law
         self._next, self.held = 0, np.zeros(self.count)
 
     def due(self, t: float) -> bool:
@@ -223,18 +226,16 @@ class SampledLoop(Loop):
 
     def sampled(self, t: float, y: FloatArray) -> FloatArray:
         """Call the law."""
-        law = self._law
-        outputs = law.update(t, y) if isinstance(law, SampledLaw) else law(t, y)
-        return self.checked(t, outputs)
+        return self.checked(t, self._law(t, y))
 
     def memory(self) -> FloatArray:
         """A copy of the state of the law."""
-        return np.array(self._law.state if isinstance(self._law, SampledLaw) else ())
+        return np.array(() if self._with_memory is None else self._with_memory.state)
 
     def recall(self, memory: FloatArray) -> None:
         """Restore a result of :meth:`memory`."""
-        if isinstance(self._law, SampledLaw):
-            self._law.state = memory
+        if self._with_memory is not None:
+            self._with_memory.state = memory
 
     def impose(self, t: float, outputs: FloatArray) -> None:
         """Hold other outputs, until the next sample or restored state."""
@@ -246,16 +247,15 @@ class SampledLoop(Loop):
 
     def state(self) -> dict[str, FloatArray]:
         """Number of the next sample, held outputs and the state of the law."""
-        memory = np.empty(0)
-        if isinstance(self._law, SampledLaw):
-            memory = np.asarray(self._law.state, dtype=np.float64)
+        law = self._with_memory
+        memory = np.empty(0) if law is None else np.asarray(law.state, dtype=np.float64)
         return {"next": np.array([self._next]), "held": self.held, "law": memory}
 
     def restore(self, state: Mapping[str, FloatArray], first: bool) -> None:
         """Restore a result of :meth:`state`; ``first``: on the first rank, which calls the law."""
         (self._next,), self.held = counts("next", state["next"]), state["held"]
-        if first and isinstance(self._law, SampledLaw):
-            self._law.state = state["law"]
+        if first and self._with_memory is not None:
+            self._with_memory.state = state["law"]
 
 
 class Controls:

@@ -39,13 +39,14 @@ def _collect_nodes(memory: Memory, local: IntArray, places: IntArray, out: Float
 
 @kernel
 def _marker_motions(
-    nodes: FloatArray, offsets: FloatArray, bare: BoolArray, out: FloatArray
+    nodes: FloatArray, offsets: FloatArray, starts: FloatArray, bare: BoolArray, out: FloatArray
 ) -> None:
-    """Motion (m, 24) of markers in inertial axes, see ``MarkerState.of_motion``.
+    """Motion (m, 33) of markers in inertial axes, see ``MarkerState.of_motions``.
 
     Args:
         nodes: (m, 26) motion of their nodes, in these nodes' axes.
         offsets: (m, 12) frames of the markers relative to the nodes.
+        starts: (m, 3, 3) their rotations at the start.
         bare: (m,) True where spins are unknown.
         out: see above.
     """
@@ -75,6 +76,10 @@ def _marker_motions(
                 to[15 + i] += R[j] * spin[j]
                 to[18 + i] += R[j] * rate[j]
                 to[21 + i] += R[j] * turning[j]
+            for j in range(3):
+                to[24 + 3 * i + j] = 0.0
+                for k in range(3):
+                    to[24 + 3 * i + j] += to[3 + 3 * i + k] * starts[m, j, k]
             if bare[m]:
                 to[15 + i] = to[21 + i] = np.nan
 
@@ -87,7 +92,8 @@ class MarkerStates:
         self._comm, self._system = system.comm, system
         self._sliders = Sliders(system, markers)
         self._offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
-        self._start = [serial.marker_pose(m).rotation for m in markers]
+        starts = [serial.marker_pose(m).rotation for m in markers]
+        self._starts = np.array(starts).reshape(-1, 3, 3)
         self._bare = without_spin(serial, markers)
         self._ground = np.zeros((len(markers), _WIDTH))
         # a marker on the ground is its offset from a fixed node at the origin
@@ -122,13 +128,9 @@ class MarkerStates:
             nodes[self._sliders.places, 20:] = np.nan
         if self._comm.size > 1:  # one rank owns a node, the others add zeros
             self._comm.Allreduce(MPI.IN_PLACE, nodes, op=MPI.SUM)
-        motions = np.empty((len(nodes), 24))
-        _marker_motions(nodes, self._offsets, self._bare, motions)
-        arcs = nodes[:, 18:20].tolist()
-        return [
-            MarkerState.of_motion(motion, start, *arc)
-            for motion, start, arc in zip(motions, self._start, arcs, strict=True)
-        ]
+        motions = np.empty((len(nodes), 33))
+        _marker_motions(nodes, self._offsets, self._starts, self._bare, motions)
+        return MarkerState.of_motions(motions, self._starts, nodes[:, 18:20].tolist())
 
 
 def without_spin(serial: NumberedModel, markers: Sequence[Observed]) -> BoolArray:
