@@ -115,7 +115,7 @@ MOTIONS = {
 
 
 #: Solids, whose forms are processed again for each model, contacts, and what others cover.
-SLOW = ("solid", "dilatation", "sliding", "landing", "friction", "rebound", "controlled")
+SLOW = ("solid", "dilatation", "sliding", "landing", "friction", "rebound", "jump", "controlled")
 
 
 @pytest.mark.serial

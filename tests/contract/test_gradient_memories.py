@@ -164,7 +164,7 @@ def kicked(build, name, time, **numbers):
     ("build", "numbers", "name", "time"),
     [
         pytest.param(partial(rope, "iteration"), ROPE, "second", 0.0133, marks=pytest.mark.slow),
-        (partial(rope, "step"), ROPE, "second", 0.0133),
+        pytest.param(partial(rope, "step"), ROPE, "second", 0.0133, marks=pytest.mark.slow),
         (arm, ARM, "fore", 0.012),
     ],
     ids=["rope", "rope_every_step", "arm"],
@@ -259,7 +259,7 @@ def test_strains_that_change_with_time():
 @pytest.mark.parametrize(
     ("build", "numbers"),
     [
-        (partial(rope, "iteration"), ROPE),
+        pytest.param(partial(rope, "iteration"), ROPE, marks=pytest.mark.slow_on_ranks),
         pytest.param(arm, ARM, marks=pytest.mark.three_ranks),
         pytest.param(partial(bar, "viscoelastic"), BAR, marks=pytest.mark.slow_on_ranks),
         (partial(damped, "se3"), DAMPED),

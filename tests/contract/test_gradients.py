@@ -139,6 +139,7 @@ def test_damped_modes_of_directors():
     compare(build, {"gravity": 9.81}, ["final:tip_y", "final:tip_z"], options, 1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("element", "accuracy"), [("solid", 2e-6), ("director", 5e-8), ("rotation_free", 2e-6)]
@@ -380,6 +381,7 @@ def test_fixed_corners_move_as_their_edge_grows(element):
     assert found["final:root_y"]["length"] == pytest.approx(0.0, abs=1e-9)
 
 
+@pytest.mark.slow_on_ranks
 def test_states_that_do_not_fit_are_computed_again_or_on_disk(shared_tmp_path):
     options = ff.RunOptions(dt=1e-3, t_end=0.012, tolerance=1e-13)
     build = partial(body, "se3")

@@ -196,6 +196,7 @@ def test_tangent_along_nodes_is_that_of_the_adjoint() -> None:
         assert abs(parts.sum() - moved.derivative[name][-1]) < digits * np.abs(parts).sum()
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_models_are_no_more_for_more_nodes(monkeypatch: pytest.MonkeyPatch) -> None:
     """Twice as many nodes take as many models."""

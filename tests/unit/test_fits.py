@@ -294,6 +294,7 @@ def test_a_fit_to_the_whole_motion_at_once():
     assert abs(behind(most=8).values["stiffness"] / 400.0 - 1.0) > 0.05
 
 
+@pytest.mark.slow
 @pytest.mark.slow_on_ranks
 def test_a_fit_that_advances():
     """One whose motions all have the full length, or that forgets what it has found, ends there."""

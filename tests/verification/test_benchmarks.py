@@ -12,7 +12,15 @@ NAMES = [
     name for name in modules() if name.startswith(("rigid_", "flexible_", "shell_", "plastic_"))
 ]
 #: Those that compile most, or take longest.
-SLOW = ("plastic_solids", "flexible_solids", "shell_blanket", "flexible_formalisms")
+SLOW = (
+    "plastic_solids",
+    "flexible_solids",
+    "shell_blanket",
+    "shell_strips",
+    "flexible_formalisms",
+    "flexible_gradients",
+    "rigid_unit_scenes",
+)
 
 
 @pytest.mark.parametrize(

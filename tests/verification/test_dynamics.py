@@ -164,7 +164,7 @@ def _momenta(simulation: Simulation) -> np.ndarray:
     return np.einsum("nij,nj->i", back, sides[1] - sides[0])
 
 
-@pytest.mark.parametrize("dt", [5e-3, 2.5e-3])
+@pytest.mark.parametrize("dt", [5e-3, pytest.param(2.5e-3, marks=pytest.mark.slow)])
 def test_flying_spaghetti(dt):
     model, reference = _case("flying_spaghetti").CASE.model(elements=40), _table("flying_spaghetti")
     simulation = Simulation(model, RunOptions(dt=dt, t_end=15.0, tolerance=1e-8))

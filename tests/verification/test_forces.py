@@ -95,7 +95,7 @@ def assert_alike(found: Any, wanted: Any, tolerance: float) -> None:
 @pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(
     "integrator",
-    ["generalized_alpha", pytest.param("stabilized_index2", marks=pytest.mark.serial)],
+    ["generalized_alpha", pytest.param("stabilized_index2", marks=pytest.mark.slow)],
 )
 def test_springs_as_forces_move_as_springs(integrator: str) -> None:
     """On all ranks as on one, and with derivatives of the user's as with differences.
@@ -203,7 +203,7 @@ def exact_place(t: np.ndarray) -> np.ndarray:
 @pytest.mark.serial
 @pytest.mark.parametrize(
     "integrator",
-    ["generalized_alpha", "independent_coordinates"],
+    ["generalized_alpha", pytest.param("independent_coordinates", marks=pytest.mark.slow)],
 )
 def test_a_hydraulic_cylinder_is_stiff(integrator: str) -> None:
     """With steps that resolve its vibration of 173 rad/s, and with ones that do not.

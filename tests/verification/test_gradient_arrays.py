@@ -75,7 +75,7 @@ class Pendulum:
         pytest.param(
             symmetric, 1.0 + 3.0 * np.sin(np.arange(13.0)), False, marks=[ONE, pytest.mark.slow]
         ),
-        pytest.param(knots, np.linspace(0.013, 0.088, 6), False, marks=ONE),
+        pytest.param(knots, np.linspace(0.013, 0.088, 6), False, marks=[ONE, pytest.mark.slow]),
     ],
 )
 def test_gradient_by_what_acts_one_after_the_other(
@@ -138,7 +138,10 @@ def rod(heights: np.ndarray) -> ff.Model:
             rod, np.linspace(0.02, 0.03, 8), ElementInfluence, marks=pytest.mark.slow_on_ranks
         ),
         pytest.param(
-            Pendulum(local), 1.0 + 3.0 * np.sin(np.arange(16.0)), TimedInfluence, marks=ONE
+            Pendulum(local),
+            1.0 + 3.0 * np.sin(np.arange(16.0)),
+            TimedInfluence,
+            marks=[ONE, pytest.mark.slow],
         ),
     ],
 )

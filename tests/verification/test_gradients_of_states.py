@@ -177,11 +177,10 @@ def test_gradient_is_that_of_differences(kind, analysis):
 @pytest.mark.parametrize(
     ("kind", "analysis"),
     [
-        # each kind and each analysis
         ("solid", "statics"),
         ("rigid", "statics"),
         ("beam", "equilibrium"),
-        ("shell", "equilibrium"),
+        pytest.param("shell", "equilibrium", marks=pytest.mark.slow_on_ranks),
         pytest.param("shell", "statics", marks=pytest.mark.slow_on_ranks),
         pytest.param("rigid", "equilibrium", marks=pytest.mark.slow_on_ranks),
         pytest.param("director", "equilibrium", marks=pytest.mark.three_ranks),

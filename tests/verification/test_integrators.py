@@ -81,7 +81,11 @@ def _top_errors(top: str, h: float, span: float, integrator: str, policy: str):
 @pytest.mark.serial
 @pytest.mark.parametrize(
     ("top", "h", "span", "policy"),
-    [("slow", 2e-3, 0.5, "auto"), ("fast", 1e-3, 0.2, "auto"), ("fast", 1e-3, 0.2, "updated")],
+    [
+        ("slow", 2e-3, 0.5, "auto"),
+        ("fast", 1e-3, 0.2, "auto"),
+        pytest.param("fast", 1e-3, 0.2, "updated", marks=pytest.mark.slow),
+    ],
 )
 def test_stabilised_heavy_top_is_of_second_order_from_the_first_step(
     monkeypatch, top, h, span, policy

@@ -21,7 +21,9 @@ LAW = ff.BeamLaw(MODULE.energy, dissipation=MODULE.dissipation, parameters=VALUE
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize(("law", "sign"), [("softening", 1.0), ("stiffening", -1.0)])
+@pytest.mark.parametrize(
+    ("law", "sign"), [("softening", 1.0), pytest.param("stiffening", -1.0, marks=pytest.mark.slow)]
+)
 def test_end_moment_bends_to_the_curvature_of_the_law(law, sign):
     model = MODULE.CASE.model(elements=3, law=law, moment=0.6, retardation=0.3)
     options = ff.RunOptions(dt=2e-2, t_end=12.0, tolerance=1e-9)
