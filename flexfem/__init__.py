@@ -47,6 +47,7 @@ if launch.launched_in_parallel():
     _leaving.note_exits()
     atexit.register(_leaving.leave)
     launch.limit_threads()
+    launch.sleep_while_waiting()
 
 __version__ = "0.1.0"
 

@@ -48,7 +48,7 @@ def start(ranks: int) -> None:
     Args:
         ranks: of the run on this computer, which wait for one another while one of them compiles.
     """
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else 1
+    cores = len(launch.cores())
     if _STARTED or cores < 2 or os.environ.get(SWITCH) == "0":
         return
     atexit.register(_end)

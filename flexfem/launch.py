@@ -62,6 +62,24 @@ def ranks_here() -> tuple[int, int]:
     return here, max(here, started or 1)
 
 
+def cores() -> set[int]:
+    """Numbers of the cores that this process may use."""
+    if hasattr(os, "sched_getaffinity"):
+        return set(os.sched_getaffinity(0))
+    return set(range(os.cpu_count() or 1))
+
+
+def sleep_while_waiting() -> None:
+    """Let ranks of MPICH sleep while they wait, where a computer has more of them than cores.
+
+    They poll otherwise, and keep those from working for which they wait. MPI reads this variable
+    when it starts, and the user's value is kept.
+    """
+    here = next((int(os.environ[name]) for name in _LOCAL_VARIABLES if name in os.environ), 1)
+    if here > len(cores()):
+        os.environ.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")
+
+
 def say(text: str, *, error: bool = False) -> None:
     """Print one text on rank 0; whoever reads no further (``| head``) does not end a run."""
     if rank() != 0:

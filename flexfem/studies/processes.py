@@ -3,18 +3,12 @@
 
 from __future__ import annotations
 
-import os
 import sys
 from collections.abc import Sequence
 
 from flexfem.launch import program
 
-__all__ = ["cores", "python_command"]
-
-
-def cores() -> int:
-    """Cores that this process may use."""
-    return len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+__all__ = ["python_command"]
 
 
 def python_command(arguments: Sequence[str], ranks: int) -> list[str]:

@@ -10,6 +10,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem import launch
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 COUNT = (
@@ -41,6 +42,27 @@ def test_ranks_take_one_thread_unless_asked(first: str, given: dict[str, str], o
         text=True, check=True,
     )  # fmt: skip
     assert (done.stdout.strip() == "{1}") is one
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("here", "given", "found"),
+    [(3, None, "1"), (2, None, None), (3, "0", "0")],
+    ids=["more than cores", "as many", "the user's"],
+)
+def test_ranks_sleep_while_they_wait_where_cores_are_few(
+    here: int, given: str | None, found: str | None, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """Three ranks that poll on two cores took three times as long."""
+    name = "MPIR_CVAR_ENABLE_HEAVY_YIELD"
+    monkeypatch.setenv(name, given or "")
+    if given is None:
+        monkeypatch.delenv(name)
+    monkeypatch.setenv("MPI_LOCALNRANKS", str(here))
+    monkeypatch.setattr(launch, "cores", lambda: {0, 1})
+    launch.sleep_while_waiting()
+    assert os.environ.get(name) == found
+    monkeypatch.delenv(name, raising=False)
 
 
 def top() -> ff.Model:

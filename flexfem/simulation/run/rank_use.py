@@ -1,10 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Load balance of ranks: ranks without bodies, and more ranks than cores."""
 
-import os
-
 from mpi4py import MPI
 
+from flexfem.launch import cores
 from flexfem.system.system import System
 
 __all__ = ["idle_or_crowded"]
@@ -32,16 +31,9 @@ def idle_or_crowded(system: System) -> list[str]:
 def _crowded(comm: MPI.Intracomm) -> tuple[int, int]:
     """Ranks and cores of the computer where most ranks lack a core; zeros if none lacks one."""
     here = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    cores = len(set().union(*here.allgather(_cores())))
-    lacking = here.size - cores
-    places = comm.allgather((lacking, here.size, cores))
+    count = len(set().union(*here.allgather(cores())))
+    lacking = here.size - count
+    places = comm.allgather((lacking, here.size, count))
     here.Free()
     worst = max(places)
     return worst[1:] if worst[0] > 0 else (0, 0)
-
-
-def _cores() -> set[int]:
-    """Numbers of the cores that this process may use."""
-    if hasattr(os, "sched_getaffinity"):
-        return set(os.sched_getaffinity(0))
-    return set(range(os.cpu_count() or 1))
