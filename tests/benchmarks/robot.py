@@ -37,7 +37,7 @@ def servo(x: float, v: float, t: float, p: tuple[float, ...]) -> float:
     return p[0] * (x - p[2] * part) + p[1] * (v - p[2] * rate)
 
 
-def _angles(axis: Sequence[float]) -> Callable[..., tuple[float, float]]:
+def angle_of(axis: Sequence[float]) -> Callable[..., tuple[float, float]]:
     """Function of a probe: angle and rate of a joint about one of the axes x, y, z."""
     k = axis.index(1)
     i, j = (k + 1) % 3, (k + 2) % 3
@@ -92,7 +92,7 @@ def robot(law: str = "compiled", flexible: str = "tool", sample_time: float = 1e
             names.append((f"angle_{k + 1}", f"rate_{k + 1}"))
             model.add(
                 ff.Actuator(f"motor_{k + 1}", before, own, axis=axis),
-                ff.Probe(f"turn_{k + 1}", (before, own), names[-1], _angles(axis)),
+                ff.Probe(f"turn_{k + 1}", (before, own), names[-1], angle_of(axis)),
             )
         before = after
     if names:
