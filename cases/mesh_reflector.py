@@ -22,8 +22,10 @@ History: ``radius``, half of the distance of opposite battens, m; ``level``, lar
 the heights of battens, m; ``cable_tension``, ``cable_end_tension`` (N) and ``cable_stretch`` (m) of
 the driving cable; ``centre_x, centre_y, centre_z``, the middle of the front net, m;
 ``surface_rms``, root mean square of the distances of at most a hundred nodes of it inside the ties
-from their places in the design, m; and the energies, J: ``energy_kinetic``, ``energy_strain``,
-``energy_gravity``, ``energy_work``, ``energy_dissipation`` and ``energy_balance``.
+from their places in the design, m; ``gap``, largest distance of two points that a joint holds
+together, m: how well all loops are closed; and the energies, J: ``energy_kinetic``,
+``energy_strain``, ``energy_gravity``, ``energy_work``, ``energy_dissipation`` and
+``energy_balance``.
 
 Slack cables have little damping of their own (``--slack-damping``), by which nodes follow their
 neighbours. Without it a net is a gas of nodes that rebound from their cables, in other places in
@@ -294,6 +296,9 @@ def build(
     _add_drive(model, ring, start, deployment, haul, driving_stiffness)
     _add_nets(model, nets, start, net_mass, net_damping, slack_damping)
     model.add(ff.Probe("ring", [foot(k) for k in range(bays)], ("radius", "level"), _measure))
+    hinged = [one for one in model.joints if isinstance(one, ff.Revolute | ff.Spherical)]
+    ends = [marker for one in hinged for marker in one.markers]
+    model.add(ff.Probe("loops", ends, ("gap",), _gap))
     model.add(ff.EnergyProbe())
     return model
 
@@ -313,6 +318,12 @@ def _measure(t: float, *feet: ff.MarkerState) -> tuple[float, float]:
     places = np.array([one.position for one in feet])
     across = places[0, :2] - places[len(feet) // 2, :2]
     return 0.5 * float(np.linalg.norm(across)), float(np.ptp(places[:, 2]))
+
+
+def _gap(t: float, *ends: ff.MarkerState) -> tuple[float]:
+    """Largest distance of two points, one after the other, that a joint holds together."""
+    places = np.array([one.position for one in ends])
+    return (float(np.linalg.norm(places[::2] - places[1::2], axis=1).max()),)
 
 
 def _add_bay(model: ff.Model, ring: Ring, k: int, start: float, latch: float) -> None:
@@ -427,7 +438,8 @@ def results(history: Mapping[str, Array]) -> dict[str, float]:
     """Radius, height differences and deviation of the front net at the end; energies."""
     names = ("radius", "level", "surface_rms", "energy_strain", "energy_work")
     found = {name: float(history[name][-1]) for name in names}
-    return found | {"largest_balance": float(np.abs(history["energy_balance"]).max())}
+    largest = {"balance": history["energy_balance"], "gap": history["gap"]}
+    return found | {f"largest_{name}": float(np.abs(h).max()) for name, h in largest.items()}
 
 
 CASE = ff.Case(
