@@ -44,6 +44,7 @@ import sys
 from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -257,7 +258,7 @@ def build(
     *, bays: int, rings: int, elements: int, radius: float, height: float, depth: float,
     tied: float, net_tension: float, edge_force: float, net_stiffness: float,
     edge_stiffness: float, net_mass: float, net_damping: float, slack_damping: float,
-    start_angle: float, latch_angle: float, deployment: float, haul: float,
+    dissipating_catch: bool, start_angle: float, latch_angle: float, deployment: float, haul: float,
     driving_stiffness: float, brake: float, diameter: float, wall: float, youngs_modulus: float,
     density: float, damping: float,
 ) -> ff.Model:  # fmt: skip
@@ -294,7 +295,9 @@ def build(
                     second_axis=ring.across(k), ratio=-1.0)
         )  # fmt: skip
     _add_drive(model, ring, start, deployment, haul, driving_stiffness)
-    _add_nets(model, nets, start, net_mass, net_damping, slack_damping)
+    net = {"mass_per_length": net_mass, "damping": net_damping}
+    net |= {"slack_damping": slack_damping, "dissipating_catch": dissipating_catch}
+    _add_nets(model, nets, start, net)
     model.add(ff.Probe("ring", [foot(k) for k in range(bays)], ("radius", "level"), _measure))
     hinged = [one for one in model.joints if isinstance(one, ff.Revolute | ff.Spherical)]
     ends = [marker for one in hinged for marker in one.markers]
@@ -397,9 +400,7 @@ def _add_drive(
     )  # fmt: skip
 
 
-def _add_nets(
-    model: ff.Model, nets: Nets, start: float, mass: float, damping: float, slack_damping: float
-) -> None:  # fmt: skip
+def _add_nets(model: ff.Model, nets: Nets, start: float, net: dict[str, Any]) -> None:
     """Both nets and their ties, folded, at the ends of the battens."""
     pairs, stiffness, rest = nets.members
     front, _, tied, *_ = nets.design
@@ -409,12 +410,7 @@ def _add_nets(
     sets |= {f"rear_{k}": [int(node) + count] for k, node in enumerate(corners)}
     sets |= {f"sample_{i}": [int(node)] for i, node in enumerate(sample)}
     mesh = ff.ElementMesh(nets.folded(start), pairs, "interval", nodes=sets)
-    model.add(
-        ff.CableNet(
-            "nets", mesh, stiffness, mass_per_length=mass, rest_length=rest, damping=damping,
-            slack_damping=slack_damping,
-        )
-    )  # fmt: skip
+    model.add(ff.CableNet("nets", mesh, stiffness, rest_length=rest, **net))
     for k in range(nets.ring.bays):
         model.add(
             ff.Spherical(f"front_{k}", head(k), ff.Marker("nets", f"front_{k}")),
@@ -464,6 +460,7 @@ CASE = ff.Case(
         ff.Option("net_damping", float, 1e-3, "of them, proportional to stiffness", unit="s",
                   minimum=0.0),
         ff.Option("slack_damping", float, 1e-5, "the same, slack or taut", unit="s", minimum=0.0),
+        ff.Option("dissipating_catch", bool, False, "cables that become taut lose energy"),
         ff.Option("start_angle", float, 5.0, "between battens and longerons", unit="deg",
                   above=0.0, maximum=90.0),
         ff.Option("latch_angle", float, 89.99, "at which bays lock", unit="deg", above=0.0,

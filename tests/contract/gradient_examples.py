@@ -220,7 +220,7 @@ def strip(element: str, *, length, width) -> ff.Model:
     return model
 
 
-def netted(*, axial, damping, speed, mass) -> ff.Model:
+def netted(*, axial, damping, speed, mass, catch=False) -> ff.Model:
     """A free net that shrinks, some of whose cables become slack or taut."""
     ticks = np.linspace(0.0, 1.0, 3)
     points = np.array([[x, y, 0.1 * x * y] for y in ticks for x in ticks])
@@ -232,7 +232,7 @@ def netted(*, axial, damping, speed, mass) -> ff.Model:
     model.add(
         ff.CableNet(
             "net", mesh, axial, mass_per_length=mass, rest_length=rest, damping=damping,
-            slack_damping=0.1 * damping, velocity=(speed, 0.0, 0.0),
+            slack_damping=0.1 * damping, dissipating_catch=catch, velocity=(speed, 0.0, 0.0),
             angular_velocity=(0.0, 3.0, 1.0),
         ),
         ff.PositionProbe("at", ff.Marker("net", "edge")),

@@ -99,6 +99,8 @@ MOTIONS = {
                    ["final:tip_z"], steps(1e-3, 3, 0.6), 1e-3),
     "controlled": (controlled, ARMS, ["final:tip_x", "mean:tip_z"], steps(4e-3, 5, 0.6), 1e-3),
     "cables": (netted, NET, ["final:at_z", "mean:at_x"], steps(1e-2, 8, 0.6), 1e-3),
+    "catching cables": (partial(netted, catch=True), NET, ["final:at_z", "mean:at_x"],
+                        steps(1e-2, 8, 0.6), 1e-3),
     "jump": (partial(switched, "damped", 0.0023), NUMBERS, ["final:tip_z", "final:lifted"],
              steps(1e-3, 4, 0.6), 1e-3),
     "rebound": (partial(arms, "bounce"), VALUES, ["final:tip_x", "mean:tip_z"],

@@ -245,15 +245,15 @@ def test_matrices_are_derivatives(slack):
 
 
 @pytest.mark.serial
-@pytest.mark.parametrize("slack", [1.0, 0.0])
-def test_mean_forces_and_their_derivatives(slack):
+@pytest.mark.parametrize(("slack", "catch"), [(1.0, 0.0), (1.0, 1.0), (0.0, 0.0)])
+def test_mean_forces_and_their_derivatives(slack, catch):
     """Over a step with cables that stay slack or taut, or change: work, loss and derivatives."""
     random = np.random.default_rng(5)
     count = 40
     nodes = np.arange(2 * count, dtype=np.int32).reshape(count, 2)
     numbers = np.column_stack(
         [np.ones(count), random.uniform(5.0, 9.0, count), np.full(count, 0.02),
-         np.full(count, slack), np.full(count, 5e-3 * slack)]
+         np.full(count, slack), np.full(count, 5e-3 * slack), np.full(count, catch)]
     )  # fmt: skip
     index = np.arange(4 * count, dtype=np.int32).reshape(count, 2, 2)
     ends = [np.zeros((2 * count, 3)) for _ in range(2)]
@@ -290,6 +290,18 @@ def test_mean_forces_and_their_derivatives(slack):
     pairs = step.reshape(count, 2, 3)
     found = np.einsum("mijab,mjb->mia", blocks.reshape(count, 2, 2, 3, 3), pairs)
     np.testing.assert_allclose(found.reshape(-1, 3), expected, atol=1e-7)
+    # by the start: the derivative by the end of the step from its end to its start
+    turned = law * (-1.0, -1.0, 1.0)
+
+    def from_start(x):
+        out = np.zeros_like(x)
+        kernels.add_step_forces(nodes, numbers, x, x1, last, law, out)
+        return out
+
+    expected = (from_start(x0 + 1e-6 * step) - from_start(x0 - 1e-6 * step)) / 2e-6
+    product = np.zeros_like(x1)
+    kernels.add_step_products(nodes, numbers, x1, x0, -last, turned, step, product)
+    np.testing.assert_allclose(product, expected, atol=1e-7)
     # by the end of the last step, which is the start of this one here
     taut = [np.empty(count) for _ in range(2)]
     moved = [x0 + size * step for size in (1e-6, -1e-6)]
@@ -376,6 +388,31 @@ def test_a_damped_net_moves_as_by_another_integrator():
 
 
 @pytest.mark.serial
+def test_a_catch_that_dissipates_in_closed_form():
+    """One step from slack to taut: the force of its end acts over it, and takes energy."""
+    m, L, EA, v, h, slack = 0.3, 1.0, 600.0, 2.0, 0.1, 0.1
+    mesh = ff.ElementMesh(
+        [[0, 0, 0], [L - slack, 0, 0]], [[0, 1]], "interval", nodes={"wall": [0], "ball": [1]}
+    )
+    model = ff.Model("ball")
+    model.add(
+        ff.CableNet(
+            "rope", mesh, EA, mass_per_length=0.0, rest_length=L, node_mass=[1.0, m],
+            velocity=(v, 0.0, 0.0), fixed={"wall": "xyz"}, dissipating_catch=True,
+        ),
+        ff.PositionProbe("ball", ff.Marker("rope", "ball")),
+        ff.EnergyProbe(),
+    )  # fmt: skip
+    found = ff.simulate(model, ff.RunOptions(dt=h, t_end=h, rho_inf=1.0, **STEPS)).history
+    # m (2 (x - x_0) / h - 2 v) / h = -EA (x - L) / L
+    stretch = 2.0 * m * (v * h - slack) / (2.0 * m + EA * h * h / L)
+    assert abs(found["ball_x"][-1] - L - stretch) < 1e-10  # the force of its energy gives 0.05
+    lost = EA * stretch / L * (0.5 * stretch + slack)
+    assert abs(found["energy_dissipation"][-1] - lost) < 1e-9 * lost
+    assert abs(found["energy_balance"][-1]) < 1e-10 * lost
+
+
+@pytest.mark.serial
 def test_slack_damping_saves_iterations():
     """A tossed net in steps that do not resolve the vibrations of its cables."""
     counts = []
@@ -394,8 +431,9 @@ def test_slack_damping_saves_iterations():
 def test_ranks_agree():
     """Cables of one net on several ranks move as on one."""
     options = ff.RunOptions(dt=5e-3, t_end=0.1, rho_inf=0.9, split_above=1, **STEPS)
-    found = ff.simulate(tossed(2e-3, slack_damping=1e-4), options)
-    alone = ff.simulate(tossed(2e-3, slack_damping=1e-4), options, comm=MPI.COMM_SELF)
+    net = {"slack_damping": 1e-4, "dissipating_catch": True}
+    found = ff.simulate(tossed(2e-3, **net), options)
+    alone = ff.simulate(tossed(2e-3, **net), options, comm=MPI.COMM_SELF)
     for name, column in alone.history.items():
         size = max(abs(column).max(), 1.0)
         mine = COMM.bcast(found.history[name] if COMM.rank == 0 else None)
@@ -417,6 +455,7 @@ def test_ranks_agree():
         ({"damping": -1.0}, "damping must not be negative"),
         ({"slack_damping": -1.0}, "slack_damping must not be negative"),
         ({"slack_damping": 1.0, "tension_only": False}, "slack_damping is that of cables, got 1"),
+        ({"dissipating_catch": True, "tension_only": False}, "is that of cables, got bars"),
         ({"fixed": {"nowhere": "x"}}, "nowhere"),
         ({"fixed": {"middle": "w"}}, 'must be some of "xyz"'),
     ],

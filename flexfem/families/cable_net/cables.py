@@ -16,7 +16,7 @@ class Cables:
 
     Attributes:
         nodes: (m, 2) local nodes.
-        numbers: (m, 5) of :mod:`flexfem.families.cable_net.kernels`.
+        numbers: (m, 6) of :mod:`flexfem.families.cable_net.kernels`.
         mass: (m,) of the cables, kg; fittings: (m, 2) masses at their nodes that they bring along.
         body: (m,) number of the body.
     """

@@ -25,6 +25,9 @@ from flexfem.layout.tangent_request import EXACT, TangentRequest
 
 __all__ = ["CableElements"]
 
+#: Numbers of cables that lose energy.
+_DAMPERS = [kernels.DAMPING, kernels.ALWAYS, kernels.CATCH]
+
 
 class CableElements(StresslessElements):
     """All cables of nets of this rank.
@@ -50,7 +53,8 @@ class CableElements(StresslessElements):
         """
         self.cables, self.body = cables, cables.body
         self.size = np.ascontiguousarray(cables.numbers[:, kernels.REST])
-        self.viscous = bool(cables.numbers[:, [kernels.DAMPING, kernels.ALWAYS]].any())
+        self._damped = np.flatnonzero(cables.numbers[:, _DAMPERS].any(axis=1))
+        self.viscous = len(self._damped) > 0
         count = len(block.frames)
         self._pairs = NodePairs(count, [cables.nodes])
         self._points, self._vectors, self._rates = np.zeros((3, count, 3))
@@ -170,11 +174,6 @@ class CableElements(StresslessElements):
         stress, rates = np.zeros((2, len(self._damped), 6))
         stress[:, 0], rates[:, 0] = (powers / self.size)[self._damped], 1.0
         return stress, rates
-
-    @property
-    def _damped(self) -> IntArray:
-        dampers = self.cables.numbers[:, [kernels.DAMPING, kernels.ALWAYS]]
-        return np.flatnonzero(dampers.any(axis=1))
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:

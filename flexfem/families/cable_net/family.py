@@ -63,12 +63,10 @@ class CableNetFamily(MeshFamily[CableNet]):
 
 
 def _numbers(body: CableNet) -> FloatArray:
-    """Numbers (m, 5) of the cables of a body for the loops."""
-    damping, slack, always = (
-        np.full(len(body.mesh.cells), float(value))
-        for value in (body.damping, body.tension_only, body.slack_damping)
-    )
-    return np.column_stack([body.unstretched, body.axial_stiffness, damping, slack, always])
+    """Numbers (m, 6) of the cables of a body for the loops."""
+    values = body.damping, body.tension_only, body.slack_damping, body.dissipating_catch
+    own = [np.full(len(body.mesh.cells), float(value)) for value in values]
+    return np.column_stack([body.unstretched, body.axial_stiffness, *own])
 
 
 def _fittings(body: CableNet) -> FloatArray:

@@ -13,12 +13,14 @@ pulls with EA times a stress s:
   the work on a cable is ``EA L s De``, in which ``r m De = (g_b^2 - g_a^2)/2`` is the change of the
   energy (a discrete gradient, Gonzalez 1996), the dampers' parts are positive, and that of c, half
   the numerical dissipation, is the one of ``integrators.energy_momentum.scheme`` in g. It is smooth
-  where the cable becomes taut.
+  where the cable becomes taut;
+- where a cable is slack at a and taut at b, and its catch dissipates, ``s = g_b + t De / h``, whose
+  work on the cable is ``EA L g_b (g_b/2 - e_a)`` more than the change of the energy.
 
 Each row of numbers has :data:`REST` L, m, :data:`STIFFNESS` EA, N, :data:`DAMPING` tau, s,
-:data:`SLACK`, 1 of cables and 0 of bars, and :data:`ALWAYS` t, s, of cables. The driver of cells
-would call a kernel by address for forty operations. Loops add forces in inertial axes, (n, 3), and
-matrices of pairs of nodes.
+:data:`SLACK`, 1 of cables and 0 of bars, :data:`ALWAYS` t, s, of cables, and :data:`CATCH`, 1 of
+cables whose catch dissipates. The driver of cells would call a kernel by address for forty
+operations. Loops add forces in inertial axes, (n, 3), and matrices of pairs of nodes.
 """
 
 import math
@@ -30,6 +32,7 @@ from flexfem.kernels.compiled import inlined, kernel
 
 __all__ = [
     "ALWAYS",
+    "CATCH",
     "DAMPING",
     "REST",
     "SLACK",
@@ -50,7 +53,7 @@ __all__ = [
 ]  # fmt: skip
 
 #: Columns of the numbers of a cable.
-REST, STIFFNESS, DAMPING, SLACK, ALWAYS = 0, 1, 2, 3, 4
+REST, STIFFNESS, DAMPING, SLACK, ALWAYS, CATCH = 0, 1, 2, 3, 4, 5
 #: Squared sine up to which a cable has turned by half a turn, and its axes stay.
 _OPPOSITE = 1e-6
 
@@ -114,6 +117,11 @@ def _mean_stress(
     always = slope_always * whole
     if a == 0.0 and b == 0.0:
         return always, slope_always, 0.0, always * whole
+    if row[CATCH] > 0.0 and (a == 0.0 if per_step > 0.0 else b == 0.0):
+        # the end of the step is taut; of one that is looked at from its end it comes first
+        taut, slack, by_taut = (b, start, 1.0) if per_step > 0.0 else (a, end, 0.0)
+        lost = math.copysign(taut * (0.5 * taut - slack), per_step)
+        return taut + always, by_taut + slope_always, 0.0, lost + always * whole
     mean, change, by_end = 0.5 * (a + b), b - a, 1.0 if end > 0.0 else 0.0
     pull = tau * per_step * change / mean
     quick = math.tanh(pull)
@@ -232,7 +240,7 @@ def tangents(
 
     Args:
         nodes: (m, 2) of the cables.
-        numbers: (m, 5) of the cables.
+        numbers: (m, 6) of the cables.
         x: (n, 3) positions, m.
         v: (n, 3) velocities, m/s.
         factors: of derivatives by positions and by velocities.
@@ -298,7 +306,7 @@ def add_step_forces(
 
     Args:
         nodes: (m, 2) of the cables.
-        numbers: (m, 5) of the cables.
+        numbers: (m, 6) of the cables.
         x0: (n, 3) positions at the start, m.
         x: (n, 3) positions at the end.
         last: (m,) change of the taut parts over the last step.

@@ -51,6 +51,13 @@ class CableNet(MeshBody):
     flying from one jerk to the next one: in steps h beyond ``m L / (EA t)`` with the mass m of a
     node. Newton's method needs fewer iterations then.
 
+    In a step of ``energy_momentum`` in which a cable becomes taut, its mean force is that of its
+    energy, which is far less than the force of the end: it is stretched too far, and is slack again
+    after the next step. Nets many of whose cables do so in steps that do not resolve it need many
+    iterations. With ``dissipating_catch`` the force over such a step is that of its end, the
+    tension T, and ``T L (e/2 + d)`` is lost, with the strain e at the end and -d at the start: an
+    error of first order in the step. Other integrators have no mean forces, and lose nothing.
+
     The unknowns are the positions of the nodes; markers are at nodes, which have no axes, see
     :class:`NodeSetMarker`. The mass is distributed along the cables, linear between their nodes.
     The integrator ``energy_momentum`` keeps or dissipates the energy also where many cables become
@@ -68,6 +75,7 @@ class CableNet(MeshBody):
         node_mass: Of fittings at the nodes, kg; one number, or one for each node, (n,).
         damping: Proportional to the stiffness, s.
         slack_damping: The same, of slack and taut cables alike, s.
+        dissipating_catch: True for cables that lose energy as they become taut in a step.
         tension_only: False for bars.
         fixed: Directions in which sets of nodes are fixed, some of "xyz", by the set's name.
         velocity: Initial velocity of the point of the (extended) body at the inertial origin,
@@ -79,7 +87,7 @@ class CableNet(MeshBody):
         TypeError: An argument has the wrong type.
         ValueError: Other cells than intervals of degree 1, a value that is negative, not positive,
             or neither one nor one for each cable, rest length and preload, a node without mass,
-            slack damping of bars, or a set that the mesh does not have.
+            slack damping or a catch of bars, or a set that the mesh does not have.
     """
 
     family = "flexfem.families.cable_net.family:CableNetFamily"
@@ -94,6 +102,7 @@ class CableNet(MeshBody):
     node_mass: Values = settled(default=0.0)
     damping: float = number(default=0.0, nonnegative=True)
     slack_damping: float = number(default=0.0, nonnegative=True)
+    dissipating_catch: bool = flag(default=False)
     tension_only: bool = flag(default=True)
     fixed: Mapping[str, str] = settled(default=MappingProxyType({}))
     velocity: Array = vector(default=ZERO)
@@ -125,6 +134,10 @@ class CableNet(MeshBody):
             raise ValueError(
                 f"{owner}: slack_damping is that of cables, got {self.slack_damping:.6g} of bars "
                 "(tension_only=False); give damping"
+            )
+        if self.dissipating_catch and not self.tension_only:
+            raise ValueError(
+                f"{owner}: dissipating_catch is that of cables, got bars (tension_only=False)"
             )
         masses = self.node_mass + np.bincount(
             mesh.cells.ravel(), np.repeat(self.mass_per_length, 2), len(mesh.points)
