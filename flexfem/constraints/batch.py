@@ -441,7 +441,7 @@ class Constraints(NumberedRows):
 
     @property
     def steps(self) -> list[Step]:
-        """What :meth:`evaluate` does, for sequences that contain it."""
+        """What :meth:`evaluate` does besides :attr:`checks`, for sequences that contain it."""
         every, own = self._steps_of_rows(), weakref.proxy(self)
         return [*every, _later(own, "evaluate_elements")] if self.elements.groups else every
 
@@ -454,8 +454,6 @@ class Constraints(NumberedRows):
         if self.lines.joints:
             steps.append(lambda: own.lines.evaluate(frames, own.poses, own.force_jacobian))
         steps.append(Call(evaluate_rows, self.own.memory, nodes, self._dynamics))
-        if self._functions.places:
-            steps.append(lambda: own._functions.watch(own))
         if self.damped:
             given = self._velocity, False, self.slopes, self.step_jacobian
             steps.append(Call(add_dampers, self.own.memory, nodes, *given))
@@ -465,9 +463,15 @@ class Constraints(NumberedRows):
             steps.append(_later(own, "hold_gradients"))
         return steps
 
+    @property
+    def checks(self) -> list[Step]:
+        """What follows :attr:`steps` anywhere in a sequence: values of functions are watched."""
+        own: Constraints = weakref.proxy(self)
+        return [lambda: own._functions.watch(own)] if self._functions.places else []
+
     @cached_property
     def _evaluate_rows(self) -> Callable[[], None]:
-        return sequence(self._steps_of_rows())
+        return sequence([*self._steps_of_rows(), *self.checks])
 
     def evaluate_elements(self) -> None:
         """Write the equations of force elements."""

@@ -43,7 +43,7 @@ class Evaluation:
         """
         self.gravity, self._rows, self._scale, self._blocks = gravity, rows, scale, blocks
         self.before, self.after = sequence(before), sequence(after)
-        self.whole: Callable[[], None] = sequence([*before, *rows.steps, *after])
+        self.whole: Callable[[], None] = sequence([*before, *rows.steps, *after, *rows.checks])
         spread = [block.spread_step for block in blocks if block.has_ghosts]
         self._moves = [Call(correct, block.nodes.memory, -1.0) for block in blocks]
         self._move = sequence([*spread, *self._moves])

@@ -304,8 +304,9 @@ class FrozenSolver:
             subtracted - and the result of the refinement.
         """
         rows = self.system.constraints
-        self._multipliers.follow_sliders()
-        if not (keep_interface or self.prepare(shifts)):
+        if keep_interface:
+            self._multipliers.follow_sliders()
+        elif not self.prepare(shifts):
             return False, np.zeros(rows.size), None
         for contacts in self.system.contacts:
             alike = contraction < _ALIKE
