@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Springs that are slack or preloaded, against closed forms."""
 
+from pathlib import Path
 from typing import Any
 
 from mpi4py import MPI
@@ -245,3 +246,16 @@ def abs_of(x: float) -> float:
 
 def spring_of(**spring: Any) -> ff.SpringDamper:
     return ff.SpringDamper("spring", HOOK, ff.Marker("mass"), **spring)
+
+
+def test_a_restart_with_a_slack_cable(shared_tmp_path: Path) -> None:
+    """Its law has an infinite limit, which is no part of a checkpoint of the scheme."""
+    model = hanging(LENGTH - 0.01, rest_length=LENGTH, tension_only=True)
+    given = {"dt": 5e-3, "integrator": "energy_momentum", "rho_inf": 0.9, "quiet": True}
+    whole = columns(ff.simulate(model, ff.RunOptions(t_end=0.1, **given)))
+    more = {"output": shared_tmp_path, "checkpoint_every": 10}
+    ff.simulate(model, ff.RunOptions(t_end=0.05, **given, **more))
+    file = shared_tmp_path / "checkpoint_000010.h5"
+    again = columns(ff.simulate(model, ff.RunOptions(t_end=0.1, restart=file, **given)))
+    # the last changes or the force forgotten moves it by 1e-6 m
+    assert again["at_z"][-1] == pytest.approx(whole["at_z"][-1], abs=1e-12)

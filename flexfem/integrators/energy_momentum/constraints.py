@@ -62,11 +62,10 @@ class StepRows:
         self._back, self._start = exchanged(self._step), at_start(self._step)
         self._points = StepPointRows(rows) if rows.lines.joints else None
         self._targets0, self._last = rows.targets.copy(), np.zeros(rows.size)
-        # stiffness, damping and applied force at the start of the step
-        self._laws0 = rows.elastic[:, 1:4].T.copy()
         self._values0, self._values = np.zeros(rows.size), np.zeros(rows.size)
         quotients = np.isin(rows.elastic[:, 0], _QUOTIENTS)
         self._quotients: IntArray = np.flatnonzero(quotients).astype(np.int64)
+        self._laws0 = self._laws()  # at the start of the step
         self._h = self._weight = self._memory = 1.0
         # derivatives of the changes over the last step by its end, None for the gradient there,
         # and by its start, or by local velocities at the start of a motion
@@ -107,7 +106,16 @@ class StepRows:
     def renewed(self) -> None:
         """Store drives and laws at the accepted state, which are those behind a jump there."""
         self._targets0[:] = self._rows.targets
-        self._laws0[:] = self._rows.elastic[:, 1:4].T
+        self._laws0[:] = self._laws()
+
+    def _laws(self) -> FloatArray:
+        """Stiffness, damping and applied force (3, r) of all rows at their state.
+
+        Stops and slack springs have a limit in place of the force, which may be infinite.
+        """
+        found = self._rows.elastic[:, 1:4].T.copy()
+        found[2, self._quotients] = 0.0
+        return found
 
     def state(self) -> dict[str, FloatArray]:
         """State carried from one step to the next, (r,) each."""
