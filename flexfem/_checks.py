@@ -7,6 +7,7 @@ come back as read-only copies, so that a frozen object stays as it was checked.
 """
 
 from collections.abc import Callable, Sequence
+from math import isfinite
 from typing import Any
 
 import numpy as np
@@ -17,9 +18,13 @@ from flexfem._types import FloatArray, IntArray
 
 # Rotation matrices typed with six digits are accepted and made orthonormal
 _ROTATION_TOLERANCE = 1e-6
+# Rotation matrices that differ from orthonormal ones by less are left as they are
+_ROUNDING = 1e-15
 # Axes of whatever is not rotated
 _IDENTITY = np.eye(3)
 _IDENTITY.setflags(write=False)
+# Numbers of an array that are looked at one by one
+_FEW = 9
 # Whole numbers that arrays are counted by lie below
 _COUNTS = 2**63
 # Directions whose length can be squared
@@ -152,7 +157,9 @@ def array(owner: str, what: str, value: object, shape: tuple[int, ...]) -> Float
         or any(want not in (-1, extent) for want, extent in zip(shape, raw.shape, strict=True))
     ):
         raise ValueError(_not_numbers(owner, what, value, shape))
-    if not np.isfinite(raw).all():
+    # calls of NumPy take long for the few numbers that most arrays of a model hold
+    few = raw.size <= _FEW
+    if not (all(map(isfinite, raw.ravel().tolist())) if few else np.isfinite(raw).all()):
         raise ValueError(f"{owner}: {what} must be finite, got {show(value)}")
     return freeze(raw)
 
@@ -222,10 +229,17 @@ def rotation(owner: str, what: str, value: object) -> FloatArray:
     defect = np.abs(matrix.T @ matrix - _IDENTITY).max()
     if defect > _ROTATION_TOLERANCE or np.linalg.det(matrix) < 0.0:
         raise ValueError(f"{owner}: {what} must be a rotation matrix, got {show(value)}")
-    if defect <= 1e-15:
-        return matrix
-    u, _, vt = np.linalg.svd(matrix)
-    return freeze(u @ vt)
+    return matrix if defect <= _ROUNDING else orthonormal(matrix[np.newaxis])[0]
+
+
+def orthonormal(matrices: FloatArray) -> FloatArray:
+    """Return the closest rotation matrices to (n, 3, 3) that nearly are some, read-only."""
+    found = matrices.copy()
+    defects = np.abs(np.swapaxes(found, 1, 2) @ found - _IDENTITY).max(axis=(1, 2))
+    rounded = defects > _ROUNDING
+    u, _, vt = np.linalg.svd(found[rounded])
+    found[rounded] = u @ vt
+    return freeze(found)
 
 
 def instance(owner: str, what: str, value: object, kinds: type | tuple[type, ...]) -> None:

@@ -97,6 +97,7 @@ Array = Given[npt.ArrayLike, FloatArray]
 ArrayOrNone = Given[npt.ArrayLike | None, FloatArray]
 
 ZERO = (0.0, 0.0, 0.0)
+_NUMBERS = {int, float}
 
 
 def checked(
@@ -118,16 +119,21 @@ def checked(
     """
     optional = default is None if none is None else none
     left_out: list[Any] = []  # what is stored for the default, checked once for all objects
+    latest: list[Any] = []  # the latest tuple of numbers, and what is stored for it
 
     def apply(owner: str, what: str, value: Any) -> Any:
         if optional and value is None:
             return None
         if value is default and left_out:
             return left_out[0]
+        if latest and value is latest[0]:  # many objects share it, and nothing can change it
+            return latest[1]
         found = check(owner, what, value)
         stored = value if as_given else found
         if value is default:
             left_out.append(stored)
+        elif type(value) is tuple and {type(one) for one in value} <= _NUMBERS:
+            latest[:] = value, stored
         return stored
 
     return field(default=default, kw_only=kw_only, metadata={"check": apply})

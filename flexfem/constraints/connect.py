@@ -22,7 +22,7 @@ from flexfem.core.joint import Joint
 from flexfem.core.marker import Attachment, Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.places.line_points import BODY, FIXED, SIDES, find_jacobian, turn_frames
-from flexfem.core.pose import Pose
+from flexfem.core.pose import Pose, computed_poses
 from flexfem.layout.lines import Line, LinePoint, Rail, RailPoint
 from flexfem.layout.node_key import NodeKey
 from flexfem.layout.numbered_model import NumberedModel
@@ -51,6 +51,7 @@ class JointEnds:
         frames: (n, 12) markers relative to their nodes or sections; absolute on the ground.
         poses: poses of the markers.
         rows: number of the joint's rows.
+        rigid: True if they are all constraint equations at the start.
     """
 
     nodes: tuple[NodeKey | None, ...]
@@ -58,6 +59,7 @@ class JointEnds:
     frames: FloatArray
     poses: tuple[Pose, ...]
     rows: int
+    rigid: bool
 
     @property
     def keys(self) -> list[NodeKey]:
@@ -119,9 +121,9 @@ def _at_nodes(serial: NumberedModel, markers: Sequence[Attachment]) -> dict[int,
     turns = np.array([marker.rotation for marker in own])
     turns = np.swapaxes(se3.rotation(carrier), -1, -2) @ turns
     frames = se3.frame([m.offset if isinstance(m, Marker) else m.position for m in own], turns)
-    poses = se3.compose(carrier, frames)
+    poses = computed_poses(se3.compose(carrier, frames))
     return {
-        number: _Placed(key, frame, Pose(pose[:3], pose[3:].reshape(3, 3)))
+        number: _Placed(key, frame, pose)
         for (number, (_, key)), frame, pose in zip(found.items(), frames, poses, strict=True)
     }
 
@@ -159,7 +161,8 @@ def _joint_ends(serial: NumberedModel, joint: Joint, placed: dict[int, _Placed])
         nodes[number], points[number], frames[number] = _on_surface(
             serial, joint.markers[number], place, poses[number], turning(rows, number)
         )
-    return JointEnds(tuple(nodes), tuple(points), np.array(frames), tuple(poses), len(rows))
+    rigid = all(row.law is None and row.locked for row in rows)
+    return JointEnds(tuple(nodes), tuple(points), np.array(frames), tuple(poses), len(rows), rigid)
 
 
 def _on_surface(

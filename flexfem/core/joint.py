@@ -12,6 +12,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from dataclasses import field
 from functools import cache, cached_property
+from math import sqrt
 from typing import ClassVar
 
 import numpy as np
@@ -246,7 +247,7 @@ class JointAction(Joint):
 def unit(vector: Sequence[float] | FloatArray) -> FloatArray:
     """Unit vector along a vector."""
     array = np.array(vector, dtype=np.float64)
-    return np.asarray(array / np.linalg.norm(array))
+    return np.asarray(array / sqrt(array.dot(array)))
 
 
 def distance(owner: str, poses: Sequence[Pose], names: str = "a and b") -> float:
@@ -292,8 +293,9 @@ def check_sliding(action: JointAction) -> None:
 
 def perpendicular(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     """Two unit vectors that complete a unit axis to a right-handed basis (axis, p, q)."""
-    p = _cross(axis, _AXES[np.argmin(np.abs(axis))])
-    p /= np.linalg.norm(p)
+    sizes = [abs(component) for component in axis.tolist()]
+    p = _cross(axis, _AXES[sizes.index(min(sizes))])
+    p /= sqrt(p.dot(p))
     return p, _cross(axis, p)
 
 
@@ -311,8 +313,9 @@ def coincidence(b: int = 1) -> tuple[Row, ...]:
 
 def parallelism(axis: FloatArray, a: Pose, b: Pose) -> tuple[Row, ...]:
     """Two rows that keep an axis (inertial components at the start) common to both markers."""
+    v = b.rotation.T @ axis
     return tuple(
-        Row((Term(RowKind.AXES, u=a.rotation.T @ direction, v=b.rotation.T @ axis),))
+        Row((Term(RowKind.AXES, u=a.rotation.T @ direction, v=v),))
         for direction in perpendicular(axis)
     )
 

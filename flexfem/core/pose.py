@@ -4,6 +4,7 @@
 import numpy as np
 import numpy.typing as npt
 
+from flexfem import _checks
 from flexfem._fields import ZERO, Array, ArrayOrNone, declared, rotation, vector
 from flexfem._types import FloatArray
 
@@ -44,3 +45,18 @@ class Pose:
         """
         result: FloatArray = self.position + np.asarray(points, dtype=np.float64) @ self.rotation.T
         return result
+
+
+def computed_poses(frames: FloatArray) -> list[Pose]:
+    """Return the poses of many frames (n, 12), products of checked ones, see :class:`Pose`.
+
+    Rotation matrices are made orthonormal as those that are given.
+    """
+    matrices = _checks.orthonormal(frames[:, 3:].reshape(-1, 3, 3))
+    positions = _checks.freeze(frames[:, :3])
+    poses = []
+    for position, matrix in zip(positions, matrices, strict=True):
+        pose = object.__new__(Pose)
+        _checks.assign(pose, position=position, rotation=matrix)
+        poses.append(pose)
+    return poses

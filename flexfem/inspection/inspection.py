@@ -103,8 +103,8 @@ class Inspection:
     @cached_property
     def points(self) -> FloatArray:
         """Positions (n, 3) of all nodes, of rigid bodies and of the joints' markers, m."""
-        poses = [pose.position for placed in self.rows.rows.joints for pose in placed.poses]
-        return np.concatenate([np.array(poses).reshape(-1, 3), self.serial.points])
+        places = [pose.position for poses in self.rows.poses for pose in poses]
+        return np.concatenate([np.array(places).reshape(-1, 3), self.serial.points])
 
     @cached_property
     def extent(self) -> float:

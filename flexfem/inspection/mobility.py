@@ -9,6 +9,7 @@ from flexfem._fields import Renamed
 from flexfem._types import BoolArray, IntArray
 from flexfem.inspection.inspection import Inspection
 from flexfem.joints.elastic_lock import ElasticLock
+from flexfem.kinematics.start_rows import StartRows
 from flexfem.la.dependence import NodeRows, dependence_count
 
 __all__ = ["Mobility", "free_motions", "holding", "mobility", "part_rows"]
@@ -62,8 +63,8 @@ def mobility(inspection: Inspection) -> Mobility:
     rows = inspection.rows
     rigid = rows.rows.rigid
     of_nodes = rows.on_nodes(rigid)
-    whole = part_rows(inspection, rigid)
-    count = int(_between(inspection, rigid).sum())
+    whole = part_rows(inspection, rows, rigid)
+    count = int(_between(rows, rigid).sum())
     supports = len(rows.supports().row)
     bodies = len(inspection.parts)
     facts = inspection.bodies
@@ -79,13 +80,13 @@ def mobility(inspection: Inspection) -> Mobility:
     )
 
 
-def part_rows(inspection: Inspection, chosen: BoolArray) -> NodeRows:
+def part_rows(inspection: Inspection, joints: StartRows, chosen: BoolArray) -> NodeRows:
     """Chosen rows (r,) of joints and the supports of shells, on the rigid-body parts.
 
     Rotations count as displacements of points one characteristic length away.
     """
-    of_joints = inspection.rows.on_parts(_between(inspection, chosen))
-    supports = inspection.rows.supports()
+    of_joints = joints.on_parts(_between(joints, chosen))
+    supports = joints.supports()
     first = int(of_joints.row.max(initial=-1)) + 1
     gradient = np.concatenate([of_joints.gradient, supports.gradient])
     gradient[..., 3:] /= inspection.scale
@@ -102,11 +103,10 @@ def holding(inspection: Inspection) -> BoolArray:
     return rows.rigid | rows.pulling
 
 
-def _between(inspection: Inspection, chosen: BoolArray) -> BoolArray:
+def _between(joints: StartRows, chosen: BoolArray) -> BoolArray:
     """The chosen rows (r,) but for the locks inside bodies in floating frames."""
-    joints = inspection.rows.joints
-    outer: BoolArray = np.array([not isinstance(j, ElasticLock) for j in joints], dtype=np.bool_)
-    kept: BoolArray = chosen & outer[inspection.rows.rows.joint_of_row]
+    outer = np.array([not isinstance(j, ElasticLock) for j in joints.joints], dtype=np.bool_)
+    kept: BoolArray = chosen & outer[joints.rows.joint_of_row]
     return kept
 
 
@@ -115,7 +115,7 @@ def free_motions(inspection: Inspection, chosen: BoolArray) -> tuple[int, IntArr
 
     The parts that move are named for models with few bodies only, from singular values of all rows.
     """
-    rows, count = part_rows(inspection, chosen), len(inspection.parts)
+    rows, count = part_rows(inspection, inspection.rows, chosen), len(inspection.parts)
     total = int(rows.row.max(initial=-1)) + 1
     if count > _FEW:
         return 6 * count - (total - dependence_count(rows)), np.arange(count)

@@ -2,6 +2,7 @@
 """Constraint equations of all joints at the start, on nodes and on rigidly moving bodies."""
 
 from collections.abc import Sequence
+from functools import cached_property
 
 from mpi4py import MPI
 
@@ -12,6 +13,7 @@ from flexfem.constraints.batch import Constraints
 from flexfem.constraints.connect import all_ends, connect_alone
 from flexfem.constraints.node_table import NodeTable
 from flexfem.core.joint import Joint
+from flexfem.core.pose import Pose
 from flexfem.kinematics.rigid_parts import RigidParts
 from flexfem.la.dependence import NodeRows
 from flexfem.layout.node_key import NodeKey, by_kind
@@ -32,32 +34,50 @@ class StartRows:
     Attributes:
         joints: the joints, those of lines as their parts, with the locks of bodies in floating
             frames.
-        rows: their rows, joint by joint in this order.
     """
 
-    def __init__(self, serial: NumberedModel, parts: RigidParts) -> None:
-        """Place the joints.
+    def __init__(
+        self, serial: NumberedModel, parts: RigidParts, numbers: Sequence[int] | None = None
+    ) -> None:
+        """Place the joints; with ``numbers`` only some of them.
 
         Raises:
             ValueError: a slider is not on its line, or a joint has no row.
         """
         self._serial, self._parts = serial, parts
-        self.joints: list[Joint] = list(serial.body_joints)
-        ends = all_ends(serial)[: len(self.joints)]
-        keys = list(dict.fromkeys(key for one in ends for key in one.keys))
-        self._table = _table(serial, keys)
-        placed = connect_alone(self.joints, ends, self._table)
+        joints, ends = serial.body_joints, all_ends(serial)
+        chosen = range(len(joints)) if numbers is None else numbers
+        self.joints: list[Joint] = [joints[i] for i in chosen]
+        self._ends = [ends[i] for i in chosen]
+
+    @cached_property
+    def rows(self) -> Constraints:
+        """Their rows, joint by joint in this order; large, and made when they are asked for."""
+        keys = list(dict.fromkeys(key for one in self._ends for key in one.keys))
+        table = _table(self._serial, keys)
+        placed = connect_alone(self.joints, self._ends, table)
         # a table of nodes is all that the rows need of an interface
-        self.rows = Constraints(MPI.COMM_SELF, placed, self._table)  # type: ignore[arg-type]
-        for name in serial.model.released:
-            self.rows.set_active(name, False)
-        self.at(0.0)
+        rows = Constraints(MPI.COMM_SELF, placed, table)  # type: ignore[arg-type]
+        own = {joint.name for joint in self.joints}
+        for name in self._serial.model.released:
+            if name in own:
+                rows.set_active(name, False)
+        _evaluate(rows, 0.0)
+        return rows
+
+    @property
+    def rigid(self) -> bool:
+        """True if each row is a constraint equation: no joint has a law or is released."""
+        return not self._serial.model.released and all(ends.rigid for ends in self._ends)
+
+    @property
+    def poses(self) -> list[tuple[Pose, ...]]:
+        """Poses of the markers of each joint."""
+        return [ends.poses for ends in self._ends]
 
     def at(self, t: float) -> None:
         """Evaluate the rows with the drives of time t (s), bodies at their start."""
-        self.rows.set_time(t)
-        self.rows.multipliers[:] = 0.0
-        self.rows.evaluate(_UNIT)
+        _evaluate(self.rows, t)
 
     def on_nodes(self, chosen: BoolArray) -> NodeRows:
         """Gradients of chosen rows (r,) with respect to twists of nodes."""
@@ -68,7 +88,7 @@ class StartRows:
         """Gradients of chosen rows (r,) with respect to twists of the rigid-body parts."""
         terms, row = self._chosen(chosen)
         nodes = self.rows.term_nodes[terms]
-        part, carried = self._carriers(self._table.keys, self._table.frames)
+        part, carried = self._carriers(self.rows.interface.keys, self.rows.interface.frames)
         # the ground comes last
         part, carried = np.append(part, -1), np.concatenate([carried, np.zeros((1, 6, 6))])
         gradient = np.einsum("tsi,tsij->tsj", self.rows.force_jacobian[terms], carried[nodes])
@@ -107,6 +127,13 @@ class StartRows:
         carried = se3.adjoint(se3.inverse(relative)).reshape(-1, 6, 6)
         carried[rest] = 0.0  # amplitudes are at rest in the body
         return part, carried
+
+
+def _evaluate(rows: Constraints, t: float) -> None:
+    """Evaluate rows with the drives of time t (s)."""
+    rows.set_time(t)
+    rows.multipliers[:] = 0.0
+    rows.evaluate(_UNIT)
 
 
 def _independent(part: IntArray, gradient: FloatArray) -> tuple[IntArray, FloatArray]:

@@ -3,6 +3,7 @@
 
 import dataclasses
 import sys
+import tracemalloc
 from collections.abc import Callable
 from pathlib import Path
 
@@ -10,6 +11,11 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem import _checks
+from flexfem.constraints.connect import all_ends
+from flexfem.constraints.rows.placed_joint import PlacedJoint
+from flexfem.inspection.check import check, findings_of_run
+from flexfem.layout.numbered_model import NumberedModel
 from flexfem.simulation.dynamics import simulate
 from flexfem.simulation.motion.stepping import Simulation
 from tests.unit.refusals import assert_on_page
@@ -169,3 +175,74 @@ def test_set_up_grows_with_the_number_of_bodies() -> None:
     calls_of_set_up(declared_at_once, 4)  # compiles
     few, many = (calls_of_set_up(declared_at_once, count) for count in (60, 120))
     assert many < 2.05 * few
+
+
+def rigid_chain(count: int) -> ff.Model:
+    """Rods that hang from the ground by hinges, one on the other."""
+    model = ff.Model("chain")
+    rods = model.add(ff.Many(ff.RigidBody, "rod", 1.0, INERTIA, position=ff.each(places(count))))
+    starts, tips = (rods.markers(offset=(x, 0.0, 0.0)) for x in (-0.5, 0.5))
+    pins = ff.Many(ff.Revolute, "pin", ff.each([ff.Ground(), *tips[:-1]]), ff.each(starts), axis=Y)
+    model.add(ff.Gravity((0.0, 0.0, -9.81)), pins)
+    return model
+
+
+def test_common_vectors_are_checked_once(monkeypatch: pytest.MonkeyPatch) -> None:
+    """Only positions are different ones: one array a body, seven without shared vectors."""
+    arrays, check = [], _checks.array
+    monkeypatch.setattr(_checks, "array", lambda *given: arrays.append(given[1]) or check(*given))
+    model = rigid_chain(50)
+    assert len(arrays) < 2 * 50
+    assert model["rod_3"].inertia is model["rod_4"].inertia
+    other = ff.RigidBody("other", 1.0, (0.5, 0.5, 0.5))
+    assert np.array_equal(other.inertia, 0.5 * np.eye(3))
+
+
+@pytest.mark.serial
+def test_rows_are_made_once_in_set_up(monkeypatch: pytest.MonkeyPatch) -> None:
+    """By the system; a second time where checks make the rows of all joints."""
+    made, rows = [], PlacedJoint.rows
+    monkeypatch.setattr(
+        PlacedJoint, "rows", lambda self, t: made.append(self.index) or rows(self, t)
+    )
+    Simulation(rigid_chain(30), ff.RunOptions(dt=1e-3, t_end=1.0, quiet=True))
+    assert len(made) < 1.5 * 30
+
+
+@pytest.mark.serial
+def test_memory_of_serial_data() -> None:
+    """Data of all bodies on each rank, and checks of them: 5 kB a body; 13 with rows of all."""
+    options, count = ff.RunOptions(dt=1e-3, t_end=1.0), 300
+
+    def look(number: int) -> list[object]:
+        serial = NumberedModel(rigid_chain(number))
+        return [serial, all_ends(serial), findings_of_run(serial, options)]
+
+    look(10)  # imports
+    tracemalloc.start()
+    try:
+        before, _ = tracemalloc.get_traced_memory()
+        look(count)
+        assert tracemalloc.get_traced_memory()[1] - before < 8000 * count
+    finally:
+        tracemalloc.stop()
+
+
+def test_falls_are_found_beyond_the_first_joints() -> None:
+    """Nine sliders along the fall do not hold a model that the tenth joint holds."""
+
+    def sliders(last: type[ff.Spherical] | None) -> list[str]:
+        model = ff.Model("sliders")
+        model.add(ff.Gravity((0.0, 0.0, -9.81)), ff.RigidBody("block", 1.0, INERTIA))
+        model.add(
+            *(
+                ff.Prismatic(f"way_{i}", ff.Ground(), ff.Marker("block"), axis=(0.0, 0.0, 1.0))
+                for i in range(9)
+            )
+        )
+        if last is not None:
+            model.add(last("hold", ff.Ground(), ff.Marker("block")))
+        return [one.check for one in check(model, ff.RunOptions(dt=1e-3, t_end=1.0))]
+
+    assert "unconnected" in sliders(None)
+    assert "unconnected" not in sliders(ff.Spherical)

@@ -45,8 +45,9 @@ class RigidBodyFamily(Family):
         """Lay out the bodies."""
         super().__init__(serial, kind)
         self._index = {body.name: i for i, body in enumerate(self.bodies)}
-        frames = [se3.frame(body.position, body.rotation) for body in self.bodies]
-        self._frames = np.array(frames).reshape(-1, 12)
+        positions = np.array([body.position for body in self.bodies]).reshape(-1, 3)
+        turns = np.array([body.rotation for body in self.bodies]).reshape(-1, 3, 3)
+        self._frames = se3.frame(positions, turns)
         self._velocities = np.array([body.twist for body in self.bodies]).reshape(-1, 6)
 
     @property

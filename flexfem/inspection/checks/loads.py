@@ -16,10 +16,11 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     """No gravity, load, drive, force at the start or initial velocity, unless modes are wanted."""
     if isinstance(inspection.options, StateOptions):
         return
-    model, rows = inspection.model, inspection.rows.rows
+    model = inspection.model
     pulls = model.gravity is not None and bool(model.gravity.acceleration.any())
     if pulls or model.loads or any(joint.driven for joint in model.joints):
         return
+    rows = inspection.rows.rows
     kinds = rows.elastic[:, 0]
     if np.isin(kinds, (LawKind.FUNCTION, LawKind.ELEMENT)).any():
         return

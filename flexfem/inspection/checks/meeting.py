@@ -85,11 +85,11 @@ class _JointsAtPlaces:
     """Joints by the places of their markers at the start."""
 
     def __init__(self, inspection: Inspection) -> None:
-        placed = inspection.rows.rows.joints
+        rows = inspection.rows
         self._bodies = [
-            {m.body for m in one.joint.markers if isinstance(m, Marker)} for one in placed
+            {m.body for m in joint.markers if isinstance(m, Marker)} for joint in rows.joints
         ]
-        poses = [(pose.position, i) for i, one in enumerate(placed) for pose in one.poses]
+        poses = [(pose.position, i) for i, own in enumerate(rows.poses) for pose in own]
         self._joint = [i for _, i in poses]
         points = np.array([x for x, _ in poses]).reshape(-1, 3)
         self._places = _Places(points, _SAME * inspection.extent)

@@ -42,11 +42,12 @@ def find(inspection: Inspection) -> Iterator[Finding]:
 def _apart(inspection: Inspection) -> Iterator[Finding]:
     """Stiffnesses of elements and springs against stretching, N/m."""
     found = [(mesh.axial, owner_of(mesh.body)) for mesh in inspection.meshes]
-    rows = inspection.rows.rows
-    springs = (rows.elastic[:, 0] == LawKind.SPRING) & (rows.elastic[:, 1] > 0.0)
-    for row in np.flatnonzero(springs & ~inspection.turning):
-        joint = inspection.rows.joints[rows.joint_of_row[row]]
-        found.append((float(rows.elastic[row, 1]), joint.owner))
+    if not inspection.rows.rigid:
+        rows = inspection.rows.rows
+        springs = (rows.elastic[:, 0] == LawKind.SPRING) & (rows.elastic[:, 1] > 0.0)
+        for row in np.flatnonzero(springs & ~inspection.turning):
+            joint = inspection.rows.joints[rows.joint_of_row[row]]
+            found.append((float(rows.elastic[row, 1]), joint.owner))
     known = sorted(one for one in found if one[0] > 0.0)  # nonlinear laws have none
     if known and known[-1][0] > _APART * known[0][0]:
         (low, soft), (high, stiff) = known[0], known[-1]

@@ -20,10 +20,11 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         return
     bodies = inspection.model.bodies
     spins = [(float(np.linalg.norm(b.angular_velocity)), owner_of(b)) for b in bodies]
-    driven = drive_rates(inspection) * inspection.turning
-    for row in np.flatnonzero(driven):
-        joint = inspection.rows.joints[inspection.rows.rows.joint_of_row[row]]
-        spins.append((abs(float(driven[row])), joint.owner))
+    if any(joint.driven for joint in inspection.rows.joints):
+        driven = drive_rates(inspection) * inspection.turning
+        for row in np.flatnonzero(driven):
+            joint = inspection.rows.joints[inspection.rows.rows.joint_of_row[row]]
+            spins.append((abs(float(driven[row])), joint.owner))
     spin, owner = max(spins)
     if spin * dt > _TURN:
         yield Finding(

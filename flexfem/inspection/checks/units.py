@@ -11,7 +11,6 @@ from flexfem.inspection.inspection import Inspection
 from flexfem.materials.section import Section
 from flexfem.materials.shell_section import ShellSection
 from flexfem.model.bodies.base import Body
-from flexfem.model.bodies.basic import RigidBody
 from flexfem.model.bodies.shapes import SurfaceShape
 from flexfem.model.rigid_surface import RigidMesh
 
@@ -70,8 +69,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     for body in model.bodies:
         for modulus, density, speed in body.materials if isinstance(body, Body) else ():
             yield from _material(inspection, _Stuff(speed, modulus, density), owner_of(body))
-    for rigid in model.rigid_bodies:
-        yield from _gyration(inspection, rigid)
+    yield from _gyration(inspection)
     if inspection.extent and not _SIZE[0] <= inspection.extent <= _SIZE[1]:
         yield Finding(
             "units", repr(model), f"its size is {inspection.extent:.3g} m", "give lengths in m"
@@ -164,11 +162,15 @@ def _of_shell(section: ShellSection) -> _Stuff:
     return _Stuff(speed, axial / h, density)
 
 
-def _gyration(inspection: Inspection, body: RigidBody) -> Iterator[Finding]:
-    """A rigid body whose inertia is that of something much larger than the model."""
-    largest = float(np.linalg.eigvalsh(body.inertia)[-1])
-    radius = float(np.sqrt(largest / body.mass))
-    if inspection.extent and radius > _GYRATION * inspection.extent:
+def _gyration(inspection: Inspection) -> Iterator[Finding]:
+    """Rigid bodies whose inertia is that of something much larger than the model."""
+    bodies = inspection.model.rigid_bodies
+    inertia = np.array([body.inertia for body in bodies]).reshape(-1, 3, 3)
+    moments = np.linalg.eigvalsh(inertia)[:, -1]
+    radii = np.sqrt(moments / np.array([body.mass for body in bodies]))
+    wide = radii > _GYRATION * inspection.extent if inspection.extent else np.zeros(0, np.bool_)
+    for number in np.flatnonzero(wide):
+        body, largest, radius = bodies[number], float(moments[number]), float(radii[number])
         yield Finding(
             "units", owner_of(body),
             f"its inertia of {largest:.3g} kg m^2 is that of a mass of {body.mass:.3g} kg at "

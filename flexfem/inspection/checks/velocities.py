@@ -21,6 +21,9 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     """The joints of a motion whose rows change at the start."""
     if inspection.moves is False or isinstance(inspection.options, StateOptions):
         return
+    rests = not any(family.velocities.any() for family in inspection.serial.families.values())
+    if rests and not any(joint.driven for joint in inspection.rows.joints):
+        return
     rows = inspection.rows.rows
     rates = np.where(rows.rigid, rows.rates() + drive_rates(inspection), 0.0)
     turning = inspection.turning
@@ -45,6 +48,8 @@ def drive_rates(inspection: Inspection) -> FloatArray:
 
     Exact for motions of third degree: a smooth step begins with none.
     """
+    if not any(joint.driven for joint in inspection.rows.joints):
+        return np.zeros(inspection.rows.rows.size)
     values, h = [], min(_STEP, _PART * getattr(inspection.options, "dt", 1.0))
     for k in range(4):
         inspection.rows.at(k * h)

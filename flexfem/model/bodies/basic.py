@@ -35,6 +35,8 @@ from flexfem.model.bodies.shapes import SHAPES, Shape
 # Relative to the largest principal moment: plates satisfy the triangle inequality as an equality
 _TRIANGLE_TOLERANCE = 1e-9
 _SINGULAR = 1e-12
+# Angular velocity of bodies that are given none
+_AT_REST = _checks.freeze(ZERO)
 
 #: Formulations of beams.
 FORMULATIONS = ("se3", "nurbs")
@@ -364,7 +366,7 @@ def set_spin(body: Any, local: npt.ArrayLike | None) -> None:
     """
     owner, given = _checks.named(body, body.name), body.angular_velocity
     if local is None:
-        spin = _checks.vector(owner, "angular_velocity", ZERO if given is None else given)
+        spin = _AT_REST if given is None else _checks.vector(owner, "angular_velocity", given)
     elif given is None:
         own = _checks.vector(owner, "local_angular_velocity", local)
         spin = _checks.freeze(body.rotation @ own)
