@@ -17,6 +17,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.kernels.sequence import Call, Step
 from flexfem.solvers.frozen.bodies import Bodies
+from flexfem.solvers.linear.kept_factors import KeptFactors
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
 from flexfem.solvers.linear.schur_kernels import (
     BodyColumns,
@@ -77,6 +78,8 @@ class MultiplierSystem:
         self.groups = [self._describe(part, active) for part in system.parts]
         self._share_values()
         self._factors: InterfaceSystem | None = None
+        self._kept: KeptFactors | None = None
+        self._direct = constant or transposed  # their solutions are results as they are
         self._coupled: BoolArray | None = None
         linear = bool((rows.linear | rows.of_elements).all())
         self.keepable = bool(system.comm.allreduce(linear, op=MPI.LAND))
@@ -178,10 +181,10 @@ class MultiplierSystem:
         row, column = (rows.coupled[:, k].astype(np.int32) for k in self._coupled_rows)
         return np.concatenate([*first, every, row]), np.concatenate([*second, every, column])
 
-    def _eliminate(self) -> InterfaceSystem:
+    def _eliminate(self) -> KeptFactors:
         """Elimination of the entries that are not zero for ever (collective)."""
-        if self._factors is not None:
-            return self._factors
+        if self._factors is not None and self._kept is not None:
+            return self._kept
         rows = self._system.constraints
         i, j = self._pattern()
         if self._constant:
@@ -193,7 +196,9 @@ class MultiplierSystem:
         traffic = self._system.traffic
         traffic.elimination = self._factors.kind
         traffic.largest_front = self._factors.largest_front
-        return self._factors
+        direct = self._direct or self._factors.band is not None
+        self._kept = KeptFactors(self._system.comm, self._factors, i, j, direct=direct)
+        return self._kept
 
     def _find_coupled(self) -> BoolArray:
         """True for every entry between nodes that are coupled by their body, and all others."""
@@ -307,8 +312,8 @@ class MultiplierSystem:
             steps = np.multiply(self._owned_node, self._system.interface.steps, out=self._beyond)
             steps += self._response
         row_products(rows.own.memory, self._local_node, steps, rows.owned, values, self._correction)
-        assert self._factors is not None  # a factorisation comes first
-        self._factors.solve(self._correction)
+        assert self._kept is not None  # a factorisation comes first
+        self._kept.solve(self._correction)
         return self._correction
 
     def forget_responses(self) -> None:

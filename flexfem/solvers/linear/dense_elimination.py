@@ -15,12 +15,16 @@ class DenseElimination:
 
     Attributes:
         complement: (n, n) Schur complement of the other rows, after :meth:`eliminate`.
+        operations: numbers of floating-point operations of a factorisation and of a solve.
     """
 
     def __init__(self, count: int, size: int) -> None:
         """Number of rows to eliminate, the first ones, and number of all rows."""
         self._count = count
-        self.complement = np.zeros((size - count, size - count))
+        left = size - count
+        self.complement = np.zeros((left, left))
+        factor = 2.0 * count * (count**2 / 3.0 + left * (count + left))
+        self.operations = factor, 2.0 * count * (count + 2.0 * left)
 
     def eliminate(self, matrix: FloatArray) -> bool:
         """Factorise a full (size, size) matrix; False if it is singular."""

@@ -65,6 +65,7 @@ class Fronts:
 
     Attributes:
         complement: (n, n) Schur complement of the remaining rows, after :meth:`factor`.
+        operations: numbers of floating-point operations of a factorisation and of a solve, about.
     """
 
     kind = "multifrontal"
@@ -91,6 +92,9 @@ class Fronts:
         self._front, self._work = np.zeros(largest**2), np.zeros(largest)
         self._stack = np.zeros(_deepest(self._tree))
         self.complement = np.zeros((size - count, size - count))
+        m, n = self._tree.pivots.astype(float), self._tree.sizes - self._tree.pivots
+        products = float(2.0 * (m * (m**2 / 3.0 + n * (m + n))).sum())
+        self.operations = products, 2.0 * len(self._values)
 
     def factor(self, values: FloatArray) -> bool:
         """Factorise the matrix of these entries, duplicates summed; False if a pivot vanishes."""

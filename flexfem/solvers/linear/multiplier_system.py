@@ -36,10 +36,16 @@ class _Elimination(Protocol):
     Attributes:
         kind: name of the method.
         complement: (n, n) Schur complement of the other rows, after :meth:`factor`.
+        operations: numbers of floating-point operations of a factorisation and of a solve, about.
     """
 
     @property
     def kind(self) -> str:
+        """See above."""
+        ...
+
+    @property
+    def operations(self) -> tuple[float, float]:
         """See above."""
         ...
 
@@ -94,6 +100,8 @@ class Band:
             index = np.where(first, i, i - count) * shape[1] + np.where(last, j, j - count)
             self._blocks.append((index[select], select, np.zeros(shape)))
         self._to_left, self._from_first, self.complement = (b[2] for b in self._blocks)
+        solve = 4.0 * count * half
+        self.operations = solve * (half + left) + 2.0 * count * left**2, solve + 4.0 * count * left
 
     def factor_call(self, values: FloatArray) -> Call:
         """Call of the loop of :meth:`factor`, if all rows are eliminated."""
@@ -220,6 +228,14 @@ class InterfaceSystem:
         self.kind = self._own.kind if interior else ""
         self._shared = RankDissection(comm, shared, holders) if comm.size > 1 else None
         self.largest_front = 0 if self._shared is None else self._shared.largest_front
+
+    @property
+    def operations(self) -> tuple[float, float]:
+        """Floating-point operations of a factorisation and of a solve on this rank, about."""
+        counts = [self._own.operations]
+        if self._shared is not None:
+            counts.append(self._shared.operations)
+        return sum(count[0] for count in counts), sum(count[1] for count in counts)
 
     @property
     def band(self) -> Band | None:

@@ -39,6 +39,7 @@ class _Level:
     Attributes:
         size: number of these rows.
         left: those that other ranks have as well.
+        operations: numbers of floating-point operations of a factorisation and of a solve.
     """
 
     def __init__(self, comm: MPI.Intracomm, merge: Merge, own: _Rows) -> None:
@@ -63,6 +64,7 @@ class _Level:
         left = order[count:]
         self.left = _Rows(numbers[left], here[left], holders[left])
         self._front = DenseElimination(count, self.size)
+        self.operations = self._front.operations
         # complements of both halves, each with a flag of failure
         self._sent = np.zeros(len(self._own) ** 2 + 1)
         self._received = np.zeros(len(self._other) ** 2 + 1)
@@ -114,6 +116,7 @@ class RankDissection:
 
     Attributes:
         largest_front: number of rows of the largest front of this rank.
+        operations: numbers of floating-point operations of a factorisation and of a solve.
     """
 
     def __init__(self, comm: MPI.Intracomm, numbers: IntArray, holders: IntArray) -> None:
@@ -132,6 +135,8 @@ class RankDissection:
             self._levels.append(_Level(comm, merge, rows))
             rows = self._levels[-1].left
         self.largest_front = max(level.size for level in self._levels)
+        factors, solves = zip(*(level.operations for level in self._levels), strict=True)
+        self.operations = sum(factors), sum(solves)
         assert not len(rows.numbers)  # every row is complete where all ranks are joined
 
     def factor(self, matrix: FloatArray, regular: bool) -> bool:

@@ -1,0 +1,132 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Solver of the multipliers' system with factors of former entries, refined by the present ones.
+
+The system changes little from step to step, as local frames follow the bodies. A solve with old
+factors is then followed by a few solves for the residuals of the present entries (Richardson's
+iteration, preconditioned), as accurate as new factors, and cheaper where fronts are large: those of
+a net with n crossings take n^1.5 operations to factorise and n log n to solve with.
+"""
+
+from mpi4py import MPI
+
+import numpy as np
+
+from flexfem._types import FloatArray, IndexArray
+from flexfem.kernels.compiled import kernel
+from flexfem.solvers.linear.multiplier_system import InterfaceSystem
+
+__all__ = ["KeptFactors"]
+
+#: Estimated error of a solution, relative to its largest entry, at which refinement ends. That of
+#: the converged positions is this part of the last correction, which is below their tolerance.
+_ACCURATE = 1e-8
+#: Ratio of two corrections above which factors are renewed at once.
+_SLOW = 0.2
+#: Operations of a factorisation, by matrix products, in the time of one of a solve, which waits for
+#: memory.
+_FASTER = 10.0
+#: Solves in the time of a factorisation, up to which old factors are never tried: an iteration
+#: takes two or three more of them at least.
+_LEAST = 6.0
+#: Operations of a factorisation below which it is as fast as the calls of a refinement, messages
+#: between ranks included.
+_SMALL = 3e7
+
+
+@kernel
+def _subtract_product(
+    i: IndexArray, j: IndexArray, values: FloatArray, x: FloatArray, out: FloatArray
+) -> None:
+    """Subtract the product of a matrix of entries (i, j) with x."""
+    for k in range(i.size):
+        out[i[k]] -= values[k] * x[j[k]]
+
+
+class KeptFactors:
+    """Factors that serve the values of several steps.
+
+    Whether they are kept depends on counts of operations and on numbers that are the same on all
+    ranks. Solutions do not depend on it but for ``_ACCURATE``.
+
+    Attributes:
+        renewals: number of factorisations.
+    """
+
+    def __init__(
+        self, comm: MPI.Intracomm, system: InterfaceSystem, i: IndexArray, j: IndexArray, *,
+        direct: bool = False,
+    ) -> None:  # fmt: skip
+        """Store a system and the rows and columns of its entries (collective).
+
+        ``direct`` is True to renew the factors for all values.
+        """
+        self._comm, self._system = comm, system
+        self._i, self._j = i, j
+        factor, solve = system.operations
+        if comm.size > 1:  # not Allreduce, which counts what iterations send
+            factor, solve = comm.bcast(comm.reduce(np.array([factor, solve]), op=MPI.SUM))
+        solves = factor / _FASTER / max(solve, 1.0)
+        #: number of solves that take as long as a factorisation, 0 if it is always renewed
+        self._worth = solves if not direct and factor > _SMALL and solves > _LEAST else 0.0
+        self._values: FloatArray | None = None
+        self._fresh = False
+        self._more = 0
+        self.renewals = 0
+
+    def factor(self, values: FloatArray, regular: bool) -> bool:
+        """Take new values, and factorise if the last ones took more solves than that is worth.
+
+        Collective; see :meth:`InterfaceSystem.factor`. The values must stay until the next ones.
+        """
+        keep = self._values is not None and self._more < self._worth
+        self._values, self._more = values, 0
+        if not keep:
+            return self._renew(regular)
+        self._fresh = False
+        return regular if self._comm.size == 1 else self._comm.allreduce(regular, op=MPI.LAND)
+
+    def _renew(self, regular: bool = True) -> bool:
+        """Factorise the present values; False if they are singular."""
+        assert self._values is not None
+        self.renewals += 1
+        regular = self._system.factor(self._values, regular)
+        self._fresh = True
+        if not regular:
+            self._values = None
+        return regular
+
+    def solve(self, right: FloatArray) -> None:
+        """See :meth:`InterfaceSystem.solve`; not a number where the matrix is singular."""
+        if self._fresh:
+            self._system.solve(right)
+            return
+        assert self._values is not None
+        given, total, before = right.copy(), np.zeros_like(right), 0.0
+        change = right
+        while True:
+            self._system.solve(change)
+            self._more += 1
+            total += change
+            size, whole = self._largest(change, total)
+            if size == 0.0 or 0.0 < size * size <= _ACCURATE * whole * before:
+                break
+            if not size <= (_SLOW * before if before else np.finfo(float).max):
+                right[:] = given
+                if self._renew():
+                    self._system.solve(right)
+                else:
+                    right[:] = np.nan
+                return
+            before = size
+            change = given.copy()
+            _subtract_product(self._i, self._j, self._values, total, change)
+        right[:] = total
+        self._more -= 1
+
+    def _largest(self, change: FloatArray, total: FloatArray) -> tuple[float, float]:
+        """Largest entries of two vectors on all ranks."""
+        values = np.array([np.abs(x).max(initial=0.0) for x in (change, total)])
+        if self._comm.size > 1:
+            values[np.isnan(values)] = np.inf  # MPI's maximum does not order NaN
+            self._comm.Allreduce(MPI.IN_PLACE, values, op=MPI.MAX)
+        return float(values[0]), float(values[1])
