@@ -158,6 +158,7 @@ def test_accelerations_are_means_over_steps():
     assert errors(found.gradient, build, numbers, of, options).max() < 1e-7
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_states_that_are_computed_again():
     """What is remembered of the last step is stored with the states from which steps begin."""
@@ -180,7 +181,7 @@ def test_states_that_are_computed_again():
         pytest.param("beam", marks=pytest.mark.three_ranks),
         pytest.param("cables", marks=pytest.mark.three_ranks),
         "forces",
-        "rebound",
+        pytest.param("rebound", marks=pytest.mark.slow_on_ranks),
         pytest.param("controlled", marks=pytest.mark.slow_on_ranks),
         pytest.param("friction", marks=pytest.mark.slow_on_ranks),
         pytest.param("sliding", marks=pytest.mark.slow),

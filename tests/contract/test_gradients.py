@@ -302,6 +302,7 @@ def test_arrays_of_elements_take_few_models(name, size, models):
     assert sums == pytest.approx(expected, rel=1e-9)
 
 
+@pytest.mark.slow_on_ranks
 def test_entries_that_do_not_meet_are_one_group():
     """Masses of bodies, each on a spring of its own: as many as nodes, but no two at one."""
     built = []

@@ -192,6 +192,7 @@ def loops() -> Sequence[ff.Controller]:
     )  # fmt: skip
 
 
+@pytest.mark.several_ranks
 def test_ranks_apply_the_same_outputs():
     """Bodies on several ranks give what they give on one."""
     options = ff.RunOptions(dt=0.005, t_end=0.1, quiet=True)

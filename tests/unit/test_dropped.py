@@ -123,6 +123,7 @@ def test_a_model_begins_with_the_end_of_those_before(counted: Counted) -> None:
     assert numbers == numbers[:1] * 3
 
 
+@pytest.mark.slow_on_ranks
 def test_older_factors_leave_no_communicators(counted: Counted) -> None:
     """In a run that factorises again and again, or whose sliders change the pattern."""
     simulation = Simulation(cantilevers(), MOTION, counted.comm)

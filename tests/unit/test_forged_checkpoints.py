@@ -126,6 +126,7 @@ def test_a_pipe_is_not_waited_for(shared_tmp_path: Path) -> None:
     assert refused(shared_tmp_path, shared_tmp_path).endswith("': Is a directory")
 
 
+@pytest.mark.slow_on_ranks
 def test_what_the_library_never_ends_with(
     written: Path, shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -162,6 +162,7 @@ def test_too_many_multipliers_for_iterative_solvers(monkeypatch: pytest.MonkeyPa
     assert _run(_pendulum(), 1).summary["linear_solves"] == 0
 
 
+@pytest.mark.slow_on_ranks
 def test_masses_of_large_solids_are_never_factorised(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr("flexfem.la.linear_solver._LARGE_MASSES", 100)
     found, exact = _run(_pendulum()), _run(_pendulum(), linear_solver="direct")

@@ -178,6 +178,7 @@ def test_forged_files_are_refused_by_all_ranks(kind: str, shared_tmp_path: Path)
     assert "\n" not in str(caught.value)
 
 
+@pytest.mark.slow_on_ranks
 def test_what_the_library_never_ends_with(
     shared_tmp_path: Path, monkeypatch: pytest.MonkeyPatch
 ) -> None:

@@ -300,6 +300,7 @@ def test_a_form_of_the_users_own() -> None:
 # -- ranks ---
 
 
+@pytest.mark.several_ranks
 def test_all_ranks_have_the_data_of_one(monkeypatch: pytest.MonkeyPatch) -> None:
     """Beam and solid on all ranks and on one; a section of equal stiffnesses has mode pairs."""
     square = ff.Section.rectangle(0.03, 0.03, STEEL)

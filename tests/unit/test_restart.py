@@ -225,7 +225,7 @@ MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "index2": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "stabilized_index2"}),
 }
 #: Not restarted on ranks here: three of them are in ``tests/cases/test_restart_runs.py``.
-ON_ONE = ("sliding", "sheet", "heated", "energy", "index2")
+ON_ONE = ("sliding", "sheet", "heated", "energy", "index2", "flying_spaghetti", "curved")
 #: What is kept of the iteration matrix, "auto" as "frozen", is the same for all models but that of
 #: steps of other sizes and of rows that come and go.
 RUNS = [

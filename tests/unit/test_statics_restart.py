@@ -71,6 +71,7 @@ def test_the_rest_is_as_if_nothing_had_been(shared_tmp_path: Path, gravity: str)
     assert np.abs(whole.history["tip_y"]).max() > 0.05
 
 
+@pytest.mark.slow_on_ranks
 def test_an_interruption_leaves_a_checkpoint(shared_tmp_path: Path) -> None:
     """The last rank gets a signal; the run continues with steps of another size."""
     sent: list[float] = []

@@ -17,6 +17,7 @@ SLOW = (
     "flexible_solids",
     "shell_blanket",
     "shell_strips",
+    "shell_damping",
     "flexible_formalisms",
     "flexible_gradients",
     "rigid_unit_scenes",

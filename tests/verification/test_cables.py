@@ -58,6 +58,7 @@ def atwood(**cable: Any) -> ff.Model:
     return model
 
 
+@pytest.mark.slow_on_ranks
 def test_atwoods_machine_with_a_wheel_that_has_inertia() -> None:
     """``a = (m1 - m2) g / (m1 + m2 + I/r^2)``, and two tensions that turn the wheel."""
     found = run(atwood(tension_only=False), 1e-3, 0.4)
@@ -290,6 +291,7 @@ def test_a_cable_through_an_eyelet_rubs_by_the_angle_it_has_there() -> None:
     np.testing.assert_allclose(found["at_x"], exact[0], atol=2e-4)
 
 
+@pytest.mark.slow_on_ranks
 def test_a_restart_knows_the_angles_at_eyelets(shared_tmp_path: Path) -> None:
     """The angle of the first step after it is that of the state, not that of the start."""
     given = {"dt": 1e-3, "quiet": True}
@@ -351,6 +353,7 @@ def test_other_integrators_know_sheaves(integrator: str) -> None:
     np.testing.assert_allclose(found["load_at_z"], -1.0 + rise, atol=1e-8)
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_the_energy_momentum_scheme_takes_cables_without_sheaves() -> None:
     """A winch whose stiffness changes is of second order; sheaves are refused."""

@@ -336,6 +336,7 @@ def _links(elements: int = 3) -> ff.Model:
     return _case("chain").CASE.model(links=3, elements=elements)
 
 
+@pytest.mark.several_ranks
 def test_chain_is_the_same_with_all_policies_and_ranks():
     """Beams on spherical joints, split over ranks; each policy finds the same solution."""
     from mpi4py import MPI
@@ -396,6 +397,7 @@ def _thrown() -> ff.Model:
     return model
 
 
+@pytest.mark.slow_on_ranks
 def test_damping_takes_what_the_energy_loses_in_impacts_and_in_cut_steps():
     options = ff.RunOptions(
         dt=4e-3, t_end=0.024, integrator="energy_momentum", rho_inf=1.0, tolerance=1e-9, quiet=True

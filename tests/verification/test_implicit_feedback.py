@@ -65,6 +65,7 @@ def hold(t: float, y: np.ndarray) -> float:
     return gains_of(t, y, target=0.0)
 
 
+@pytest.mark.slow_on_ranks
 def test_gains_act_as_a_spring_and_a_damper() -> None:
     """On a node of 1e-5 kg m^2 and with a step at which forces of the last step grow without bound.
 
@@ -112,6 +113,7 @@ def test_the_work_of_feedback_is_in_the_balance() -> None:
     assert np.abs(found["energy_balance"]).max() < 1e-3 * np.abs(found["energy_work"]).max()
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_explicit_feedback_does_not_hold_it() -> None:
     """What the other test is about: the same gains, sampled, do not settle."""

@@ -375,6 +375,7 @@ def test_generic_joint_stops_at_its_limits():
     np.testing.assert_allclose(seen[:, 1:], 0.0, atol=1e-12)
 
 
+@pytest.mark.slow_on_ranks
 def test_link_with_hinge_and_ball():
     """A bob on an inclined link: a plane pendulum, whatever turns and pulls across the plane."""
     axis, down = np.array([0.0, 0.6, 0.8]), np.array([0.0, -0.8, 0.6])

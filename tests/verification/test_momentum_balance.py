@@ -146,6 +146,7 @@ MIXED = {
 PUSHED = ("every", "of_arm", "of_bob")
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 @pytest.mark.parametrize(
     "element", ["director", pytest.param("rotation_free", marks=pytest.mark.slow)]

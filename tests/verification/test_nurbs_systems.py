@@ -185,6 +185,7 @@ def test_lines_of_both_formulations():
         serial.line("body")
 
 
+@pytest.mark.slow
 @pytest.mark.serial
 def test_slider_crank_with_six_cubic_elements():
     """The converged deflection of 5.04 %; linear elements of the same number give 4.4 %."""

@@ -31,6 +31,7 @@ def test_frequencies_of_slender_beams() -> None:
     np.testing.assert_allclose(tied[[6, 8]] / UNIT, [4.730041**2, 7.853205**2], rtol=2e-3)
 
 
+@pytest.mark.slow
 def test_solid_beam_has_the_frequencies_of_the_beam() -> None:
     section = ff.Section.rectangle(0.1, 0.08, STEEL)
     slender = frequencies(ff.reduce_body(beam(8, section), NODES, modes=8))[6:9]

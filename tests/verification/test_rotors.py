@@ -118,6 +118,7 @@ def test_flapping_blades_have_the_frequencies_of_one_and_one_per_revolution() ->
         np.testing.assert_allclose(2.0 * np.pi * rest["frequency"][1:], flapping(0.0), rtol=1e-7)
 
 
+@pytest.mark.slow_on_ranks
 def test_lagging_blades_shake_their_support() -> None:
     """Three coupled modes in fixed axes; a support in rotating axes would not have these."""
     history = found(rotor(lag=True), 4, speeds=4).history

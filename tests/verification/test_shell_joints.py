@@ -338,6 +338,7 @@ def _grommets(formulation: str) -> ff.Model:
     return model
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(
     "formulation",
     [

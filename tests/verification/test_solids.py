@@ -70,6 +70,7 @@ def test_slender_solid_bends_far_in_few_iterations(shared_tmp_path):
     assert iterations <= 11
 
 
+@pytest.mark.slow_on_ranks
 def test_solid_pendulum_falls_on_an_averaged_hinge(shared_tmp_path):
     """From the horizontal, with a rigid tip on its end: energy, momentum, ranks."""
     mesh = ff.SolidMesh.box((1.0, 0.1, 0.1), (4, 1, 1), "tetrahedron", origin=(0.0, -0.05, -0.05))
