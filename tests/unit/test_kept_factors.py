@@ -8,7 +8,7 @@ import pytest
 
 import flexfem as ff
 from flexfem.solvers.linear import kept_factors, multiplier_system
-from flexfem.solvers.linear.kept_factors import KeptFactors
+from flexfem.solvers.linear.kept_factors import KeptFactors, with_kept_factors
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
 from tests.unit.test_rank_costs import net
 
@@ -30,7 +30,9 @@ def test_solutions_are_those_of_the_present_values(rng: np.random.Generator) -> 
     matrix = rng.normal(size=(70, 70)) + 30.0 * np.eye(70)
     i, j = np.indices(matrix.shape).reshape(2, -1)
     comm = MPI.COMM_SELF
-    kept = KeptFactors(comm, InterfaceSystem(comm, i, j, 70, NOTHING, NOTHING), i, j)
+    system = InterfaceSystem(comm, i, j, 70, NOTHING, NOTHING)
+    kept = with_kept_factors(comm, system, i, j)
+    assert isinstance(kept, KeptFactors)
     for factor, renewals in ((1.0, 1), (1.01, 1), (1.02, 1), (9.0, 2)):
         present = matrix * (1.0 + (factor - 1.0) * rng.random(matrix.shape))
         assert kept.factor(present.ravel(), True)

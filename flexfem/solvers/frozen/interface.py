@@ -17,7 +17,7 @@ from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.kernels.sequence import Call, Step
 from flexfem.solvers.frozen.bodies import Bodies
-from flexfem.solvers.linear.kept_factors import KeptFactors
+from flexfem.solvers.linear.kept_factors import KeptFactors, with_kept_factors
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
 from flexfem.solvers.linear.schur_kernels import (
     BodyColumns,
@@ -78,7 +78,7 @@ class MultiplierSystem:
         self.groups = [self._describe(part, active) for part in system.parts]
         self._share_values()
         self._factors: InterfaceSystem | None = None
-        self._kept: KeptFactors | None = None
+        self._solver: InterfaceSystem | KeptFactors | None = None
         self._direct = constant or transposed  # their solutions are results as they are
         self._coupled: BoolArray | None = None
         linear = bool((rows.linear | rows.of_elements).all())
@@ -181,10 +181,10 @@ class MultiplierSystem:
         row, column = (rows.coupled[:, k].astype(np.int32) for k in self._coupled_rows)
         return np.concatenate([*first, every, row]), np.concatenate([*second, every, column])
 
-    def _eliminate(self) -> KeptFactors:
+    def _eliminate(self) -> InterfaceSystem | KeptFactors:
         """Elimination of the entries that are not zero for ever (collective)."""
-        if self._factors is not None and self._kept is not None:
-            return self._kept
+        if self._factors is not None and self._solver is not None:
+            return self._solver
         rows = self._system.constraints
         i, j = self._pattern()
         if self._constant:
@@ -196,9 +196,10 @@ class MultiplierSystem:
         traffic = self._system.traffic
         traffic.elimination = self._factors.kind
         traffic.largest_front = self._factors.largest_front
-        direct = self._direct or self._factors.band is not None
-        self._kept = KeptFactors(self._system.comm, self._factors, i, j, direct=direct)
-        return self._kept
+        self._solver = self._factors
+        if not self._direct and self._factors.band is None:
+            self._solver = with_kept_factors(self._system.comm, self._factors, i, j)
+        return self._solver
 
     def _find_coupled(self) -> BoolArray:
         """True for every entry between nodes that are coupled by their body, and all others."""
@@ -312,8 +313,8 @@ class MultiplierSystem:
             steps = np.multiply(self._owned_node, self._system.interface.steps, out=self._beyond)
             steps += self._response
         row_products(rows.own.memory, self._local_node, steps, rows.owned, values, self._correction)
-        assert self._kept is not None  # a factorisation comes first
-        self._kept.solve(self._correction)
+        assert self._solver is not None  # a factorisation comes first
+        self._solver.solve(self._correction)
         return self._correction
 
     def forget_responses(self) -> None:

@@ -15,7 +15,7 @@ from flexfem._types import FloatArray, IndexArray
 from flexfem.kernels.compiled import kernel
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
 
-__all__ = ["KeptFactors"]
+__all__ = ["KeptFactors", "with_kept_factors"]
 
 #: Estimated error of a solution, relative to its largest entry, at which refinement ends. That of
 #: the converged positions is this part of the last correction, which is below their tolerance.
@@ -53,21 +53,12 @@ class KeptFactors:
     """
 
     def __init__(
-        self, comm: MPI.Intracomm, system: InterfaceSystem, i: IndexArray, j: IndexArray, *,
-        direct: bool = False,
+        self, comm: MPI.Intracomm, system: InterfaceSystem, i: IndexArray, j: IndexArray,
+        worth: float,
     ) -> None:  # fmt: skip
-        """Store a system and the rows and columns of its entries (collective).
-
-        ``direct`` is True to renew the factors for all values.
-        """
+        """See :func:`with_kept_factors`; ``worth``: solves in the time of a factorisation."""
         self._comm, self._system = comm, system
-        self._i, self._j = i, j
-        factor, solve = system.operations
-        if comm.size > 1:  # not Allreduce, which counts what iterations send
-            factor, solve = comm.bcast(comm.reduce(np.array([factor, solve]), op=MPI.SUM))
-        solves = factor / _FASTER / max(solve, 1.0)
-        #: number of solves that take as long as a factorisation, 0 if it is always renewed
-        self._worth = solves if not direct and factor > _SMALL and solves > _LEAST else 0.0
+        self._i, self._j, self._worth = i, j, worth
         self._values: FloatArray | None = None
         self._fresh = False
         self._more = 0
@@ -130,3 +121,21 @@ class KeptFactors:
             values[np.isnan(values)] = np.inf  # MPI's maximum does not order NaN
             self._comm.Allreduce(MPI.IN_PLACE, values, op=MPI.MAX)
         return float(values[0]), float(values[1])
+
+
+def with_kept_factors(
+    comm: MPI.Intracomm, system: InterfaceSystem, i: IndexArray, j: IndexArray
+) -> InterfaceSystem | KeptFactors:
+    """A system whose factors are kept if they are worth some solves, else as it is (collective).
+
+    Args:
+        comm: communicator of the system.
+        system: of which the entries are given.
+        i: rows of the entries.
+        j: columns of the entries.
+    """
+    factor, solve = system.operations
+    if comm.size > 1:  # not Allreduce, which counts what iterations send
+        factor, solve = comm.bcast(comm.reduce(np.array([factor, solve]), op=MPI.SUM))
+    worth = factor / _FASTER / max(solve, 1.0)
+    return KeptFactors(comm, system, i, j, worth) if factor > _SMALL and worth > _LEAST else system
