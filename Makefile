@@ -1,7 +1,7 @@
 # Every target makes the set-up it needs in .venv; "make help" lists them.
 .DEFAULT_GOAL := help
 .DELETE_ON_ERROR:
-.PHONY: help setup run test test-all lint verification bench docs dist check-paraview clean
+.PHONY: help setup run test test-all on-2-ranks on-3-ranks lint verification bench docs dist check-paraview clean
 
 VENV := .venv
 BIN := $(VENV)/bin
@@ -70,7 +70,14 @@ test test-all:
 	# what a file's tests share is made once; files as they come, the longest are not the last
 	$(BIN)/python -m pytest -m "not (benchmark or several_ranks) $(NOT_SLOW)" -n $(RANKS) --dist loadfile --no-loadscope-reorder \
 		--ignore tests/test_architecture.py
+	# ranks that wait leave half of two cores idle: both at once
+	@$(MAKE) --no-print-directory -j $(RANKS) --output-sync=target on-2-ranks on-3-ranks \
+		NOT_SLOW_ON_RANKS="$(NOT_SLOW_ON_RANKS)" NOT_ON_THREE="$(NOT_ON_THREE)"
+
+on-2-ranks: $(STAMP)
 	$(BIN)/mpirun -n 2 $(BIN)/python -m mpi4py -m pytest -m "not (benchmark or serial) $(NOT_SLOW_ON_RANKS) $(NOT_ON_THREE)" tests
+
+on-3-ranks: $(STAMP)
 	$(BIN)/mpirun -n 3 $(BIN)/python -m mpi4py -m pytest -m "three_ranks $(NOT_SLOW_ON_RANKS)" tests
 
 # what two processes of tests would wait for at the same time
