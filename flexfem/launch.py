@@ -51,10 +51,14 @@ def ranks() -> int:
     return MPI.COMM_WORLD.size
 
 
+def _local_ranks() -> int:
+    """Ranks on this computer, one where the launcher does not give them."""
+    return next((int(os.environ[name]) for name in _LOCAL_VARIABLES if name in os.environ), 1)
+
+
 def ranks_here() -> tuple[int, int]:
     """Ranks on this computer, one where the launcher does not give them, and all ranks."""
-    here = next((int(os.environ[name]) for name in _LOCAL_VARIABLES if name in os.environ), 1)
-    started = ranks_started()
+    here, started = _local_ranks(), ranks_started()
     if started is None and launched_in_parallel():
         from mpi4py import MPI
 
@@ -75,8 +79,7 @@ def sleep_while_waiting() -> None:
     They poll otherwise, and keep those from working for which they wait. MPI reads this variable
     when it starts, and the user's value is kept.
     """
-    here = next((int(os.environ[name]) for name in _LOCAL_VARIABLES if name in os.environ), 1)
-    if here > len(cores()):
+    if _local_ranks() > len(cores()):
         os.environ.setdefault("MPIR_CVAR_ENABLE_HEAVY_YIELD", "1")
 
 

@@ -71,6 +71,11 @@ class StartRows:
         return not self._serial.model.released and all(ends.rigid for ends in self._ends)
 
     @property
+    def driven(self) -> bool:
+        """True if a drive moves some of them."""
+        return any(joint.driven for joint in self.joints)
+
+    @property
     def poses(self) -> list[tuple[Pose, ...]]:
         """Poses of the markers of each joint."""
         return [ends.poses for ends in self._ends]

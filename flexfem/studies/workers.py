@@ -19,7 +19,6 @@ from typing import Any, NamedTuple, Self
 
 from flexfem import _beside, launch
 from flexfem.io.run_log import run_log
-from flexfem.launch import cores
 from flexfem.options import Option
 from flexfem.studies.processes import python_command
 
@@ -89,7 +88,9 @@ class Workers:
             ValueError: It is out of range, there is no mpirun, or this program itself has ranks.
         """
         self.ranks = _count("ranks", ranks)
-        self.jobs = _count("jobs", max(len(cores()) // self.ranks, 1) if jobs is None else jobs)
+        self.jobs = _count(
+            "jobs", max(len(launch.cores()) // self.ranks, 1) if jobs is None else jobs
+        )
         if launch.launched_in_parallel():
             raise ValueError("a sweep is one process: its runs have ranks of their own")
         python_command([], self.ranks)

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from flexfem import launch
 from flexfem.case import case_file
 from flexfem.cli.usage import FailedRunError, Parser, UsageError, reader
-from flexfem.launch import cores
 from flexfem.options import Option
 from flexfem.studies.compile_ahead import KINDS_OF_MODELS, compile_ahead
 
@@ -27,12 +26,9 @@ def execute(argv: Sequence[str], prog: str) -> int:
     )  # fmt: skip
     count = reader(Option("jobs", int, 1, "", minimum=1))
     parser.add_argument(
-        "--jobs",
-        type=count,
-        metavar="N",
-        default=len(cores()),
-        help="runs at a time (cores by default)",
-    )
+        "--jobs", type=count, metavar="N", default=len(launch.cores()),
+        help="runs at a time (default: cores)",
+    )  # fmt: skip
     parser.add_argument("--quiet", action="store_true", help="print faults only")
     options = parser.parse_args(argv)
     if launch.launched_in_parallel():

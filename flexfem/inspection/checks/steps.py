@@ -20,7 +20,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
         return
     bodies = inspection.model.bodies
     spins = [(float(np.linalg.norm(b.angular_velocity)), owner_of(b)) for b in bodies]
-    if any(joint.driven for joint in inspection.rows.joints):
+    if inspection.rows.driven:
         driven = drive_rates(inspection) * inspection.turning
         for row in np.flatnonzero(driven):
             joint = inspection.rows.joints[inspection.rows.rows.joint_of_row[row]]

@@ -22,7 +22,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     if inspection.moves is False or isinstance(inspection.options, StateOptions):
         return
     rests = not any(family.velocities.any() for family in inspection.serial.families.values())
-    if rests and not any(joint.driven for joint in inspection.rows.joints):
+    if rests and not inspection.rows.driven:
         return
     rows = inspection.rows.rows
     rates = np.where(rows.rigid, rows.rates() + drive_rates(inspection), 0.0)
@@ -48,7 +48,7 @@ def drive_rates(inspection: Inspection) -> FloatArray:
 
     Exact for motions of third degree: a smooth step begins with none.
     """
-    if not any(joint.driven for joint in inspection.rows.joints):
+    if not inspection.rows.driven:
         return np.zeros(inspection.rows.rows.size)
     values, h = [], min(_STEP, _PART * getattr(inspection.options, "dt", 1.0))
     for k in range(4):

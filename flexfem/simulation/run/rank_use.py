@@ -3,7 +3,7 @@
 
 from mpi4py import MPI
 
-from flexfem.launch import cores
+from flexfem import launch
 from flexfem.system.system import System
 
 __all__ = ["idle_or_crowded"]
@@ -31,9 +31,9 @@ def idle_or_crowded(system: System) -> list[str]:
 def _crowded(comm: MPI.Intracomm) -> tuple[int, int]:
     """Ranks and cores of the computer where most ranks lack a core; zeros if none lacks one."""
     here = comm.Split_type(MPI.COMM_TYPE_SHARED)
-    count = len(set().union(*here.allgather(cores())))
-    lacking = here.size - count
-    places = comm.allgather((lacking, here.size, count))
+    cores = len(set().union(*here.allgather(launch.cores())))
+    lacking = here.size - cores
+    places = comm.allgather((lacking, here.size, cores))
     here.Free()
     worst = max(places)
     return worst[1:] if worst[0] > 0 else (0, 0)

@@ -183,7 +183,7 @@ class MultiplierSystem:
 
     def _eliminate(self) -> InterfaceSystem | KeptFactors:
         """Elimination of the entries that are not zero for ever (collective)."""
-        if self._factors is not None and self._solver is not None:
+        if self._solver is not None:
             return self._solver
         rows = self._system.constraints
         i, j = self._pattern()
@@ -232,7 +232,7 @@ class MultiplierSystem:
             own.sides[:, 2] = rows.term_nodes[own.sides[:, 0], own.sides[:, 1]]
             own.ranges, own.range_start = self._ranges(own.sides, own.side_start)
         if self._coupled is not None and not np.array_equal(self._coupled, self._find_coupled()):
-            self._factors = None
+            self._factors = self._solver = None
 
     def factor(self, regular: bool) -> bool:
         """Assemble and factorise; False on all ranks if it is singular on one (collective).
