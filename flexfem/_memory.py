@@ -19,6 +19,7 @@ __all__ = [
     "available",
     "check_room",
     "check_run",
+    "peak",
     "shown",
     "together",
 ]
@@ -49,6 +50,11 @@ _GROUP = (
 def available() -> float:
     """Bytes that this computer, its container and its limits leave; infinite if unknown."""
     return min(_limits(), default=float("inf"))
+
+
+def peak() -> float:
+    """Bytes that this process has had in memory at most."""
+    return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # Linux counts in kB
 
 
 def check_room(owner: str, needed: float, of: float | None = None) -> None:

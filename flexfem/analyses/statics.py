@@ -9,12 +9,17 @@ from flexfem.analyses.analysis import (
     fields_precision,
     history_format,
     kernels,
+    linear_solver,
+    linear_tolerance,
     restart,
     split_above,
 )
 from flexfem.options import Settings, TargetsOption, option, settings
 
 __all__ = ["StaticOptions"]
+
+#: Options that count pivots, or pass singular matrices.
+_NEED_FACTORS = ("arc_length", "critical_points", "buckling_modes", "stabilise")
 
 #: Options of paths, which a linear solution is none of.
 _NOT_LINEAR = (
@@ -125,6 +130,8 @@ class StaticOptions(Settings):
         note="A run ends early that fails or is interrupted. There are none along arc lengths.",
     )
     split_above: int = split_above()
+    linear_solver: str = linear_solver()
+    linear_tolerance: float = linear_tolerance()
     kernels: str = kernels()
     restart: Path | None = restart()
 
@@ -137,6 +144,12 @@ class StaticOptions(Settings):
             raise ValueError(f"StaticOptions: stop_value {self.stop_value:g} needs a stop_column")
         if self.linear:
             self._check_linear()
+        if self.linear_solver == "iterative":
+            for name in self.factored:
+                raise ValueError(
+                    f"StaticOptions: linear_solver 'iterative' cannot be used with {name} "
+                    f"{getattr(self, name)!r}, which needs factors"
+                )
         if self.max_step != StaticOptions.max_step and self.arc_length == 0.0:
             raise ValueError(
                 f"StaticOptions: max_step {self.max_step:g} needs an arc_length above 0; load "
@@ -152,6 +165,11 @@ class StaticOptions(Settings):
                 f"StaticOptions: stabilise searches stable equilibria only, arc_length "
                 f"{self.arc_length:g} follows unstable ones as well"
             )
+
+    @property
+    def factored(self) -> list[str]:
+        """Names of the options that are set and need factors."""
+        return [name for name in _NEED_FACTORS if getattr(self, name)]
 
     def _check_linear(self) -> None:
         """Raise for options that a single linear solution has no use for."""

@@ -22,7 +22,9 @@ __all__ = ["KrylovFactor", "rigid_motions"]
 #: are kept.
 _MASSES, _LASTING = 1e-13, 1e-10
 #: Largest number of iterations of a solve, and vectors that GMRES orthogonalises.
-_MOST, _RESTART = 500, 60
+_MOST, _RESTART = 1000, 60
+#: Iterations, relative to those with a hierarchy's own matrix, from which it is made again.
+_SLOW = 2
 #: Relative asymmetry that is round-off.
 _SYMMETRIC = 1e-11
 #: Length of a motion, relative to what it was, of which fixed unknowns have left nothing.
@@ -57,7 +59,8 @@ class KrylovFactor:
 
     Symmetric matrices are solved by conjugate gradients, and by GMRES if these find that a matrix
     is not positive definite; others by GMRES. A solve that does not converge leaves NaN as its
-    solution, and counts: no caller can take it for one.
+    solution, and counts: no caller can take it for one. The hierarchy of one matrix serves the next
+    ones, see :meth:`take`.
 
     Attributes:
         size: rows of this rank.
@@ -81,25 +84,49 @@ class KrylovFactor:
             counts: counters.
         """
         self.size = matrix.getLocalSize()[0]
-        self._matrix, self._motions, self._held = matrix, motions, held
         self._tolerance = tolerance if motions is not None else min(tolerance, _MASSES)
         self._counts = counts
+        self._expected = self._taken = 0
+        self._read(matrix, motions, held)
+        self._renew()
+
+    def _read(self, matrix: PETSc.Mat, motions: FloatArray | None, held: BoolArray | None) -> None:
+        """Take a matrix (collective)."""
+        self._matrix, self._motions, self._held = matrix, motions, held
         if held is not None:
             _level(matrix, held)
         self._symmetric = _is_symmetric(matrix)
         self._transposed: KrylovFactor | None = None
-        self._ksp = self._created("cg" if self._symmetric else "gmres")
-        counts.setups += 1
 
-    def _created(self, kind: str) -> PETSc.KSP:
+    def take(self, matrix: PETSc.Mat, motions: FloatArray, held: BoolArray | None) -> None:
+        """Solve with another matrix like the last one, arguments as at the start (collective).
+
+        The hierarchy remains as long as solves converge, and none takes more than twice the
+        iterations of the slowest with its own matrix.
+        """
+        symmetric = self._symmetric
+        self._read(matrix, motions, held)
+        if self._taken > _SLOW * self._expected or self._symmetric != symmetric:
+            self._renew()
+            return
+        self._old, self._taken = True, 0
+        self._ksp.setOperators(matrix)
+        self._ksp.getPC().setReusePreconditioner(True)
+
+    def _renew(self) -> None:
+        """Make the hierarchy of the matrix (collective)."""
+        self._ksp = self._created()
+        self._old, self._expected, self._taken = False, 0, 0
+        self._counts.setups += 1
+
+    def _created(self) -> PETSc.KSP:
         """Solver with its preconditioner (collective)."""
         ksp = PETSc.KSP().create(comm=self._matrix.comm)
-        ksp.setType(kind)
+        ksp.setType(PETSc.KSP.Type.CG if self._symmetric else PETSc.KSP.Type.GMRES)
+        ksp.setGMRESRestart(_RESTART)  # without effect on conjugate gradients
         ksp.setTolerances(rtol=self._tolerance, atol=0.0, divtol=1e30, max_it=_MOST)
         ksp.setNormType(PETSc.KSP.NormType.PRECONDITIONED)
         ksp.setErrorIfNotConverged(False)
-        if kind == "gmres":
-            ksp.setGMRESRestart(_RESTART)
         ksp.setOperators(self._matrix)
         pc = ksp.getPC()
         motions = [] if self._motions is None else _orthonormal(self._matrix, self._motions)
@@ -159,19 +186,32 @@ class KrylovFactor:
     def _solve(self, accuracy: float, rhs: PETSc.Vec, solution: PETSc.Vec) -> None:
         """Solve (collective unless the matrix is this rank's alone)."""
         self._counts.solves += 1
-        if self._converges(accuracy, rhs, solution):
-            return
-        if self._ksp.getType() == PETSc.KSP.Type.CG:
-            self._ksp = self._created("gmres")  # the matrix may not be positive definite
-            if self._converges(accuracy, rhs, solution):
+        while not self._converges(accuracy, rhs, solution):
+            if not self._improved():
+                self._counts.failed += 1
+                solution.set(np.nan)
                 return
-        self._counts.failed += 1
-        solution.set(np.nan)
+
+    def _improved(self) -> bool:
+        """Change what may help a solve to converge; False if nothing does (collective)."""
+        if self._old:
+            self._renew()
+            return True
+        slow = self._ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT
+        if slow or self._ksp.getType() != PETSc.KSP.Type.CG:
+            return False
+        self._ksp.setType(PETSc.KSP.Type.GMRES)  # the matrix is not positive definite
+        self._ksp.setGMRESRestart(_RESTART)
+        return True
 
     def _converges(self, accuracy: float, rhs: PETSc.Vec, solution: PETSc.Vec) -> bool:
         self._ksp.setTolerances(rtol=accuracy)
         self._ksp.solve(rhs, solution)
-        self._counts.iterations += self._ksp.getIterationNumber()
+        taken = self._ksp.getIterationNumber()
+        self._counts.iterations += taken
+        self._taken = max(self._taken, taken)
+        if not self._old:
+            self._expected = self._taken
         return bool(self._ksp.getConvergedReason() > 0)
 
     def multiplier(self, vector: FloatArray, product: FloatArray) -> Callable[[], None]:

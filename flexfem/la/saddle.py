@@ -8,6 +8,7 @@ where parts are not coupled beside the multipliers; otherwise GMRES adds what is
 
 import weakref
 from collections.abc import Callable
+from math import inf
 from typing import Protocol
 
 from mpi4py import MPI
@@ -42,12 +43,12 @@ class SaddleSolver:
 
     Attributes:
         counts: counters of iterative solves; a body that is not solved leaves NaN, and so fails
-            the solve on all ranks.
+            the solve on all ranks, and nothing else is solved after it.
     """
 
     def __init__(
         self, factor: Callable[[int, PETSc.Mat], BodyFactor], parts: int, tolerance: float,
-        counts: SolveCounts,
+        counts: SolveCounts, *, held: bool = False, stopping: Callable[[], bool] = bool,
     ) -> None:  # fmt: skip
         """Store the arguments.
 
@@ -56,12 +57,26 @@ class SaddleSolver:
             parts: number of blocks beside the multipliers.
             tolerance: relative accuracy.
             counts: counters of iterative solves.
+            held: the solvers of the blocks hold them a little, so that the elimination is not
+                exact.
+            stopping: returns True if solves are to end without a solution, as after a signal
+                (collective; never by default); asked before the bodies are solved.
         """
+        self._held, self._stopping = held, stopping
+        self._taken: float = inf  # iterations of the slowest solve since the last matrix
         self._factor, self._parts, self._tolerance = factor, parts, tolerance
         self.counts = counts
 
     def factor(self, matrix: PETSc.Mat) -> bool:
-        """Prepare solves with a matrix (collective); False where multipliers are dependent."""
+        """Prepare solves with a matrix (collective).
+
+        The elimination of multipliers from the last matrix remains, which is only a preconditioner
+        then, while solves take fewer iterations than there are multipliers.
+
+        Returns:
+            False where multipliers are dependent, or a body is not solved, which ``counts`` tell,
+            or solves are to end.
+        """
         self._comm: MPI.Intracomm = matrix.comm.tompi4py()
         self._matrix = matrix
         blocks = [matrix.getNestSubMatrix(i, i) for i in range(self._parts)]
@@ -72,32 +87,42 @@ class SaddleSolver:
         self._solvers = [
             f.solver(*pair, lasting=True) for f, pair in zip(factors, pairs, strict=True)
         ]
-        self._rows = matrix.getNestSize()[0] > self._parts
-        if self._rows and not self._eliminate():
-            return False
         count = matrix.getNestSize()[0]
+        self._rows = count > self._parts
+        self._old = self._rows and self._taken < matrix.getNestSubMatrix(count - 1, 0).getSize()[0]
+        if self._old:
+            self._taken = 0
+        elif self._rows and not self._eliminate():
+            return False
         self._grid = [[matrix.getNestSubMatrix(i, j) for j in range(count)] for i in range(count)]
         sizes = [line[0].getLocalSize()[0] for line in self._grid]
         self._ends = np.cumsum(sizes)
+        self._ksp = self._created() if count > 1 else None
+        return True
+
+    def _created(self) -> PETSc.KSP:
+        """Solver of the whole matrix (collective)."""
         # its vectors are those of all blocks on this rank, one after the other
         whole = (int(self._ends[-1]), None), (int(self._ends[-1]), None)
         flat = PETSc.Mat().createPython(
-            whole, context=_Product(weakref.proxy(self)), comm=matrix.comm
+            whole, context=_Product(weakref.proxy(self)), comm=self._matrix.comm
         )
         flat.setUp()
-        self._ksp = PETSc.KSP().create(comm=matrix.comm)
-        self._ksp.setType(PETSc.KSP.Type.GMRES)
-        self._ksp.setGMRESRestart(_MOST)
-        self._ksp.setTolerances(rtol=self._tolerance, atol=0.0, divtol=1e30, max_it=_MOST)
-        self._ksp.setOperators(flat)
-        pc = self._ksp.getPC()
+        ksp = PETSc.KSP().create(comm=self._matrix.comm)
+        # a body that is hardly held amplifies what is left of its solves: no linear operator
+        ksp.setType(PETSc.KSP.Type.FGMRES if self._held else PETSc.KSP.Type.GMRES)
+        ksp.setGMRESRestart(_MOST)
+        ksp.setTolerances(rtol=self._tolerance, atol=0.0, divtol=1e30, max_it=_MOST)
+        ksp.setOperators(flat)
+        pc = ksp.getPC()
         pc.setType(PETSc.PC.Type.PYTHON)
         pc.setPythonContext(_Elimination(weakref.proxy(self)))
-        self._ksp.setUp()
-        return True
+        ksp.setUp()
+        return ksp
 
     def _eliminate(self) -> bool:
         """Solve for the motions by each multiplier, and factorise their system (collective)."""
+        self._old, self._taken = False, inf
         last, matrix = self._parts, self._matrix
         corner = matrix.getNestSubMatrix(last, last)
         unit, row = corner.createVecs()
@@ -114,7 +139,8 @@ class SaddleSolver:
             corner.mult(unit, row)
             own[:, column] = -row.getArray(readonly=True)
             self._forces(unit)
-            self._solve_bodies()
+            if not self._solve_bodies():
+                return False
             for motion, solution in zip(self._motions, self._solutions, strict=True):
                 motion[:, column] = solution
             own[:, column] += self._gaps()
@@ -125,7 +151,9 @@ class SaddleSolver:
         except (ValueError, LinAlgError):
             return False
         pivots = np.abs(np.diag(self._schur[0]))
-        return bool(size == 0 or pivots.min() > 1e-13 * pivots.max())
+        regular = bool(size == 0 or pivots.min() > 1e-13 * pivots.max())
+        self._taken = 0 if regular else inf
+        return regular
 
     def _forces(self, multipliers: PETSc.Vec) -> None:
         """Set right-hand sides to the forces of multipliers (collective)."""
@@ -146,9 +174,16 @@ class SaddleSolver:
             total += gap.getArray(readonly=True)
         return total
 
-    def _solve_bodies(self) -> None:
+    def _solve_bodies(self) -> bool:
+        """Solve for the bodies; False once one is not solved, or none is to be (collective)."""
+        if self._stopping():
+            return False
+        failed = self.counts.failed  # the same on all ranks, as every body is on all of them
         for solve in self._solvers:
             solve()
+            if self.counts.failed > failed:
+                return False
+        return True
 
     def multiply(self, vector: FloatArray) -> FloatArray:
         """Product of the matrix and a vector of this rank (collective)."""
@@ -167,7 +202,8 @@ class SaddleSolver:
         pieces = np.split(right, self._ends[:-1])
         for own, piece in zip(self._rights, pieces, strict=False):
             own[:] = piece
-        self._solve_bodies()
+        if not self._solve_bodies():
+            return np.full(len(right), np.nan)  # which ends the iteration
         if not self._rows:
             return np.concatenate(self._solutions)
         own = self._gaps() - pieces[-1]
@@ -179,20 +215,39 @@ class SaddleSolver:
 
     def solve(self, right: PETSc.Vec, solution: PETSc.Vec) -> bool:
         """Solve with the matrix prepared last; False without a solution (collective)."""
-        given, found = self._ksp.getOperators()[0].createVecs()
         nests = right.getNestSubVecs(), solution.getNestSubVecs()
+        if self._ksp is None:  # one body that nothing ties
+            self._rights[0][:] = nests[0][0].getArray(readonly=True)
+            solved = self._solve_bodies()
+            nests[1][0].setArray(self._solutions[0])
+            return solved
+        given, found = self._ksp.getOperators()[0].createVecs()
         given.setArray(np.concatenate([vec.getArray(readonly=True) for vec in nests[0]]))
-        self._ksp.solve(given, found)
+        failed = self.counts.failed
+        converged = self._converges(given, found)
+        if not converged and self._old and self.counts.failed == failed:
+            if not self._eliminate():
+                return False
+            converged = self._converges(given, found)
         pieces = np.split(found.getArray(readonly=True), self._ends[:-1])
         for vec, piece in zip(nests[1], pieces, strict=True):
             vec.setArray(piece)
-        converged = bool(self._ksp.getConvergedReason() > 0)  # the same on all ranks
         self.counts.failed += not converged
         return converged
 
+    def _converges(self, given: PETSc.Vec, found: PETSc.Vec) -> bool:
+        """Solve; the same on all ranks (collective)."""
+        assert self._ksp is not None
+        # from where a new elimination is as fast
+        most = min(_MOST, int(self._counts.sum())) if self._old else _MOST
+        self._ksp.setTolerances(max_it=most)
+        self._ksp.solve(given, found)
+        self._taken = max(self._taken, self._ksp.getIterationNumber())
+        return bool(self._ksp.getConvergedReason() > 0)
+
     def reset(self) -> None:
         """Release what was prepared (collective)."""
-        self._solvers, self._motions = [], []
+        self._solvers, self._motions, self._taken = [], [], inf
 
 
 class _Product:

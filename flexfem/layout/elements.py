@@ -454,9 +454,11 @@ class MultigridElements(Protocol):
     Attributes:
         multigrid: True if they fill a continuum: coarse spaces that contain the rigid motions of
             bodies approximate their softest motions, as they do not where a body can bend.
+        bulk_over_shear: largest ratio of the moduli at small strains, the same on all ranks.
     """
 
     multigrid: bool
+    bulk_over_shear: float
 
     def node_masses(self) -> FloatArray:
         """(n,) diagonal of the mass matrix of one direction, kg, of this rank's cells."""

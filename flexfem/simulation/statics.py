@@ -14,11 +14,13 @@ import numpy as np
 from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._faults import current
+from flexfem._memory import peak
 from flexfem._types import FloatArray
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
 from flexfem.io.paraview.field_output import FieldOutput
 from flexfem.io.vtu.field_choice import FieldChoice
+from flexfem.la.linear_solver import LinearSolver
 from flexfem.model.contact import Contact
 from flexfem.model.model import Model
 from flexfem.model.probes.measured import EnergyProbe
@@ -47,6 +49,7 @@ from flexfem.simulation.run.time_grid import TimeGrid
 from flexfem.simulation.watch.inside_out import inside_out
 from flexfem.simulation.watch.locked_shapes import locked_shapes
 from flexfem.simulation.watch.validity import doubtful_state
+from flexfem.solvers.linear.iterative import check_iterative
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.statics.buckling import LinearBuckling
 from flexfem.solvers.statics.equilibrium import Equilibrium, Limits, settle
@@ -149,9 +152,12 @@ class StaticSteps(Steps):
         """
         self._options = options
         check = None if restart is None else restart.check
+        kind = "direct" if options.factored else options.linear_solver
         self.serial, self.system = set_up(
-            model, comm, options.split_above, check, kernels=options.kernels
-        )
+            model, comm, options.split_above, check, kernels=options.kernels,
+            linear=LinearSolver(kind, options.linear_tolerance),
+        )  # fmt: skip
+        check_iterative(self.system)
         if options.arc_length > 0.0 and self.system.rate_dependent:
             raise InputError(
                 f"StaticOptions: arc_length {options.arc_length:g} has no time for viscoelastic "
@@ -256,6 +262,7 @@ class StaticSteps(Steps):
     def take(self, stopping: Callable[[], bool]) -> Status:
         """See :class:`Steps`."""
         options, path, h = self._options, self.path, self._h
+        self.equilibrium.tangent.stop_when(stopping)
         if path.arc is not None:
             if self.followed.steps == options.max_steps:
                 return Status.NOT_CONVERGED
@@ -293,13 +300,13 @@ class StaticSteps(Steps):
         self._before = self._wanted(path.point.t)
         status, end, critical = self._tried(h, before)
         while status not in (Status.OK, Status.LEFT) and h > smallest:
+            if self.equilibrium.stuck or stopping():
+                break
             if agreed(current(), self.system.comm) is not None:  # smaller steps do not help
                 break
             self.followed.rejected += 1
             h *= self.equilibrium.cut
             status, end, critical = self._tried(h, before)
-            if stopping():
-                break
         if status is not Status.OK:
             path.return_to_base()
             return status, h, True
@@ -465,9 +472,15 @@ class StaticSteps(Steps):
 
     def summary(self) -> dict[str, Any]:
         """See :class:`Steps`."""
+        solves = self.system.linear.counts
         return {
             "steps": self.followed.steps,
             "rejected_steps": self.followed.rejected,
+            "linear_solver": "iterative" if solves.setups else "direct",
+            "linear_solves": solves.solves,
+            "linear_iterations": solves.iterations,
+            "linear_hierarchies": solves.setups,
+            "peak_memory": self.system.comm.allreduce(peak(), op=MPI.MAX),
             "critical_points": [point.summary() for point in self.followed.critical],
             "buckling": self._factors,
             "output_at": self._targets.met,
@@ -497,9 +510,11 @@ class _LinearSolutions(StaticSteps):
     def take(self, stopping: Callable[[], bool]) -> Status:
         """Compute one solution and its estimated linearisation error."""
         equilibrium, t = self.equilibrium, self._left.pop(0)
+        equilibrium.tangent.stop_when(stopping)
+        failed = self.system.linear.counts.failed
         solution = solve_linear(equilibrium, self._from, t)
         if solution is None:
-            return Status.SINGULAR
+            return self.equilibrium.unsolved(failed)
         values = solution.columns(equilibrium, self._columns)
         part = solution.neglected(equilibrium)
         self._neglected |= {"neglected": part, "largest": solution.size}

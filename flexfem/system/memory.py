@@ -39,7 +39,7 @@ def memory_of_run(model: Model, linear: LinearSolver | None = None) -> float:
     total += _memory_of_shells(model)
     for body in model.other_bodies:
         rows = body.width * len(body.points)
-        iterative = body.continuum and linear.iterates(rows)
+        iterative = body.continuum and linear.iterates(rows, body.bulk_over_shear)
         total += (ITERATED if iterative else UNKNOWN) * float(rows)
     widths = [float(body.reduced.size) for body in model.floating_bodies]
     return float(total + 8.0 * _DENSE * sum(width**2 for width in widths))

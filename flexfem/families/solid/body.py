@@ -313,6 +313,12 @@ class Solid(Body):
         return found
 
     @cached_property
+    def bulk_over_shear(self) -> float:  # type: ignore[override]
+        """See :class:`Body`; laws without positive moduli at rest do not count."""
+        moduli = [law.small_strain_moduli() for law in self.law.values()]
+        return max((bulk / shear for shear, bulk in moduli if shear > 0.0 < bulk), default=0.0)
+
+    @cached_property
     def masses(self) -> tuple[FloatArray, FloatArray]:
         """Points (q, 3) in the body at the start, m, and masses (q,), kg, with its inertia."""
         return self.figure.masses(self.cell_density)

@@ -58,6 +58,7 @@ class SolidElements(StresslessElements):
     thin = False
     stressed = False
     multigrid = True
+    bulk_over_shear = 0.0
 
     def __init__(
         self, groups: Sequence[SolidCells], block: FrameBlock, plane: BoolArray, cells: int

@@ -131,6 +131,7 @@ class SolidFamily(PositionFamily[Solid]):
         groups = [self._cells(comm, parts, own, block) for parts in kinds]
         plane = np.array([body.plane is not None for body in self._bodies])
         elements = SolidElements(groups, block, plane[self.body_of_node[ids]], len(ranks))
+        elements.bulk_over_shear = max(body.bulk_over_shear for body in self._bodies)
         for parts, group in zip(kinds, groups, strict=True):
             name = f'Solid "{self._bodies[parts[0][0]].name}"'
             check_start(comm, name, group, np.ascontiguousarray(self._frames[ids, :3]))

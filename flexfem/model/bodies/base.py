@@ -28,6 +28,8 @@ class Body(ABC):
         touches: Whether contacts may name it.
         penalty: Whether contacts may have the penalty, beside the barrier.
         continuum: Whether elements fill a continuum, so that large bodies are solved iteratively.
+        bulk_over_shear: Largest ratio of the moduli of a continuum at small strains, by which that
+            depends on it; zero if there is none.
     """
 
     family: ClassVar[Any]
@@ -39,6 +41,7 @@ class Body(ABC):
     touches: bool = False
     penalty: ClassVar[bool] = True
     continuum: ClassVar[bool] = False
+    bulk_over_shear: float = 0.0
 
     @property
     def surface(self) -> SurfaceMesh | None:

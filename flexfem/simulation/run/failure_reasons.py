@@ -63,6 +63,8 @@ _LOAD = (
 )
 #: Advice for statics.
 STATICS: Mapping[Status, str] = {
+    Status.UNSOLVED: "use linear_solver direct, or increase load_steps: bodies are nearly "
+    "incompressible or on the verge of buckling, or the matrix is nearly singular",
     Status.NOT_CONVERGED: _LOAD,
     Status.DIVERGED: _LOAD,
     Status.SINGULAR: "constrain motions without stiffness by joints or springs, or use stabilise; "

@@ -29,7 +29,9 @@ def iterates(system: System, part: BlockPart, shifts: Shifts, rows: int | None =
     if system.constraints.size_global > MOST_MULTIPLIERS:
         return False
     count = part.block.sizes[1] if rows is None else rows
-    return linear.iterates_masses(count) if is_mass(shifts) else linear.iterates(count)
+    if is_mass(shifts):
+        return linear.iterates_masses(count)
+    return linear.iterates(count, elements.bulk_over_shear)
 
 
 def check_iterative(system: System) -> None:
@@ -61,8 +63,9 @@ def is_mass(shifts: Shifts) -> bool:
 
 
 def krylov_factor(
-    linear: LinearSolver, part: BlockPart, matrix: PETSc.Mat, shifts: Shifts, nodes: IntArray
-) -> KrylovFactor:
+    linear: LinearSolver, part: BlockPart, matrix: PETSc.Mat, shifts: Shifts, nodes: IntArray,
+    last: KrylovFactor | None = None,
+) -> KrylovFactor:  # fmt: skip
     """Krylov method for the matrix of some nodes at the trial state (collective if split).
 
     Args:
@@ -71,14 +74,18 @@ def krylov_factor(
         matrix: their matrix, which is taken over.
         shifts: factors of the scheme of the matrix.
         nodes: local numbers of the owned ones.
+        last: method for a similar stiffness of them, which takes this one if it can; None to begin.
     """
     block, motions = part.block, None
     if matrix.getType() == PETSc.Mat.Type.PYTHON:  # masses, which hold their fixed unknowns
         return KrylovFactor(matrix, None, None, linear.tolerance, linear.counts)
     held = None if block.dirichlet is None else block.dirichlet[nodes]
+    fixed = None if held is None else held.ravel()
     if not is_mass(shifts):
         frames = block.frames[nodes]
         axes = frames[:, 3:].reshape(-1, 3, 3)
         motions = rigid_motions(frames[:, :3], axes, held).reshape(6, -1)
-    fixed = None if held is None else held.ravel()
+        if last is not None:
+            last.take(matrix, motions, fixed)
+            return last
     return KrylovFactor(matrix, motions, fixed, linear.tolerance, linear.counts)

@@ -5,6 +5,8 @@
 forces; all blocks have a constant pattern, so that only values are set in an iteration.
 """
 
+from collections.abc import Callable
+
 from mpi4py import MPI
 from petsc4py import PETSc
 
@@ -15,6 +17,7 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.la.direct import DirectSolver
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.factor import Factor
+from flexfem.la.krylov import KrylovFactor
 from flexfem.la.nest import (
     CoordinateMatrix,
     block_indices,
@@ -34,8 +37,11 @@ __all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values", "with
 
 #: Stiffness of fixed unknowns, with a mass of 1 kg: their frequency is above all others.
 _STIFF = 1e20
-#: Relative accuracy of iterative solves with masses.
-_ACCURACY = 1e-12
+#: Relative accuracy of iterative solves with masses, and of those at rest, which may be results.
+_ACCURACY, _AT_REST = 1e-12, 1e-10
+#: Parts of the nodes' stiffness that make the matrix of a mechanism regular: with factors, and with
+#: iterative solves, whose coarsest matrices are factorised.
+_SHIFT, _KRYLOV_SHIFT = 1e-12, 1e-8
 
 
 class TangentSolver:
@@ -44,7 +50,11 @@ class TangentSolver:
     Attributes:
         matrix: block matrix (nest) of all blocks.
         multiplier_step: (r,) multipliers' part of the last solution, for all rows of this rank.
+        weights: (n_owned, width) of each block, scaled stiffness of the nodes of a system at rest,
+            with which iterative solvers hold bodies that only joints hold; None in motion.
     """
+
+    weights: list[FloatArray] | None = None
 
     def __init__(self, system: System) -> None:
         """Prepare for the first matrix, with which patterns are created (collective)."""
@@ -53,6 +63,7 @@ class TangentSolver:
         self._totals: list[PETSc.Mat] = []  # blocks with contacts
         self._sliding: bool = system.comm.allreduce(sliding, op=MPI.LOR)
         self._masses: bool | None = None
+        self._stopping: Callable[[], bool] = bool  # never
 
     def _create(self, shifts: Shifts) -> None:
         """Create patterns of all blocks for the present nodes of joints (collective).
@@ -61,6 +72,8 @@ class TangentSolver:
         assembled.
         """
         self._direct: DirectSolver | None = None
+        self._at_rest: SaddleSolver | None = None
+        self._methods: dict[int, KrylovFactor] = {}  # of bodies at rest
         system = self.system
         comm, rows = system.comm, system.constraints
         destroy_dropped(comm)  # older patterns
@@ -89,21 +102,65 @@ class TangentSolver:
             self._scatter = PETSc.Scatter().create(last, index, self._multipliers, None)
 
     def _linear_solver(self, shifts: Shifts) -> DirectSolver | SaddleSolver:
-        """Solver of the block matrix; the direct one keeps its order of elimination."""
+        """Solver of the block matrix; the direct one keeps its order of elimination.
+
+        At rest the iterative one keeps its hierarchies and its elimination of multipliers.
+        """
         linear = self.system.linear
         if not any(self._iterative):
             self._direct = self._direct or DirectSolver(self.matrix, "tangent_")
             return self._direct
         tolerance = _ACCURACY if is_mass(shifts) else linear.tolerance
-        return SaddleSolver(self._body_factor, len(self.system.parts), tolerance, linear.counts)
+        if self.weights is not None:
+            tolerance = min(tolerance, _AT_REST)
+        solver = self._at_rest or SaddleSolver(
+            self._body_factor, len(self.system.parts), tolerance, linear.counts,
+            held=self._held, stopping=self._is_stopped,
+        )  # fmt: skip
+        if self.weights is not None:
+            self._at_rest = solver
+        return solver
+
+    @property
+    def _held(self) -> bool:
+        """True if only joints may hold bodies: without masses their own matrices are singular."""
+        return self.weights is not None and self.system.constraints.size_global > 0
+
+    @property
+    def shift(self) -> float:
+        """Part of the nodes' stiffness that makes the matrix of a mechanism regular."""
+        return _KRYLOV_SHIFT if any(self._iterative) else _SHIFT
 
     def _body_factor(self, number: int, matrix: PETSc.Mat) -> BodyFactor:
         """Solver of the block of a part (collective)."""
         part = self.system.parts[number]
+        if self._held:
+            assert self.weights is not None
+            matrix = matrix.copy()
+            _add_at_nodes(part.block, matrix, self.shift * _on_diagonals(self.weights[number]))
         if not self._iterative[number]:
             return Factor(matrix, part.block.width, local=False, chained=False)
-        nodes = np.arange(part.block.owned)
-        return krylov_factor(self.system.linear, part, matrix, self._shifts, nodes)
+        nodes, shifts = np.arange(part.block.owned), self._shifts
+        last = self._methods.get(number)
+        method = krylov_factor(self.system.linear, part, matrix, shifts, nodes, last)
+        if self.weights is not None:
+            self._methods[number] = method
+        return method
+
+    def stop_when(self, stopping: Callable[[], bool]) -> None:
+        """End iterative solves, without a solution, once a signal has come.
+
+        Args:
+            stopping: returns True then (collective).
+        """
+        self._stopping = stopping
+
+    def _is_stopped(self) -> bool:
+        return self._stopping()
+
+    def leave_rest(self) -> None:
+        """Forget what belongs to a system at rest."""
+        self.weights, self._at_rest, self._methods = None, None, {}
 
     def _create_grid(
         self, sizes: list[tuple[int, int]]
@@ -242,16 +299,14 @@ class TangentSolver:
     def add_at_nodes(self, values: list[FloatArray]) -> None:
         """Add (n_owned, width, width) at the nodes of each block until it is assembled again."""
         for i, (part, value) in enumerate(zip(self.system.parts, values, strict=True)):
-            nodes = np.arange(part.block.offset, part.block.offset + part.block.owned)
-            width = part.block.width
-            places = (width * nodes[:, np.newaxis] + np.arange(width)).astype(PETSc.IntType)
-            mat = self.matrix.getNestSubMatrix(i, i)  # with its contacts
-            mat.setValuesRCV(places, places, value, PETSc.InsertMode.ADD)
-            mat.assemble()
+            # with its contacts
+            _add_at_nodes(part.block, self.matrix.getNestSubMatrix(i, i), value)
         self.matrix.assemble()
 
     def factor(self) -> bool:
         """Factorise the assembled matrix; False when it is singular."""
+        if any(self._iterative):
+            destroy_dropped(self.system.comm)  # older hierarchies
         return self._solver.factor(self.matrix)
 
     def solve(self, residuals: list[FloatArray], values: FloatArray) -> bool:
@@ -304,6 +359,19 @@ class TangentSolver:
         """Steps as of :meth:`step` for given row values (r,), with the last factors."""
         success = self.solve([p.block.owned_residual for p in self.system.parts], values)
         return success, self.multiplier_step
+
+
+def _on_diagonals(weights: FloatArray) -> FloatArray:
+    """Diagonal matrices (n, width, width) of weights (n, width)."""
+    return weights[:, np.newaxis] * np.eye(weights.shape[1])
+
+
+def _add_at_nodes(block: FrameBlock, matrix: PETSc.Mat, values: FloatArray) -> None:
+    """Add (n_owned, width, width) at the nodes to a block's matrix (collective)."""
+    nodes = np.arange(block.offset, block.offset + block.owned)
+    places = (block.width * nodes[:, np.newaxis] + np.arange(block.width)).astype(PETSc.IntType)
+    matrix.setValuesRCV(places, places, values, PETSc.InsertMode.ADD)
+    matrix.assemble()
 
 
 def with_contacts(

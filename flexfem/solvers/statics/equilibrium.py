@@ -157,6 +157,8 @@ class Equilibrium:
         weights: (n_owned, width) of each block, scaled stiffness of its nodes at the start, the
             same for three directions.
         iterations: number of iterations of the last solution.
+        stuck: True if the last solution failed at its first matrix, which an iterative solver could
+            not solve with: that of the state before it, so that smaller steps do not help.
         cut: factor by which a failed load step is best shortened.
         room: factor by which the last load step could have been longer, by its rotations.
         inertia: counter of unstable directions.
@@ -181,13 +183,14 @@ class Equilibrium:
         """
         self.system, self.tangent, self.loading = system, tangent, loading
         self.size, self.limits = size, limits
-        self.iterations, self.cut, self.room = 0, 0.5, 1.0
+        self.iterations, self.cut, self.room, self.stuck = 0, 0.5, 1.0, False
         self.strains = system.present
         rows = system.constraints
         self._elastic = rows.elastic.copy()
         system.predict(_REST, _NO_RATES)
         self.shifts = Shifts(velocity=0.0, acceleration=0.0, scale=1.0)
         self._choose_scale()
+        tangent.weights = self.weights
         self.inertia = Inertia(tangent, conservative)
 
     def _choose_scale(self) -> None:
@@ -238,7 +241,8 @@ class Equilibrium:
         assert not len(values)
 
     def release(self) -> None:
-        """Restore the dampers and springs for dynamics."""
+        """Restore the dampers and springs, and the matrix's solver, for dynamics."""
+        self.tangent.leave_rest()
         self.system.constraints.elastic[:] = self._elastic
 
     def keep(self) -> Snapshot:
@@ -287,9 +291,18 @@ class Equilibrium:
 
     def iterate(self, linear_step: LinearStep) -> Status:
         """Iterate until steps are below the tolerance or round-off (collective)."""
+        failed = self.system.linear.counts.failed
         status = self._iterate(linear_step)
         self.strains = self.system.present
+        if status is Status.SINGULAR:
+            status = self.unsolved(failed)
+        self.stuck = status is Status.UNSOLVED and self.iterations == 1
         return status
+
+    def unsolved(self, failed: int) -> Status:
+        """Status of a step without a solution, by the failed iterative solves before it."""
+        counts = self.system.linear.counts
+        return Status.UNSOLVED if counts.failed > failed else Status.SINGULAR
 
     def _iterate(self, linear_step: LinearStep) -> Status:
         system, limits, previous = self.system, self.limits, inf
@@ -392,7 +405,7 @@ def settle(equilibrium: Equilibrium) -> Status:
         equilibrium.accept()
         return status
     reached, h = 0.0, _SETTLING
-    while reached < 1.0:
+    while reached < 1.0 and not equilibrium.stuck:
         equilibrium.restore(start)
         fraction = min(reached + h, 1.0)
         status = equilibrium.solve(0.0, fraction)

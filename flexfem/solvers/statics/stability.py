@@ -18,8 +18,7 @@ from flexfem.solvers.linear.tangent import TangentSolver
 
 __all__ = ["Inertia", "softest_motion"]
 
-#: Relative size of the shift of inverse iteration, which keeps the matrix of a mechanism regular.
-_SHIFT = 1e-12
+#: Iterations of the inverse iteration.
 _SWEEPS = 6
 
 
@@ -78,27 +77,29 @@ def softest_motion(
         weights: (n_owned, width) of each block.
 
     Returns:
-        mu, infinite if joints fix everything, and the steps (n_owned, width) of each block, of
-        length one in the norm of D.
+        mu, infinite if joints fix everything, NaN if an iterative solve did not converge; and the
+        steps (n_owned, width) of each block, of length one in the norm of D.
     """
     parts, rows = tangent.system.parts, tangent.system.constraints
-    tangent.add_at_nodes([_SHIFT * w[:, np.newaxis] * np.eye(w.shape[1]) for w in weights])
+    shift = tangent.shift
+    tangent.add_at_nodes([shift * w[:, np.newaxis] * np.eye(w.shape[1]) for w in weights])
     motion = [
         _scattered(part.block.node_ids[: part.block.owned])[:, : part.block.width] for part in parts
     ]
     motion = _normalised(tangent, motion, weights)
-    value = np.inf
+    value, counts = np.inf, tangent.system.linear.counts
+    failed = counts.failed
     if not tangent.factor():
-        return 0.0, motion
+        return 0.0 if counts.failed == failed else np.nan, motion
     for _ in range(_SWEEPS):
         right = [w * x for w, x in zip(weights, motion, strict=True)]
         if not tangent.solve(right, np.zeros(rows.size)):
-            return 0.0, motion
+            return 0.0 if counts.failed == failed else np.nan, motion
         steps = [part.block.owned_step.copy() for part in parts]
         growth = _product(tangent, motion, steps, weights)
         if growth == 0.0:  # joints fix everything
             return np.inf, motion
-        value = 1.0 / growth - _SHIFT
+        value = 1.0 / growth - shift
         motion = _normalised(tangent, steps, weights)
     return value, motion
 
