@@ -12,7 +12,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.la.whole import WholeMatrix, taken_whole
 
-__all__ = ["Factor"]
+__all__ = ["Factor", "is_symmetric"]
 
 
 #: Right-hand sides that MUMPS solves for together, which reads its factors once for all of them.
@@ -63,7 +63,7 @@ class Factor:
         self._product = matrix.copy() if chained and not local else None
         self._pc.create(comm=self._matrix.comm)
         small = local and (chained or largest <= _LARGE)
-        self._symmetric = local and not small and _is_symmetric(self._matrix)
+        self._symmetric = local and not small and is_symmetric(self._matrix)
         self._pc.setType(PETSc.PC.Type.CHOLESKY if self._symmetric else PETSc.PC.Type.LU)
         if small:
             self._matrix.setBlockSize(width)
@@ -202,7 +202,7 @@ def _sparse(rows: FloatArray) -> PETSc.Mat:
     )
 
 
-def _is_symmetric(matrix: PETSc.Mat) -> bool:
+def is_symmetric(matrix: PETSc.Mat) -> bool:
     """True if a sequential AIJ matrix is symmetric to rounding, row by row."""
     start, column, values = matrix.getValuesCSR()
     first, second, mirrored = matrix.transpose(PETSc.Mat()).getValuesCSR()

@@ -16,6 +16,7 @@ from flexfem.simulation.motion.stepping import Simulation
 from flexfem.solvers.frozen import bodies as frozen_bodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
 from flexfem.solvers.frozen.solver import FrozenSolver
+from flexfem.solvers.linear.condensed import CondensedFactor
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
 from flexfem.system.system import BlockPart, Shifts, System
 
@@ -50,14 +51,24 @@ def _run(model: ff.Model, policy: str = "auto", steps: int = 30, dt: float = 5e-
 
 @pytest.mark.three_ranks
 def test_bodies_respond_by_kept_rows_or_by_another_solve(monkeypatch):
-    """The cheaper one depends on the sizes; the motion does not."""
-    histories = []
+    """Or by half a solve; the cheapest depends on the sizes, the motion does not."""
+    histories, made = [], list[CondensedFactor | None]()
     for entries in (0, 10**12):  # any rows are more, none are
         monkeypatch.setattr(Factor, "entries", property(lambda self, n=entries: n))
         histories.append(_run(_folded(), "frozen").history)
-    for name in histories[0]:
-        # both converge to 1e-6; a force of a joint left out moves the bar by 1e-2
-        np.testing.assert_allclose(histories[0][name], histories[1][name], rtol=0.0, atol=1e-9)
+    condensed = CondensedFactor.of
+    for name in ("_ALONE", "_CONDENSED"):
+        monkeypatch.setattr(frozen_bodies, name, 1)
+    monkeypatch.setattr(
+        CondensedFactor, "of", lambda *args: made.append(condensed(*args)) or made[-1]
+    )
+    histories.append(_run(_folded(), "frozen").history)
+    assert all(made)
+    assert COMM.allreduce(len(made)) == 2  # one for each panel
+    for history in histories[1:]:
+        for name in history:
+            # all converge to 1e-6; a force of a joint left out moves the bar by 1e-2
+            np.testing.assert_allclose(histories[0][name], history[name], rtol=0.0, atol=1e-9)
 
 
 def test_multipliers_keep_their_factors_within_a_refined_step(monkeypatch):

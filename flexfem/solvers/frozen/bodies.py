@@ -2,7 +2,6 @@
 """Bodies of the frozen solver: frozen factors and interface responses."""
 
 from collections.abc import Callable, Mapping, Sequence
-from dataclasses import dataclass
 from functools import cached_property
 
 from mpi4py import MPI
@@ -10,28 +9,29 @@ from petsc4py import PETSc
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.kernels.sequence import Call, ForeignCall, Number, Step
 from flexfem.la.dense import SMALLEST_PIVOT
 from flexfem.la.dropped import destroy_dropped
 from flexfem.la.factor import Factor
-from flexfem.la.krylov import KrylovFactor
 from flexfem.la.nest import CoordinateMatrix
 from flexfem.layout.tangent_request import TangentRequest
+from flexfem.solvers.frozen.pieces import AnyFactor, Bodies, KeptFactor, Piece
+from flexfem.solvers.linear.condensed import CondensedFactor
 from flexfem.solvers.linear.iterative import is_mass, iterates, krylov_factor
 from flexfem.solvers.linear.mass_operator import mass_operator
 from flexfem.solvers.linear.schur_kernels import (
-    BodyColumns,
     interface_response,
     invert_blocks,
     multiply_blocks,
     rigid_responses,
 )
+from flexfem.solvers.linear.symmetric_fronts import NodeTree
 from flexfem.solvers.linear.tangent import part_pattern, part_values
 from flexfem.system.mechanics import EndPoint, Mechanics
-from flexfem.system.system import MASS, BlockPart, Shifts, System
+from flexfem.system.system import MASS, Shifts, System
 
-__all__ = ["Bodies", "FlexibleBodies", "KeptFactor", "RigidBodies"]
+__all__ = ["FlexibleBodies", "RigidBodies"]
 
 #: Number of unknowns from which a body has its own factors: a solve then takes much longer than its
 #: call.
@@ -39,71 +39,12 @@ _ALONE = 600
 #: Unknowns of a part from which its matrix is made again for every factorisation of its bodies: it
 #: takes the memory of their factors, and a tenth of the time.
 _LARGE = 200_000
+#: Unknowns of a shell from which its interface comes last in its factors. Fronts of solids are
+#: larger, and faster in MUMPS.
+_CONDENSED = 6000
 #: Nodes from one to the next that are loaded together for compliances of nodes: what one does at
 #: another is small in a step of a motion; next nodes whose motions are kept.
 _APART, _BESIDE = 10, 4
-
-
-@dataclass(frozen=True)
-class Bodies:
-    """Bodies of one part with their interface columns; rigid bodies have one node each.
-
-    Attributes:
-        part: the part.
-        own: nodes, columns and responses in the format of the compiled loops.
-    """
-
-    part: BlockPart
-    own: BodyColumns
-
-    @property
-    def reads(self) -> int:
-        """Number of entries of the responses that :meth:`respond` reads, if these are stored."""
-        own = self.own
-        per_range = own.ranges[:, 1] - own.ranges[:, 0]
-        body = np.repeat(np.arange(len(own.node_start) - 1), np.diff(own.range_start))
-        rows = own.width * np.diff(own.node_start)
-        return int(rows[body] @ per_range)
-
-    def respond(self, y: FloatArray) -> None:
-        """Write ``J A^-1 r`` for the right-hand sides r into nodes and components (n, 6)."""
-        interface_response(self.own.memory, y)
-
-
-@dataclass(frozen=True)
-class Piece:
-    """Bodies that are factorised together, not coupled to others.
-
-    ``bodies`` are their numbers in the group, ``nodes`` their owned nodes; ``right`` and
-    ``solution`` (n, width) are contiguous arrays for the solvers.
-    """
-
-    bodies: IntArray
-    nodes: IntArray
-    right: FloatArray
-    solution: FloatArray
-
-
-@dataclass(frozen=True)
-class KeptFactor:
-    """Factors of the flexible bodies of a part for one step size, one for each piece.
-
-    ``solvers`` solve with them for the steps; ``nodes`` are the arrays of ``Mechanics.origin`` from
-    which they were computed; ``products`` multiply with the matrices, where these are kept, from
-    steps to right-hand sides; ``direct`` is True if there are no responses, see :class:`Bodies`;
-    ``near`` has the compliances of nodes once they are found, and ``transposed`` the solvers with
-    the transposed matrices once they are used.
-    """
-
-    factors: list[Factor | KrylovFactor]
-    solvers: list[Callable[[], None]]
-    products: list[Callable[[], None] | None]
-    direct: bool
-    responses: FloatArray
-    compliances: FloatArray
-    nodes: dict[str, FloatArray]
-    near: list[FloatArray]
-    transposed: list[Callable[[], None]]
 
 
 class RigidBodies:
@@ -205,8 +146,10 @@ class FlexibleBodies:
         self._right = group.own.right[: block.owned, : block.width]
         elements = group.part.elements
         self._chained = elements is None or elements.chained
+        self._thin = elements is not None and elements.thin
         self.split: bool = block.has_ghosts
         self.pieces = self._divide()
+        self._trees: list[NodeTree] = []
         # one piece uses right-hand sides and steps in place
         self._whole = len(self.pieces) == 1 and block.width == 6
         local = group.part.interface_nodes[group.own.columns[:, 0]]
@@ -304,19 +247,18 @@ class FlexibleBodies:
         """True if all ranks do the same with a piece."""
         return self.split or self._system.comm.size == 1
 
-    def _replace(
-        self, factors: Mapping[int, Factor | KrylovFactor], origin: Mapping[str, FloatArray]
-    ) -> None:
+    def _replace(self, factors: Mapping[int, AnyFactor], origin: Mapping[str, FloatArray]) -> None:
         """Store new factors of some pieces, and the nodal arrays from which they were computed."""
         self._kept.transposed.clear()
         for k, factor in factors.items():
             self._kept.factors[k], self._kept.solvers[k] = factor, self._solver(k, factor)
+            self._kept.halves[k] = self._halves(k, factor, self._kept.solvers[k])
             self._kept.products[k] = self._product(k, factor)
             for name, values in origin.items():
                 self._kept.nodes[name][self.pieces[k].nodes] = values[self.pieces[k].nodes]
 
     def _keep(
-        self, factors: list[Factor | KrylovFactor], origin: Mapping[str, FloatArray], lumped: bool
+        self, factors: list[AnyFactor], origin: Mapping[str, FloatArray], lumped: bool
     ) -> KeptFactor:
         """Allocate the storage of the factors of all pieces (collective).
 
@@ -331,16 +273,30 @@ class FlexibleBodies:
         solvers = [self._solver(k, factor) for k, factor in enumerate(factors)]
         compliances = np.zeros(len(group.own.compliances))
         products = [self._product(k, factor) for k, factor in enumerate(factors)]
-        return KeptFactor(factors, solvers, products, direct, responses, compliances, nodes, [], [])
+        halves = [
+            self._halves(k, *both) for k, both in enumerate(zip(factors, solvers, strict=True))
+        ]
+        return KeptFactor(
+            factors, solvers, halves, products, direct, responses, compliances, nodes, [], []
+        )
 
-    def _solver(
-        self, k: int, factor: Factor | KrylovFactor, *, transposed: bool = False
-    ) -> Callable[[], None]:
+    def _solver(self, k: int, factor: AnyFactor, *, transposed: bool = False) -> Callable[[], None]:
         """Solve with the factors of piece ``k``, see :meth:`solve`."""
-        arrays = self.pieces[k].right, self.pieces[k].solution
+        return factor.solver(*self._arrays(k), transposed=transposed)
+
+    def _arrays(self, k: int) -> tuple[FloatArray, FloatArray]:
+        """Right-hand side and solution of piece ``k``."""
         if self._whole:
-            arrays = self._right, self.group.part.block.owned_step
-        return factor.solver(*arrays, transposed=transposed)
+            return self._right, self.group.part.block.owned_step
+        return self.pieces[k].right, self.pieces[k].solution
+
+    def _halves(
+        self, k: int, factor: AnyFactor, solve: Callable[[], None]
+    ) -> tuple[Callable[[], None], Callable[[], None]]:
+        """See :class:`KeptFactor`; other factors solve twice."""
+        if isinstance(factor, CondensedFactor):
+            return factor.halves(*self._arrays(k))
+        return solve, solve
 
     def _transposed_solvers(self) -> list[Callable[[], None]]:
         """Solvers of all pieces with the transposed matrices."""
@@ -351,15 +307,14 @@ class FlexibleBodies:
             ]
         return kept.transposed
 
-    def _product(self, k: int, factor: Factor | KrylovFactor) -> Callable[[], None] | None:
+    def _product(self, k: int, factor: AnyFactor) -> Callable[[], None] | None:
         """Multiply with the matrix of piece ``k``, see :meth:`add_product`."""
-        if not (factor.kept and self._chained):
+        if isinstance(factor, CondensedFactor) or not (factor.kept and self._chained):
             return None
-        if self._whole:
-            return factor.multiplier(self.group.part.block.owned_step, self._right)
-        return factor.multiplier(self.pieces[k].solution, self.pieces[k].right)
+        right, solution = self._arrays(k)
+        return factor.multiplier(solution, right)
 
-    def _factor(self, piece: Piece, shifts: Shifts) -> Factor | KrylovFactor:
+    def _factor(self, piece: Piece, shifts: Shifts) -> AnyFactor:
         """Factors of a piece of the matrix, or what takes their place."""
         block = self.group.part.block
         if self._free(shifts):
@@ -380,17 +335,27 @@ class FlexibleBodies:
                 if self._alone:  # large: better made again, by all ranks, than twice in memory
                     del self._matrix
             return krylov_factor(self._system.linear, self.group.part, matrix, shifts, piece.nodes)
+        alone = len(piece.bodies) == 1 and not (self.split or lumped)
+        if self._thin and alone and rows >= _CONDENSED:
+            face = self._place[np.unique(self._ends[0][self._of_piece(piece)])]
+            own = matrix.getDiagonalBlock()
+            made = CondensedFactor.of(own, block.width, face, self._trees)
+            if made is not None:
+                return made
         nodes = np.diff(self.group.own.node_start)[piece.bodies]
         return Factor(
             matrix, block.width, not self.split, chained=self._chained or lumped,
             largest=block.width * int(nodes.max(initial=0)),
         )  # fmt: skip
 
-    def _respond(self, piece: Piece, factor: Factor | KrylovFactor) -> None:
+    def _respond(self, piece: Piece, factor: AnyFactor) -> None:
         """Compute compliances, and responses if they are stored, of the bodies of a piece.
 
         Collective if a body is on several ranks.
         """
+        if self._kept.direct and isinstance(factor, CondensedFactor):
+            self._take_compliances(piece, factor)
+            return
         widths = np.diff(self.group.own.column_start)[piece.bodies]
         most = int(widths.max(initial=0))
         if self.split:
@@ -407,6 +372,27 @@ class FlexibleBodies:
             for c, found in zip(numbers, solution, strict=True):
                 self._store(piece.bodies[widths > c], c, found)
 
+    def _of_piece(self, piece: Piece) -> BoolArray:
+        """(c,) True for the columns of a piece among those of this rank's nodes."""
+        own = self.group.own
+        body = np.repeat(np.arange(len(own.node_start) - 1), np.diff(own.column_start))
+        return np.isin(body[self._held], piece.bodies)
+
+    def _take_compliances(self, piece: Piece, factor: CondensedFactor) -> None:
+        """Compliances of the bodies of a piece from that of its interface."""
+        own, block = self.group.own, self.group.part.block
+        at = np.full(len(piece.nodes), -1)
+        at[factor.face] = np.arange(len(factor.face))
+        for b in piece.bodies:
+            columns = own.columns[own.column_start[b] : own.column_start[b + 1]]
+            local = self.group.part.interface_nodes[columns[:, 0]]
+            rows = at[self._place[local]] * block.width + columns[:, 1]
+            matrix = factor.compliance[np.ix_(rows, rows)]
+            if block.dirichlet is not None:
+                free = ~block.dirichlet[local, columns[:, 1]]
+                matrix *= free[:, np.newaxis] & free
+            own.compliances[own.compliance_start[b] : own.compliance_start[b + 1]] = matrix.ravel()
+
     def _respond_alone(self) -> None:
         """Compute compliances of all bodies whose nodes are not coupled (collective if split)."""
         own, block = self.group.own, self.group.part.block
@@ -422,7 +408,7 @@ class FlexibleBodies:
             self._right[:, c] = 1.0
             self.solve()
             k = np.flatnonzero(c < active)
-            place = at[k] + row[k] * width[body[k]] + first[k] + c
+            place = at[k] + (first[k] + c) * width[body[k]] + row[k]
             own.compliances[place] = block.owned_step[self._ends][k]
 
     def _load(self, piece: Piece, bodies: IntArray, c: int, right: FloatArray) -> None:
@@ -443,7 +429,7 @@ class FlexibleBodies:
         if not self._kept.direct:
             self.group.respond(y)
             return
-        self.solve()
+        self._solve([respond for respond, _ in self._kept.halves])
         columns = self.group.own.columns
         y[columns[:, 0], columns[:, 1]] = 0.0
         held = columns[self._held]
@@ -474,9 +460,20 @@ class FlexibleBodies:
 
         With ``transposed`` by the transposed matrices.
         """
+        self._solve(self._transposed_solvers() if transposed else self._kept.solvers)
+
+    def complete(self) -> None:
+        """Steps as of :meth:`solve` after forces were added at the interface (collective).
+
+        Everything else is as in the last :meth:`respond`.
+        """
+        kept = self._kept
+        self._solve([complete for _, complete in kept.halves] if kept.direct else kept.solvers)
+
+    def _solve(self, solvers: Sequence[Callable[[], None]]) -> None:
+        """Call the solvers of all pieces for the right-hand sides."""
         block = self.group.part.block
         right = block.hold(self._right)
-        solvers = self._transposed_solvers() if transposed else self._kept.solvers
         if self._whole:
             solvers[0]()
             return
@@ -487,12 +484,12 @@ class FlexibleBodies:
             step[piece.nodes] = piece.solution
 
     def solution(self) -> list[Step]:
-        """What :meth:`solve` does with the factors in use."""
+        """What :meth:`complete` does with the factors in use."""
         block = self.group.part.block
         found = None
         if self._whole and block.dirichlet is None:
             found = self._kept.factors[0].foreign_solver(self._right, block.owned_step)
-        return [self.solve if found is None else ForeignCall(*found)]
+        return [self.complete if found is None else ForeignCall(*found)]
 
     def response(self, y: FloatArray) -> Step:
         """What :meth:`respond` does with the factors in use."""
@@ -560,4 +557,4 @@ class FlexibleBodies:
             values[held] = solution[place[local[held]], columns[held, 1]]
             a, e = group.own.compliance_start[b], group.own.compliance_start[b + 1]
             matrix = group.own.compliances[a:e].reshape(width, width)
-            (matrix.T if self._kept.direct else matrix)[c] = values
+            (matrix if self._kept.direct else matrix.T)[c] = values

@@ -16,7 +16,7 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.kernels.sequence import Call, Step
-from flexfem.solvers.frozen.bodies import Bodies
+from flexfem.solvers.frozen.pieces import Bodies
 from flexfem.solvers.linear.kept_factors import KeptFactors, with_kept_factors
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
 from flexfem.solvers.linear.schur_kernels import (
@@ -217,7 +217,7 @@ class MultiplierSystem:
                     matrix = own.compliances[own.compliance_start[b] :][: width**2] != 0.0
                     blocks = np.logical_or.reduceat(matrix.reshape(width, width), first)
                     pairs = np.logical_or.reduceat(blocks, first, axis=1)
-                    coupled[at : at + count] = pairs[np.ix_(number, number)].T.ravel()
+                    coupled[at : at + count] = pairs[np.ix_(number, number)].ravel()
                 at += count
         return coupled
 

@@ -5,7 +5,8 @@ In local frames the iteration matrix ``A`` of a flexible body hardly changes, so
 kept. Joints act on few nodes, for which the response ``Z = A^-1 J^T`` of each body is computed
 once, so that a step costs one residual, one product ``Z^T r``, a small system ``S dL = Phi - G~
 A^-1 r`` with ``S = G~ A^-1 G^T + compliance``, and one solve with the factors. If Z has more
-entries than the factors, it is not stored, and a step costs two solves. Rigid bodies are always
+entries than the factors, it is not stored, and a step costs two solves, or one with factors in
+which the interface comes last (``condensed``). Rigid bodies are always
 exact: their 6x6 matrices are inverted at every step.
 
 A rank eliminates the multipliers that only it evaluates. Those shared by ranks are eliminated by
@@ -28,8 +29,9 @@ from flexfem._types import FloatArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.state import State
 from flexfem.layout.tangent_request import TangentRequest
-from flexfem.solvers.frozen.bodies import FlexibleBodies, KeptFactor, RigidBodies
+from flexfem.solvers.frozen.bodies import FlexibleBodies, RigidBodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
+from flexfem.solvers.frozen.pieces import KeptFactor
 from flexfem.solvers.frozen.refine import KeptOperator, Refined, Refinement
 from flexfem.solvers.frozen.secants import Secants
 from flexfem.solvers.frozen.sequences import FrozenSequences
@@ -404,8 +406,9 @@ class FrozenSolver:
         if self._sequences is not None:
             return self._sequences.solve(values, beyond=beyond)
         correction = self._load(values, self.bodies, beyond=beyond)
+        responded = self.system.constraints.size_global > 0
         for flexible in self._flexible:
-            flexible.solve()
+            (flexible.complete if responded else flexible.solve)()
         for rigid in self.rigid:
             rigid.solve()
         return correction

@@ -14,8 +14,9 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.batch import Constraints
-from flexfem.solvers.frozen.bodies import Bodies, FlexibleBodies, RigidBodies
+from flexfem.solvers.frozen.bodies import FlexibleBodies, RigidBodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
+from flexfem.solvers.frozen.pieces import Bodies
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.linear.schur_kernels import BodyColumns
 from flexfem.system.system import System

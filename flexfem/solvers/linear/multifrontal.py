@@ -19,7 +19,7 @@ from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 
-__all__ = ["Fronts", "distinct_pairs"]
+__all__ = ["Fronts", "distinct_pairs", "elimination", "gathered"]
 
 #: Pivot relative to the largest entry of its row before elimination that counts as zero.
 _ZERO = 1e-14
@@ -82,9 +82,9 @@ class Fronts:
         count = len(order)
         position = np.arange(size)
         position[order] = np.arange(count)
-        touched, sequence = _elimination(i, j, position, count)
+        touched, sequence = elimination(i, j, position, count)
         position[order[sequence]] = np.arange(count)
-        fronts, pivots = _fronts(touched, size)
+        fronts, pivots = gathered(touched, size)
         owner = np.repeat(np.arange(len(fronts)), [m or size - count for m in pivots])
         self._tree = _tree(fronts, pivots, owner, position, i, j)
         self._values = np.zeros(self._tree.at[-1])
@@ -126,7 +126,7 @@ def distinct_pairs(i: IndexArray, j: IndexArray, size: int) -> tuple[IndexArray,
     return row, keys.astype(np.int32)
 
 
-def _elimination(
+def elimination(
     i: IndexArray, j: IndexArray, position: IntArray, count: int
 ) -> tuple[list[IntArray], IntArray]:
     """Rows coupled to each eliminated row at its elimination, in a postorder of the tree.
@@ -171,17 +171,26 @@ def _elimination(
     return touched, np.array(sequence, dtype=np.int64)
 
 
-def _fronts(touched: list[IntArray], size: int) -> tuple[list[IntArray], list[int]]:
+def gathered(
+    touched: list[IntArray], size: int, more: int = _MORE, most: int = _MOST, part: float = _PART
+) -> tuple[list[IntArray], list[int]]:
     """Rows of every front, and the number that it eliminates; the last has the remaining rows.
 
     A row is merged into the front of the row before it if both have nearly the same rows.
+
+    Args:
+        touched: later rows to which each eliminated row is coupled, as of :func:`elimination`.
+        size: number of rows.
+        more: limit of the difference of their other rows.
+        most: number of eliminated rows of a front that are always merged.
+        part: the same as a part of the other rows.
     """
     fronts, pivots = [], []
     first = 0
     for k, rows in enumerate(touched):
         follows = k + 1 < len(touched) and len(rows) > 0 and rows[0] == k + 1
-        more = 1 + len(touched[k + 1]) - len(rows) if follows else size
-        if more > _MORE or k + 1 >= first + max(_MOST, int(_PART * len(rows))):
+        zeros = 1 + len(touched[k + 1]) - len(rows) if follows else size
+        if zeros > more or k + 1 >= first + max(most, int(part * len(rows))):
             fronts.append(np.concatenate([np.arange(first, k + 1), rows]).astype(np.int64))
             pivots.append(k + 1 - first)
             first = k + 1

@@ -48,7 +48,7 @@ class BodyColumns(Record):
         responses: rows of ``A^-T J^T`` of all bodies, or empty if another solve with the factors is
             cheaper.
         response_start: (bodies + 1,).
-        compliances: matrices ``J A^-1 J^T``.
+        compliances: matrices ``J A^-1 J^T``, transposed: forces of a side take consecutive entries.
         compliance_start: (bodies + 1,).
         entries: of the Schur complement, pairs in the order (body, second side, first side).
     """
@@ -129,9 +129,9 @@ def schur(memory: Memory, rows: Memory) -> None:
                 for k in range(6):
                     c[k] = 0.0
                     if k < node_active[node]:
-                        row = C + (node_column[node] + k) * count + first
+                        column = C + first * count + node_column[node] + k
                         for m in range(active):
-                            c[k] += compliances[row + m] * force[m]
+                            c[k] += compliances[column + m * count] * force[m]
                 x, y, z, u, v, w = c
                 for n in range(run - begin, i - begin):
                     values[at] = (
@@ -250,7 +250,7 @@ def rigid_responses(memory: Memory, inverses: FloatArray) -> None:
             for i in range(6):
                 responses[response + i * count + c] = A[component, i]
             for d in range(count):
-                compliances[compliance + c * count + d] = A[component, columns[first + d, 1]]
+                compliances[compliance + d * count + c] = A[component, columns[first + d, 1]]
 
 
 @kernel

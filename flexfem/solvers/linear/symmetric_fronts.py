@@ -1,0 +1,392 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Multifrontal factors of a symmetric positive definite matrix of small blocks, without pivoting.
+
+Rows of a node are eliminated together; some nodes are left, as the interface of a body, and get
+their Schur complement. Forward and backward substitution are calls of their own, so that what is
+between them, the interface, may be solved for with other bodies. They read each number of the
+factors once, in the order in which these lie in memory.
+"""
+
+from petsc4py import PETSc
+
+import numpy as np
+
+from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem.core.runs import starts
+from flexfem.kernels.compiled import kernel, subroutine
+from flexfem.kernels.records import Index1D, Int1D, Memory, Record, unpack
+from flexfem.solvers.linear.multifrontal import elimination, gathered
+
+__all__ = ["NodeTree", "SymmetricFronts"]
+
+#: Nodes that a front may have more than the next one with which it is merged: zeros, against calls
+#: for small fronts.
+_MORE = 4
+#: Pivot relative to the diagonal entry before elimination that counts as zero.
+_ZERO = 1e-14
+#: Rows that are eliminated before the others are updated by a product of matrices, and columns of
+#: the complement of a front in such a product.
+_BLOCK, _COLUMNS = 48, 192
+#: Entries of a block of factors from which BLAS multiplies with it: a call costs as much as some.
+_CALL = 256
+
+
+class Tree(Record):
+    """Fronts of nodes in the order of elimination.
+
+    Attributes:
+        width: rows of a node.
+        eliminated: number of eliminated nodes, the first ones; the others are the last front.
+        order: (n,) node at each place of the order.
+        places: (n,) place of each node.
+        first: (f + 1,) place of the first node that each front eliminates.
+        row_start: (f + 1,) first of its other nodes in ``rows``.
+        rows: their places, ascending.
+        parents: (f,) front that takes the complement of each, -1 without one.
+        at: (f + 1,) first entry of the factors of each front.
+        entry_start: (width n + 1,) first entry of each row of the matrix.
+        columns: column of each entry.
+    """
+
+    width: int
+    eliminated: int
+    order: Int1D
+    places: Int1D
+    first: Int1D
+    row_start: Int1D
+    rows: Int1D
+    parents: Int1D
+    at: Int1D
+    entry_start: Int1D
+    columns: Index1D
+
+
+class NodeTree:
+    """Fronts of a pattern, which matrices of equal patterns share.
+
+    Attributes:
+        tree: the fronts, for the loops.
+        left: (k,) nodes that are not eliminated.
+    """
+
+    def __init__(self, start: IndexArray, columns: IndexArray, width: int, left: IntArray) -> None:
+        """Set up the fronts.
+
+        Args:
+            start: first entry of each row of the matrix, and the end; rows of a node follow one
+                another.
+            columns: column of each entry.
+            width: rows of a node.
+            left: nodes that are not eliminated, in the order of the complement.
+        """
+        self._start, self._columns, self.left = start, columns, left
+        count = (len(start) - 1) // width
+        row = np.repeat(np.arange(len(start) - 1), np.diff(start))
+        key = np.unique((row // width) * count + columns // width)
+        i, j = key // count, key % count
+        inner = np.setdiff1d(np.arange(count), left)
+        order = np.concatenate([inner[_dissection(i, j, inner, count)], left])
+        places = np.empty(count, dtype=np.int64)
+        places[order] = np.arange(count)
+        touched, sequence = elimination(i, j, places, len(inner))
+        order[: len(inner)] = order[: len(inner)][sequence]
+        places[order] = np.arange(count)
+        fronts, pivots = gathered(touched, count, _MORE, count)
+        if len(left):
+            pivots[-1] = len(left)
+        first = starts(pivots)
+        owner = np.repeat(np.arange(len(fronts)), pivots)
+        others = [front[m:] for front, m in zip(fronts, pivots, strict=True)]
+        sizes = np.array([len(other) for other in others], dtype=np.int64)
+        parents = np.array([owner[other[0]] if len(other) else -1 for other in others])
+        m, r = width * np.array(pivots, dtype=np.int64), width * sizes
+        stored = m * (m + r)
+        if len(left):
+            stored[-1] = 0  # the complement is not among the factors
+        self.tree = Tree(
+            width=width,
+            eliminated=len(inner),
+            order=order,
+            places=places,
+            first=first,
+            row_start=starts(sizes),
+            rows=np.concatenate([np.empty(0, np.int64), *others]).astype(np.int64),
+            parents=parents.astype(np.int64),
+            at=starts(stored),
+            entry_start=start.astype(np.int64),
+            columns=columns.astype(np.int32),
+        )
+        self._largest = int((m + r).max(initial=0))
+        self._deepest = _deepest(r, parents)
+
+    def fits(self, start: IndexArray, columns: IndexArray, left: IntArray) -> bool:
+        """True if a matrix has this pattern, and these nodes are left."""
+        return (
+            np.array_equal(start, self._start)
+            and np.array_equal(columns, self._columns)
+            and np.array_equal(left, self.left)
+        )
+
+    def room(self) -> tuple[FloatArray, FloatArray]:
+        """Memory for a factorisation: the largest front, and complements that wait for theirs."""
+        return np.empty(self._largest**2), np.empty(self._deepest)
+
+
+class SymmetricFronts:
+    """Factors of one matrix.
+
+    Attributes:
+        nodes: its fronts.
+        complement: (k width, k width) Schur complement of the nodes that are left.
+    """
+
+    def __init__(self, nodes: NodeTree, values: FloatArray) -> None:
+        """Factorise the matrix of these entries, of which one triangle is read.
+
+        Raises:
+            ArithmeticError: It is not positive definite.
+        """
+        self.nodes, self._memory = nodes, nodes.tree.memory
+        self._factors = np.empty(nodes.tree.at[-1])
+        rows = nodes.tree.width * len(nodes.left)
+        self.complement = np.empty((rows, rows))
+        if not _factor(self._memory, values, *nodes.room(), self._factors, self.complement):
+            raise ArithmeticError("the matrix is not positive definite")
+        lower = np.tril_indices(rows, -1)
+        self.complement[lower] = self.complement.T[lower]
+        self._moved = np.empty(len(nodes.tree.order) * nodes.tree.width)
+        self._left = self._moved[len(self._moved) - rows :]
+
+    def reduce(self, right: FloatArray) -> FloatArray:
+        """Eliminate from a right-hand side (n, width); (k width,) that of the complement.
+
+        The rest is kept for :meth:`complete`.
+        """
+        _reduce(self._memory, self._factors, right, self._moved)
+        return self._left.copy()
+
+    def complete(self, left: FloatArray, solution: FloatArray) -> None:
+        """Solution (n, width) for the last right-hand side, given that (k width,) of the others."""
+        self._left[:] = left
+        _complete(self._memory, self._factors, self._moved, solution)
+
+
+def _dissection(i: IntArray, j: IntArray, inner: IntArray, count: int) -> IntArray:
+    """Sequence of elimination of some nodes of a graph, by nested dissection."""
+    place = np.full(count, -1)
+    place[inner] = np.arange(len(inner))
+    kept = (place[i] >= 0) & (place[j] >= 0)
+    a, b = place[i[kept]], place[j[kept]]
+    start = np.searchsorted(a, np.arange(len(inner) + 1))
+    csr = start.astype(PETSc.IntType), b.astype(PETSc.IntType), np.ones(len(b))
+    graph = PETSc.Mat().createAIJ((len(inner), len(inner)), csr=csr, comm=PETSc.COMM_SELF)
+    return np.array(graph.getOrdering("nd")[0].getIndices(), dtype=np.int64)
+
+
+def _deepest(sizes: IntArray, parents: IntArray) -> int:
+    """Largest number of entries of complements (sizes, sizes) that wait for their fronts."""
+    waiting: list[tuple[int, int]] = []
+    total = most = 0
+    for f, parent in enumerate(parents.tolist()):
+        while waiting and waiting[-1][0] == f:
+            total -= waiting.pop()[1]
+        if parent >= 0:
+            waiting.append((parent, int(sizes[f]) ** 2))
+            total += waiting[-1][1]
+        most = max(most, total)
+    return most
+
+
+@kernel
+def _factor(
+    memory: Memory, values: FloatArray, work: FloatArray, stack: FloatArray, factors: FloatArray,
+    complement: FloatArray,
+) -> bool:  # fmt: skip
+    """Eliminate all fronts but the last one, which becomes the complement.
+
+    The factors of a front are the upper triangle of its pivots, and its rows to the other columns.
+    """
+    tree = unpack(Tree, memory)
+    width, fronts = tree.width, tree.parents.size
+    local = np.zeros(tree.order.size, dtype=np.int64)  # first row of each node in the front
+    waiting = np.empty(fronts, dtype=np.int64)
+    depth = top = 0
+    for f in range(fronts):
+        a, e = tree.first[f], tree.first[f + 1]
+        rest = tree.rows[tree.row_start[f] : tree.row_start[f + 1]]
+        m, r = width * (e - a), width * rest.size
+        n = m + r
+        F = work[: n * n].reshape(n, n)
+        F[:] = 0.0
+        for k in range(a, e):
+            local[k] = width * (k - a)
+        for k in range(rest.size):
+            local[rest[k]] = m + width * k
+        _assemble(memory, values, a, e, local, F)
+        while depth > 0 and tree.parents[waiting[depth - 1]] == f:
+            depth -= 1
+            child = waiting[depth]
+            own = tree.rows[tree.row_start[child] : tree.row_start[child + 1]]
+            count = width * own.size
+            top -= count * count
+            _take_over(stack[top : top + count * count].reshape(count, count), own, local, width, F)
+        if a == tree.eliminated:
+            complement[:] = F
+            continue
+        if not _eliminate(F, m):
+            return False
+        at = tree.at[f]
+        pivots = factors[at : at + m * m].reshape(m, m)
+        others = factors[at + m * m : tree.at[f + 1]].reshape(m, r)
+        for i in range(m):
+            for j in range(i, m):
+                pivots[i, j] = F[i, j]
+            for j in range(r):
+                others[i, j] = F[i, m + j]
+        if tree.parents[f] >= 0:
+            waiting[depth] = f
+            depth += 1
+            _complement(F[m:, m:], others, stack[top : top + r * r].reshape(r, r))
+            top += r * r
+    return True
+
+
+@subroutine
+def _assemble(
+    memory: Memory, values: FloatArray, a: int, e: int, local: IntArray, F: FloatArray
+) -> None:
+    """Add the entries of the nodes at places a to e and all later ones, of the upper triangle."""
+    tree = unpack(Tree, memory)
+    width = tree.width
+    for k in range(a, e):
+        first = width * tree.order[k]
+        for c in range(width):
+            row = local[k] + c
+            for q in range(tree.entry_start[first + c], tree.entry_start[first + c + 1]):
+                node = tree.columns[q] // width
+                place = tree.places[node]
+                if place >= a:
+                    column = local[place] + tree.columns[q] - width * node
+                    if column >= row:
+                        F[row, column] += values[q]
+
+
+@subroutine
+def _take_over(
+    given: FloatArray, own: IntArray, local: IntArray, width: int, F: FloatArray
+) -> None:
+    """Add the complement of a front to its parent's; ``own`` are the places of its nodes."""
+    for i in range(own.size):
+        for j in range(i, own.size):
+            row, column = local[own[i]], local[own[j]]
+            for k in range(width):
+                for l in range(width):  # noqa: E741
+                    F[row + k, column + l] += given[width * i + k, width * j + l]
+
+
+@subroutine
+def _eliminate(F: FloatArray, m: int) -> bool:
+    """Cholesky's factors of the first m rows in their place; False if a pivot is too small."""
+    n = F.shape[0]
+    for first in range(0, m, _BLOCK):
+        end = min(first + _BLOCK, m)
+        for p in range(first, end):
+            before = F[p, p]
+            for q in range(first, p):
+                before += F[q, p] * F[q, p]
+            if not F[p, p] > _ZERO * before:
+                return False
+            over = 1.0 / np.sqrt(F[p, p])
+            for j in range(p, n):
+                F[p, j] *= over
+            for i in range(p + 1, end):
+                factor = F[p, i]
+                for j in range(i, n):
+                    F[i, j] -= factor * F[p, j]
+        if end < m:
+            rows = np.ascontiguousarray(F[first:end, end:])
+            F[end:m, end:] -= np.ascontiguousarray(rows[:, : m - end].T) @ rows
+    return True
+
+
+@subroutine
+def _complement(F: FloatArray, rows: FloatArray, out: FloatArray) -> None:
+    """``F - rows^T rows``, the upper triangle and some more."""
+    count = F.shape[0]
+    for first in range(0, count, _COLUMNS):
+        end = min(first + _COLUMNS, count)
+        if rows.size:
+            right = np.ascontiguousarray(rows[:, first:])
+            product = np.ascontiguousarray(right[:, : end - first].T) @ right
+            for i in range(first, end):
+                for j in range(first, count):
+                    out[i, j] = F[i, j] - product[i - first, j - first]
+
+
+@kernel
+def _reduce(memory: Memory, factors: FloatArray, right: FloatArray, x: FloatArray) -> None:
+    """Forward substitution: ``x`` becomes the reduced right-hand side, in the order of places."""
+    tree = unpack(Tree, memory)
+    width = tree.width
+    for k in range(tree.order.size):
+        for c in range(width):
+            x[width * k + c] = right[tree.order[k], c]
+    work = np.empty(x.size)
+    for f in range(tree.parents.size):
+        a = tree.first[f]
+        if a == tree.eliminated:
+            break
+        rest = tree.rows[tree.row_start[f] : tree.row_start[f + 1]]
+        m, r, at = width * (tree.first[f + 1] - a), width * rest.size, tree.at[f]
+        y, t = x[width * a : width * a + m], work[:r]
+        for p in range(m):
+            y[p] /= factors[at + p * m + p]
+            value = y[p]
+            for i in range(p + 1, m):
+                y[i] -= factors[at + p * m + i] * value
+        others = factors[at + m * m : at + m * (m + r)]
+        if m * r < _CALL:
+            for j in range(r):
+                t[j] = 0.0
+            for p in range(m):
+                for j in range(r):
+                    t[j] += others[p * r + j] * y[p]
+        else:
+            np.dot(y, others.reshape(m, r), t)
+        for k in range(rest.size):
+            for c in range(width):
+                x[width * rest[k] + c] -= t[width * k + c]
+
+
+@kernel
+def _complete(memory: Memory, factors: FloatArray, x: FloatArray, solution: FloatArray) -> None:
+    """Backward substitution in ``x``, and the solution in the order of nodes."""
+    tree = unpack(Tree, memory)
+    width = tree.width
+    work, products = np.empty(x.size), np.empty(x.size)
+    for f in range(tree.parents.size - 1, -1, -1):
+        a = tree.first[f]
+        if a == tree.eliminated:
+            continue
+        rest = tree.rows[tree.row_start[f] : tree.row_start[f + 1]]
+        m, r, at = width * (tree.first[f + 1] - a), width * rest.size, tree.at[f]
+        y, t = x[width * a : width * a + m], work[:r]
+        for k in range(rest.size):
+            for c in range(width):
+                t[width * k + c] = x[width * rest[k] + c]
+        others = factors[at + m * m : at + m * (m + r)]
+        if m * r < _CALL:
+            for p in range(m):
+                for j in range(r):
+                    y[p] -= others[p * r + j] * t[j]
+        else:
+            np.dot(others.reshape(m, r), t, products[:m])
+            for p in range(m):
+                y[p] -= products[p]
+        for p in range(m - 1, -1, -1):
+            for i in range(p + 1, m):
+                y[p] -= factors[at + p * m + i] * y[i]
+            y[p] /= factors[at + p * m + p]
+    for k in range(tree.order.size):
+        for c in range(width):
+            solution[tree.order[k], c] = x[width * k + c]
