@@ -43,10 +43,37 @@ def test_solutions_are_those_of_the_present_values(rng: np.random.Generator) -> 
         # solutions with the first values are off by 1e-2
         np.testing.assert_allclose(x, expected, rtol=0.0, atol=1e-7 * np.abs(expected).max())
         assert kept.renewals == renewals
+    assert kept.factor(present.ravel(), True)
     assert kept.factor(np.zeros(matrix.size), True)
     x = np.ones(70)
     kept.solve(x)
     assert np.isnan(x).all()  # singular values
+
+
+@pytest.mark.serial
+@pytest.mark.usefixtures("eager")
+def test_old_factors_are_tried_less_often_while_they_fail(
+    rng: np.random.Generator, monkeypatch: pytest.MonkeyPatch
+) -> None:
+    """After 1, 3, 7, 15 other values, and for all again once they have served."""
+    i, j = np.indices((70, 70)).reshape(2, -1)
+    system = InterfaceSystem(MPI.COMM_SELF, i, j, 70, NOTHING, NOTHING)
+    kept = with_kept_factors(MPI.COMM_SELF, system, i, j)
+    solves: list[int] = []
+    solve = InterfaceSystem.solve
+    monkeypatch.setattr(
+        InterfaceSystem, "solve", lambda self, right: solves.append(1) or solve(self, right)
+    )
+    tried = []
+    for step in range(34):
+        values = rng.normal(size=(70, 70)) + 30.0 * np.eye(70)
+        present = values if step < 16 else np.eye(70)
+        assert kept.factor(present.ravel(), True)
+        solves.clear()
+        kept.solve(np.ones(70))
+        tried.append(len(solves) > 1)  # new factors take one solve
+    # without pauses all but the first are tried, in vain
+    assert np.flatnonzero(tried).tolist() == [1, 3, 7, 15, 31, 32, 33]
 
 
 @pytest.mark.three_ranks

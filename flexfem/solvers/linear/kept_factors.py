@@ -28,6 +28,9 @@ _FASTER = 10.0
 #: Solves in the time of a factorisation, up to which old factors are never tried: an iteration
 #: takes two or three more of them at least.
 _LEAST = 6.0
+#: Values for which factors are made anew, at most, after old ones were too slow: as long as bodies
+#: turn against one another, they are of no use.
+_LONGEST = 15
 #: Operations of a factorisation below which it is as fast as the calls of a refinement, messages
 #: between ranks included.
 _SMALL = 3e7
@@ -62,6 +65,7 @@ class KeptFactors:
         self._values: FloatArray | None = None
         self._fresh = False
         self._more = 0
+        self._pause = self._wait = 0  # values that are factorised after old factors failed
         self.renewals = 0
 
     def factor(self, values: FloatArray, regular: bool) -> bool:
@@ -69,7 +73,10 @@ class KeptFactors:
 
         Collective; see :meth:`InterfaceSystem.factor`. The values must stay until the next ones.
         """
-        keep = self._values is not None and self._more < self._worth
+        if self._values is not None and not self._fresh:
+            self._pause = 0  # old factors have served
+        keep = self._values is not None and self._more < self._worth and not self._wait
+        self._wait = max(self._wait - 1, 0)
         self._values, self._more = values, 0
         if not keep:
             return self._renew(regular)
@@ -103,6 +110,7 @@ class KeptFactors:
                 break
             if not size <= (_SLOW * before if before else np.finfo(float).max):
                 right[:] = given
+                self._wait = self._pause = min(2 * self._pause + 1, _LONGEST)
                 if self._renew():
                     self._system.solve(right)
                 else:
