@@ -117,8 +117,8 @@ class RigidBodies:
         return self._inverses[:, np.newaxis]
 
     def respond(self, y: FloatArray) -> None:
-        """See :meth:`Bodies.respond`."""
-        self.group.respond(y)
+        """Write ``J A^-1 r`` for the right-hand sides r into nodes and components (n, 6)."""
+        interface_response(self.group.own.memory, y)
 
     def solve(self, *, transposed: bool = False) -> None:
         """Steps of the owned nodes for their right-hand sides."""
@@ -422,12 +422,13 @@ class FlexibleBodies:
             right[block.dirichlet[piece.nodes]] = 0.0
 
     def respond(self, y: FloatArray) -> None:
-        """See :meth:`Bodies.respond`; for a body on several ranks each writes a part (collective).
+        """Write ``J A^-1 r`` as :class:`RigidBodies` do (collective).
 
-        The steps of the nodes are overwritten.
+        Each rank writes a part of a body that is on several. The steps of the nodes are
+        overwritten.
         """
         if not self._kept.direct:
-            self.group.respond(y)
+            interface_response(self.group.own.memory, y)
             return
         self._solve([respond for respond, _ in self._kept.halves])
         columns = self.group.own.columns

@@ -10,7 +10,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.la.factor import Factor
 from flexfem.la.krylov import KrylovFactor
 from flexfem.solvers.linear.condensed import CondensedFactor
-from flexfem.solvers.linear.schur_kernels import BodyColumns, interface_response
+from flexfem.solvers.linear.schur_kernels import BodyColumns
 from flexfem.system.system import BlockPart
 
 __all__ = ["AnyFactor", "Bodies", "KeptFactor", "Piece"]
@@ -32,16 +32,12 @@ class Bodies:
 
     @property
     def reads(self) -> int:
-        """Number of entries of the responses that :meth:`respond` reads, if these are stored."""
+        """Number of entries that a response of the interface reads, if these are stored."""
         own = self.own
         per_range = own.ranges[:, 1] - own.ranges[:, 0]
         body = np.repeat(np.arange(len(own.node_start) - 1), np.diff(own.range_start))
         rows = own.width * np.diff(own.node_start)
         return int(rows[body] @ per_range)
-
-    def respond(self, y: FloatArray) -> None:
-        """Write ``J A^-1 r`` for the right-hand sides r into nodes and components (n, 6)."""
-        interface_response(self.own.memory, y)
 
 
 @dataclass(frozen=True)
