@@ -10,6 +10,7 @@ from scipy.interpolate import BSpline
 
 import flexfem as ff
 from flexfem.lie import so3
+from flexfem.mesh.nurbs import fit
 from flexfem.mesh.nurbs.basis import greville
 from flexfem.mesh.nurbs.elements import shape_functions
 from flexfem.mesh.nurbs.frames import control_frames, interpolated_rotations, section_rotations
@@ -257,6 +258,21 @@ def test_through_a_straight_line_keeps_the_speed(degree):
     # uneven spacing would show as a speed off by 1e-3 or more if it were not the parameter
     slopes = curve.derivatives(U, 1)[1]
     np.testing.assert_allclose(slopes, np.tile([3, 4, 12], (len(U), 1)), rtol=0, atol=1e-10)
+
+
+def test_through_a_straight_line_solves_nothing(monkeypatch):
+    """Trusses have thousands of members. Control points are the Greville abscissae to round-off."""
+
+    def refuse(*_):
+        raise AssertionError("a straight line needs no solution")
+
+    monkeypatch.setattr(fit, "_least_jumps", refuse)
+    points = np.linspace(0.0, 1.0, 7)[:, None] * [3.0, 4.0, 12.0] + [1.0, 0.0, -2.0]
+    curve = ff.NurbsCurve.through(points)
+    with pytest.raises(AssertionError, match="no solution"):
+        ff.NurbsCurve.through(helix(np.linspace(0.0, 1.0, 7)))
+    along = (curve.points - points[0]) @ [3.0, 4.0, 12.0] / 169.0
+    np.testing.assert_allclose(along, greville(3, curve.knots), rtol=0, atol=1e-14)
 
 
 def test_through_has_corners():

@@ -117,7 +117,9 @@ def _interpolating(u: FloatArray, points: FloatArray, degree: int) -> FloatArray
     place = ((u - u[0]) / (u[-1] - u[0]))[:, None]
     rest = points - (1.0 - place) * points[0] - place * points[-1]
     rest[np.abs(rest) <= _ROUND_OFF * np.abs(points).max()] = 0.0
-    if len(u) <= degree:
+    if not rest.any():  # a straight line, as members of trusses are: nothing to solve for
+        bend = np.zeros_like(line)
+    elif len(u) <= degree:
         from scipy.interpolate import make_interp_spline
 
         m = len(u) - 1
