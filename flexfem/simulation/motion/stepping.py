@@ -149,6 +149,7 @@ class Simulation:
             self._jump_to(self.time)
             status = make_consistent(self.system, self._tangent, self.options.dt)
             self.controls.started()
+        self._tangent.release_masses()
         if status is Status.OK and (self.system.slowed or "velocities" in self.cautions.found):
             self.cautions.note(given.changes())
         return status

@@ -68,8 +68,8 @@ class TangentSolver:
     def _create(self, shifts: Shifts) -> None:
         """Create patterns of all blocks for the present nodes of joints (collective).
 
-        Masses that are lumped or solved iteratively have their own, until another matrix is
-        assembled.
+        Masses have their own, in which joints couple no bodies, until another matrix is assembled:
+        runs whose factors of bodies are frozen need no other one.
         """
         self._direct: DirectSolver | None = None
         self._at_rest: SaddleSolver | None = None
@@ -81,11 +81,11 @@ class TangentSolver:
         self._version = rows.lines.version
         self._iterative = [iterates(system, part, shifts) for part in parts]
         self._lumped = [is_mass(shifts) and part.lumped for part in parts]
-        self._masses = is_mass(shifts) and any(self._iterative + self._lumped)
+        self._masses = is_mass(shifts)
         sizes = [p.block.sizes for p in parts]
         if rows.size_global:
             sizes.append((rows.owned_count, rows.size_global))
-        self._couplings = JointPattern(system)
+        self._couplings = JointPattern(system, masses=self._masses)
         self._grid = self._create_grid(sizes)
         self.matrix = create_nest_matrix(
             [[entry.mat for entry in line] for line in self._grid], comm
@@ -249,6 +249,16 @@ class TangentSolver:
             return True
         older = self._version != self.system.constraints.lines.version
         return self._sliding and bool(self.system.comm.allreduce(older, op=MPI.LOR))
+
+    def release_masses(self) -> None:
+        """Release pattern and factors if they are those of masses alone (collective).
+
+        Another matrix needs others anyway, and with frozen factors of bodies there may be none.
+        """
+        if self._masses:
+            self._masses, self._direct = None, None
+            del self._grid, self._couplings, self._solver, self.matrix
+            destroy_dropped(self.system.comm)
 
     def _add_contacts(self, shifts: Shifts) -> None:
         """Create the block matrix again for the sparsity of the present contacts (collective)."""
@@ -476,13 +486,18 @@ def _held_unknowns(block: FrameBlock) -> IntArray:
 class JointPattern:
     """Positions of the constraints' derivatives in the nest; owners of multipliers set them."""
 
-    def __init__(self, system: System) -> None:
-        """Find parts and numbers of all joints' nodes."""
+    def __init__(self, system: System, *, masses: bool = False) -> None:
+        """Find parts and numbers of all joints' nodes.
+
+        Args:
+            system: the system.
+            masses: True for a matrix of masses, which has no second derivatives of rows.
+        """
         rows, face = system.constraints, system.interface
         self._widths = [part.block.width for part in system.parts]
         padded = np.append(system.part_of_node, -1)  # interface node -1 is the ground
         number = np.append(face.number, 0)
-        self._pair_owned = rows.pair_owned
+        self._pair_owned = np.zeros_like(rows.pair_owned) if masses else rows.pair_owned
         self._pair_part, self._pair_number = padded[rows.pair_nodes], number[rows.pair_nodes]
         self._term_owned = rows.owned[rows.row_of_term] > 0.0
         self._term_part, self._term_number = padded[rows.term_nodes], number[rows.term_nodes]
