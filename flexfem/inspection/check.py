@@ -5,6 +5,7 @@ import importlib
 import pkgutil
 from collections.abc import Container
 
+from flexfem._packages import without_collection
 from flexfem.inspection import checks
 from flexfem.inspection.finding import Finding
 from flexfem.inspection.inspection import Inspection
@@ -55,4 +56,5 @@ def findings_of_run(serial: NumberedModel, options: Settings) -> list[Finding]:
         serial: serial data of its validated model.
         options: those of the analysis.
     """
-    return findings(Inspection.of(serial, options), _OWN)
+    with without_collection():
+        return findings(Inspection.of(serial, options), _OWN)

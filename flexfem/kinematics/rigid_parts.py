@@ -11,7 +11,7 @@ from flexfem.core.marker import Attachment, Ground
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.model.bodies.base import Body
-from flexfem.model.bodies.basic import Beam, RigidBody
+from flexfem.model.bodies.basic import Beam, RigidBody, inertia_matrices
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.bodies.shell import Shell
 
@@ -36,9 +36,10 @@ class RigidParts:
             *model.rigid_bodies,
             *model.floating_bodies,
         ]
-        placed = [se3.frame(body.position, body.rotation) for body in self._with_axes]
+        positions = np.array([body.position for body in self._with_axes]).reshape(-1, 3)
+        turns = np.array([body.rotation for body in self._with_axes]).reshape(-1, 3, 3)
         self.names: list[tuple[str, ...]] = [(body.name,) for body in self._with_axes]
-        frames = [np.empty((0, 12)), *(frame[np.newaxis] for frame in placed)]
+        frames = [se3.frame(positions, turns)]
         others: list[Beam | Shell | Body] = [*model.beams, *model.shells, *model.other_bodies]
         for names in _clusters(serial, [body.name for body in others]):
             self.names.append(names)
@@ -56,7 +57,9 @@ class RigidParts:
         """
         serial, model = self._serial, self._serial.model
         matrices = np.zeros((len(self), 6, 6))
-        for i, body in enumerate(self._with_axes):
+        rigid = model.rigid_bodies
+        matrices[: len(rigid)] = inertia_matrices(rigid)
+        for i, body in enumerate(model.floating_bodies, start=len(rigid)):
             matrices[i] = body.inertia_matrix
         for i in range(len(self._with_axes), len(self)):
             for name in self.names[i]:

@@ -370,8 +370,9 @@ class Family:
         Args:
             ranks: rank of each element of every body of the family by name, ascending.
         """
-        of_bodies = {body.name: tuple(np.unique(ranks[body.name]).tolist()) for body in self.own}
-        return np.concatenate([ranks[body.name] for body in self.own]), of_bodies
+        own = {body.name: ranks[body.name] for body in self.own}
+        of_bodies = {name: tuple(dict.fromkeys(found.tolist())) for name, found in own.items()}
+        return np.concatenate(list(own.values())), of_bodies
 
     def block(
         self, comm: MPI.Intracomm, ranks: IntArray

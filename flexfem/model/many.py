@@ -8,6 +8,7 @@ from typing import Any, overload, override
 import numpy as np
 
 from flexfem import _checks
+from flexfem._packages import without_collection
 from flexfem.core.marker import Marker
 
 __all__ = ["Each", "Many", "each"]
@@ -92,10 +93,11 @@ class Many[Thing](Sequence[Thing]):
         places = [_column(value, number) for value in arguments]
         columns = [(what, _column(value, number)) for what, value in named.items()]
         make: Callable[..., Thing] = kind
-        self._things = [
-            make(name, *(place[i] for place in places), **{w: column[i] for w, column in columns})
-            for i, name in enumerate(self.names)
-        ]
+        with without_collection():
+            self._things = [
+                make(name, *[place[i] for place in places], **{w: one[i] for w, one in columns})
+                for i, name in enumerate(self.names)
+            ]
 
     def markers(self, *arguments: Any, **named: Any) -> list[Marker]:
         """Return a marker on each of the bodies, in their order.

@@ -16,7 +16,7 @@ from flexfem.layout.family import Family
 from flexfem.layout.lines import Line
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
-from flexfem.model.bodies.basic import RigidBody
+from flexfem.model.bodies.basic import RigidBody, inertia_matrices
 from flexfem.model.model import Model
 from flexfem.model.structure.place import Place
 
@@ -48,7 +48,9 @@ class RigidBodyFamily(Family):
         positions = np.array([body.position for body in self.bodies]).reshape(-1, 3)
         turns = np.array([body.rotation for body in self.bodies]).reshape(-1, 3, 3)
         self._frames = se3.frame(positions, turns)
-        self._velocities = np.array([body.twist for body in self.bodies]).reshape(-1, 6)
+        rates = [(body.velocity, body.angular_velocity) for body in self.bodies]
+        local = np.array(rates).reshape(-1, 2, 3) @ turns
+        self._velocities: FloatArray = local.reshape(-1, 6)
 
     @property
     @override
@@ -109,5 +111,5 @@ class RigidBodyFamily(Family):
 
     @override
     def masses(self, block: FrameBlock) -> tuple[list[int], list[FloatArray]]:
-        numbers = block.node_ids[: block.owned]
-        return list(range(block.owned)), [self.bodies[i].inertia_matrix for i in numbers]
+        own = [self.bodies[i] for i in block.node_ids[: block.owned].tolist()]
+        return list(range(block.owned)), list(inertia_matrices(own))

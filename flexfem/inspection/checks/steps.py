@@ -19,7 +19,10 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     if dt is None:
         return
     bodies = inspection.model.bodies
-    spins = [(float(np.linalg.norm(b.angular_velocity)), owner_of(b)) for b in bodies]
+    turning = np.array([body.angular_velocity for body in bodies]).reshape(-1, 3)
+    speeds = np.linalg.norm(turning, axis=1)
+    fastest = int(np.argmax(speeds))
+    spins = [(float(speeds[fastest]), owner_of(bodies[fastest]))]
     if inspection.rows.driven:
         driven = drive_rates(inspection) * inspection.turning
         for row in np.flatnonzero(driven):

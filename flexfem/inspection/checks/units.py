@@ -81,6 +81,9 @@ def find(inspection: Inspection) -> Iterator[Finding]:
 
 def _giants(inspection: Inspection) -> Iterator[Finding]:
     """Bodies of meshes beside which others are specks: a mesh in millimetres, most likely."""
+    families = inspection.serial.families.values()
+    if not any(family.noun in _OF_MESHES and len(family.own) for family in families):
+        return
     sizes = [float(np.linalg.norm(one.size)) for one in inspection.bodies]
     smallest = min((size for size in sizes if size > 0.0), default=np.inf)
     giants = [
@@ -105,8 +108,11 @@ def _obstacles(inspection: Inspection) -> Iterator[Finding]:
         if isinstance(surface, RigidMesh)
     }
     shaped = [one for one in inspection.model.rigid_bodies if isinstance(one.shape, SurfaceShape)]
+    if not meshes and not shaped:
+        return
     # the boxes of rigid bodies include their shapes
-    others = [one for one in inspection.bodies if one.body not in shaped]
+    own = {body.name for body in shaped}
+    others = [one for one in inspection.bodies if one.name not in own]
     size = max((float(np.linalg.norm(one.size)) for one in others), default=0.0)
     for body in shaped:
         assert isinstance(body.shape, SurfaceShape)

@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Bodies: beams, rigid bodies and point masses."""
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import KW_ONLY, InitVar
 from typing import Any
 
@@ -242,24 +242,34 @@ class RigidBody:
     @property
     def inertia_matrix(self) -> FloatArray:
         """Inertia matrix (6, 6) about the reference point in body axes, translation first."""
-        c = self.centre
-        about_point = self.inertia + self.mass * (c @ c * np.eye(3) - np.outer(c, c))
-        return inertia_matrix(self.mass, self.mass * c, about_point)
+        matrix: FloatArray = inertia_matrices([self])[0]
+        return matrix
 
 
-def inertia_matrix(mass: float, moment: FloatArray, inertia: FloatArray) -> FloatArray:
-    """Inertia matrix (6, 6), translation first, from mass and moments about one point.
+def inertia_matrices(bodies: Sequence[RigidBody]) -> FloatArray:
+    """Inertia matrices (n, 6, 6) of rigid bodies, see :attr:`RigidBody.inertia_matrix`."""
+    mass = np.array([body.mass for body in bodies])[:, np.newaxis]
+    c = np.array([body.centre for body in bodies]).reshape(-1, 3)
+    inertia = np.array([body.inertia for body in bodies]).reshape(-1, 3, 3)
+    square = np.sum(c * c, axis=1)[:, np.newaxis, np.newaxis] * np.eye(3)
+    steiner = square - c[:, :, np.newaxis] * c[:, np.newaxis]
+    return inertia_matrix(mass[:, 0], mass * c, inertia + mass[:, :, np.newaxis] * steiner)
+
+
+def inertia_matrix(mass: float | FloatArray, moment: FloatArray, inertia: FloatArray) -> FloatArray:
+    """Inertia matrices (..., 6, 6), translation first, from mass and moments about one point.
 
     Args:
-        mass: kg.
-        moment: First moment of mass, (3,), kg m.
-        inertia: Inertia tensor, (3, 3), kg m^2.
+        mass: kg, shape (...).
+        moment: First moments of mass, (..., 3), kg m.
+        inertia: Inertia tensors, (..., 3, 3), kg m^2.
     """
-    x, y, z = moment.tolist()
-    first = np.array([[0.0, -z, y], [z, 0.0, -x], [-y, x, 0.0]])
-    matrix = np.zeros((6, 6))
-    matrix[0, 0] = matrix[1, 1] = matrix[2, 2] = mass
-    matrix[:3, 3:], matrix[3:, :3], matrix[3:, 3:] = -first, first, inertia
+    matrix = np.zeros((*moment.shape[:-1], 6, 6))
+    matrix[..., 3:, 3:] = inertia
+    for i, j, k in ((0, 1, 2), (1, 2, 0), (2, 0, 1)):
+        matrix[..., i, i] = mass
+        matrix[..., 3 + j, i] = matrix[..., i, 3 + j] = moment[..., k]
+        matrix[..., 3 + i, j] = matrix[..., j, 3 + i] = -moment[..., k]
     return matrix
 
 

@@ -90,7 +90,9 @@ class Structure:
 
     def of[Thing](self, kind: type[Thing]) -> list[Thing]:
         """Return the named objects of a class in the order they were added."""
-        return [thing for thing in self._named.values() if isinstance(thing, kind)]
+        things = self._named.values()
+        kinds = {own for own in set(map(type, things)) if issubclass(own, kind)}
+        return [thing for thing in things if type(thing) in kinds] if kinds else []
 
     def get(self, name: str) -> Any | None:
         """Return the object of the given name, or None."""

@@ -30,6 +30,9 @@ from flexfem.system.system import BlockPart, System
 
 __all__ = ["MultiplierSystem", "Responding"]
 
+#: Pairs of rows that are numbered at once.
+_AT_ONCE = 1_000_000
+
 
 class Responding(Protocol):
     """Interface of bodies with responses at the interface to right-hand sides."""
@@ -100,9 +103,11 @@ class MultiplierSystem:
         )
         column_start = starts(widths)
         order = np.argsort(number, kind="stable")
-        columns = [(node, k) for node in interface_nodes[order] for k in range(active[node])]
-        first = starts(active[interface_nodes[order]])[:-1] - column_start[number[order]]
-        self._node_column[interface_nodes[order]] = first
+        ordered = interface_nodes[order]
+        begin = starts(active[ordered])
+        node = np.repeat(ordered, active[ordered])
+        columns = np.stack([node, np.arange(begin[-1]) - np.repeat(begin[:-1], active[ordered])], 1)
+        self._node_column[ordered] = begin[:-1] - column_start[number[order]]
         self._node_active[interface_nodes], self._local_node[interface_nodes] = (
             active[interface_nodes],
             True,
@@ -115,7 +120,7 @@ class MultiplierSystem:
             nodes=nodes,
             node_start=node_start,
             right=np.zeros_like(part.block.residual),
-            columns=np.array(columns, dtype=np.int64).reshape(-1, 2),
+            columns=columns,
             column_start=column_start,
             node_column=self._node_column,
             node_active=self._node_active,
@@ -146,17 +151,17 @@ class MultiplierSystem:
 
     def _ranges(self, sides: IntArray, start: IntArray) -> tuple[IntArray, IntArray]:
         """Columns on which sides act, in consecutive ranges, and the first range of each body."""
-        ranges, counts = [np.empty((0, 2), dtype=np.int64)], []
-        for a, b in pairwise(start):
-            nodes = np.unique(sides[a:b, 2])
-            first, active = self._node_column[nodes], self._node_active[nodes]
-            order = np.argsort(first)
-            first, end = first[order], (first + active)[order]
-            begins = np.append(True, first[1:] > end[:-1])[: len(first)]
-            ends = np.append(begins[1:], True)[: len(first)]
-            ranges.append(np.stack([first[begins], end[ends]], axis=1))
-            counts.append(int(begins.sum()))
-        return np.concatenate(ranges), starts(counts)
+        count = len(start) - 1
+        body, node = np.repeat(np.arange(count), np.diff(start)), sides[:, 2]
+        first, active = self._node_column[node], self._node_active[node]
+        order = np.lexsort((active, first, body))  # nodes without columns before their neighbours
+        body, first = body[order], first[order]
+        end = first + active[order]
+        begins = np.ones(len(body), dtype=np.bool_)
+        begins[1:] = (body[1:] != body[:-1]) | (first[1:] > end[:-1])
+        ends = np.append(begins[1:], True)[: len(body)]
+        ranges = np.stack([first[begins], end[ends]], axis=1)
+        return ranges, starts(np.bincount(body[begins], minlength=count))
 
     def _share_values(self) -> None:
         """Entries of the Schur complement on this rank in one array: of bodies, then of rows."""
@@ -171,15 +176,17 @@ class MultiplierSystem:
     def _pattern(self) -> tuple[IndexArray, IndexArray]:
         """Row and column of each of these entries, of which there may be very many."""
         rows = self._system.constraints
-        first, second = [], []
+        row, column = (rows.coupled[:, k] for k in self._coupled_rows)
+        found = np.empty((2, len(self._values)), dtype=np.int32)
+        end = found.shape[1] - len(row)
+        found[:, end - rows.size : end], found[:, end:] = np.arange(rows.size), (row, column)
+        at = 0
         for group in self.groups:
-            for start, end in pairwise(group.own.side_start):
-                r = rows.row_of_term[group.own.sides[start:end, 0]].astype(np.int32)
-                first.append(np.tile(r, len(r)))
-                second.append(np.repeat(r, len(r)))
-        every = np.arange(rows.size, dtype=np.int32)
-        row, column = (rows.coupled[:, k].astype(np.int32) for k in self._coupled_rows)
-        return np.concatenate([*first, every, row]), np.concatenate([*second, every, column])
+            own = group.own
+            pairs = found[:, at : at + len(own.entries)]
+            _write_pairs(rows.row_of_term[own.sides[:, 0]], own.side_start, pairs)
+            at += len(own.entries)
+        return found[0], found[1]
 
     def _eliminate(self) -> InterfaceSystem | KeptFactors:
         """Elimination of the entries that are not zero for ever (collective)."""
@@ -320,3 +327,18 @@ class MultiplierSystem:
     def forget_responses(self) -> None:
         """Set the responses of bodies without right-hand sides to zero."""
         self._response[:] = 0.0
+
+
+def _write_pairs(rows: IntArray, start: IntArray, out: IndexArray) -> None:
+    """First and second (2, k) of all pairs of the rows of each body, the first one fastest.
+
+    Bodies with equally many rows are written together, some of them at a time.
+    """
+    counts = np.diff(start)
+    ends = starts(counts**2)
+    for count in np.unique(counts[counts > 0]).tolist():
+        bodies = np.flatnonzero(counts == count)
+        for some in np.array_split(bodies, 1 + len(bodies) * count**2 // _AT_ONCE):
+            own = rows[start[some, np.newaxis] + np.arange(count)]
+            at = ends[some, np.newaxis, np.newaxis] + np.arange(count**2).reshape(count, count)
+            out[0][at], out[1][at] = own[:, np.newaxis], own[:, :, np.newaxis]
