@@ -23,6 +23,7 @@ from flexfem.core.marker import Attachment, Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.places.line_points import BODY, FIXED, SIDES, find_jacobian, turn_frames
 from flexfem.core.pose import Pose, computed_poses
+from flexfem.core.row import Row
 from flexfem.layout.lines import Line, LinePoint, Rail, RailPoint
 from flexfem.layout.node_key import NodeKey
 from flexfem.layout.numbered_model import NumberedModel
@@ -82,7 +83,11 @@ def all_ends(serial: NumberedModel) -> list[JointEnds]:
     """
     if serial not in _ENDS:
         placed = _at_nodes(serial, [m for joint in serial.joints for m in joint.markers])
-        _ENDS[serial] = [_joint_ends(serial, joint, placed) for joint in serial.joints]
+        alike = dict[type, Sequence[Row]]()
+        _ENDS[serial] = [
+            _at_node_ends(joint, placed, alike) or _joint_ends(serial, joint, placed)
+            for joint in serial.joints
+        ]
     return _ENDS[serial]
 
 
@@ -126,6 +131,24 @@ def _at_nodes(serial: NumberedModel, markers: Sequence[Attachment]) -> dict[int,
         number: _Placed(key, frame, pose)
         for (number, (_, key)), frame, pose in zip(found.items(), frames, poses, strict=True)
     }
+
+
+def _at_node_ends(
+    joint: Joint, placed: dict[int, _Placed], alike: dict[type, Sequence[Row]]
+) -> JointEnds | None:
+    """Markers of a joint that are all placed, if its rows are as those of others of its class.
+
+    None for all other joints. Numbers of rows are found once for each class, in ``alike``.
+    """
+    found = [placed.get(id(marker)) for marker in joint.markers] if joint.alike else [None]
+    known = [one for one in found if one is not None]
+    if len(known) < len(found):
+        return None
+    keys, frames, poses = zip(*known, strict=True)
+    rows = alike.get(type(joint))
+    if rows is None:
+        rows = alike[type(joint)] = rows_at_start(joint, poses)
+    return JointEnds(keys, (None,) * len(keys), np.array(frames), poses, len(rows), rigid=True)
 
 
 def _joint_ends(serial: NumberedModel, joint: Joint, placed: dict[int, _Placed]) -> JointEnds:

@@ -2,6 +2,8 @@
 """Rows and terms of joints as arrays for the compiled loops."""
 
 from collections.abc import Sequence
+from itertools import chain
+from typing import NamedTuple, Self
 
 import numpy as np
 
@@ -15,6 +17,33 @@ from flexfem.core.row import Row, RowKind
 from flexfem.core.runs import starts
 
 __all__ = ["RowTable"]
+
+
+class _Shape(NamedTuple):
+    """What the rows of one joint or of joints that are alike have in common.
+
+    Attributes:
+        counts: number of the terms of each row.
+        ends: numbers of both markers of each term within the joint.
+        alone: True for terms of one marker, components of its twist.
+        calls: True if a row calls a function of the user.
+    """
+
+    counts: list[int]
+    ends: list[tuple[int, int]]
+    alone: list[bool]
+    calls: bool
+
+    @classmethod
+    def of(cls, rows: Sequence[Row]) -> Self:
+        """Look at the rows of a joint."""
+        terms = [term for row in rows for term in row.terms]
+        return cls(
+            [len(row.terms) for row in rows],
+            [(term.a, term.b) for term in terms],
+            [term.kind is RowKind.TWIST and term.a == term.b for term in terms],
+            any(row.calls for row in rows),
+        )
 
 
 class RowTable:
@@ -51,17 +80,23 @@ class RowTable:
     def __init__(self, joints: Sequence[PlacedJoint]) -> None:
         """Tabulate the rows at time 0."""
         self.joints = list(joints)
-        listed = [j.rows(0.0) for j in self.joints]
+        listed, alike = self._rows_at_start()
         rows = [row for part in listed for row in part]
         self.start = starts([len(part) for part in listed])
         self.joint_of_row = np.repeat(np.arange(len(listed)), np.diff(self.start))
+        distinct = {id(part): part for part in listed}
+        shapes = {key: _Shape.of(part) for key, part in distinct.items()}
+        found = [shapes[id(part)] for part in listed]
         held = [(sum(j.widths) + 1) // 2 if j.on_lines else 0 for j in self.joints]
-        counts = zip(self.joint_of_row, rows, strict=True)
-        self.term_start = starts([held[i] or len(row.terms) for i, row in counts])
+        counts = [
+            [two] * len(shape.counts) if two else shape.counts
+            for two, shape in zip(held, found, strict=True)
+        ]
+        self.term_start = starts(list(chain.from_iterable(counts)))
         self.row_of_term = np.repeat(np.arange(len(rows)), np.diff(self.term_start))
         self._markers()
         line_rows = np.array([j.on_lines for j in self.joints], dtype=np.bool_)[self.joint_of_row]
-        self._connect(rows, line_rows[self.row_of_term])
+        self._connect(found, line_rows[self.row_of_term])
         count, terms = len(rows), len(self.row_of_term)
         self.targets, self.target_rates = np.zeros((2, count))
         self.elastic = np.zeros((count, 5))
@@ -79,10 +114,28 @@ class RowTable:
         )  # fmt: skip
         self.lines = LineJoints(self.layout, listed)
         for i, part in enumerate(listed):
-            self.write(i, part)
-        self.calling = [i for i, part in enumerate(listed) if any(row.calls for row in part)]
+            if not self.joints[i].alike:
+                self.write(i, part)
+        for numbers in alike.values():
+            self._write_alike(numbers, listed[numbers[0]])
+        self.calling = [i for i, shape in enumerate(found) if shape.calls]
         self._normals(rows)
         self._wraps(rows)
+
+    def _rows_at_start(self) -> tuple[list[Sequence[Row]], dict[type, list[int]]]:
+        """Rows of each joint at time 0, and the numbers of joints whose rows are alike, by class.
+
+        Those have all the rows of the first of them, until their directions are written.
+        """
+        listed, alike = list[Sequence[Row]](), dict[type, list[int]]()
+        for i, placed in enumerate(self.joints):
+            if not placed.alike:
+                listed.append(placed.rows(0.0))
+                continue
+            others = alike.setdefault(type(placed.joint), [])
+            listed.append(listed[others[0]] if others else placed.rows(0.0))
+            others.append(i)
+        return listed, alike
 
     def _markers(self) -> None:
         self.marker_start = starts([len(j.interface_nodes) for j in self.joints])
@@ -91,7 +144,7 @@ class RowTable:
         offsets = [j.offsets for j in self.joints]
         self.marker_offset: FloatArray = np.concatenate([np.zeros((0, 12)), *offsets])
 
-    def _connect(self, rows: Sequence[Row], on_lines: BoolArray) -> None:
+    def _connect(self, shapes: Sequence["_Shape"], on_lines: BoolArray) -> None:
         """Markers of every term, and the pairs of markers of every joint that occur.
 
         Pairs of nodes of joints on lines come last; like these joints' interface nodes they are not
@@ -100,21 +153,25 @@ class RowTable:
         joint = self.joint_of_row[self.row_of_term]
         ends = np.zeros((len(joint), 2), dtype=np.int64)
         ends[:, 1] = 1
-        inner = zip(self.joint_of_row, rows, strict=True)
-        listed = [t for i, r in inner if not self.joints[i].on_lines for t in r.terms]
-        ends[~on_lines] = np.array([(t.a, t.b) for t in listed], dtype=np.int64).reshape(-1, 2)
+        inner = zip(self.joints, shapes, strict=True)
+        listed = [shape for placed, shape in inner if not placed.on_lines]
+        markers = list(chain.from_iterable(shape.ends for shape in listed))
+        ends[~on_lines] = np.array(markers, dtype=np.int64).reshape(-1, 2)
         self.term_marker: IntArray = self.marker_start[joint][:, np.newaxis] + ends
         self.term_nodes: IntArray = self.marker_node[self.term_marker]
         # components of the twist of one marker, which has its gradients on the first side
         alone = np.zeros(len(joint), dtype=np.bool_)
-        alone[~on_lines] = [t.kind is RowKind.TWIST and t.a == t.b for t in listed]
+        alone[~on_lines] = list(chain.from_iterable(shape.alone for shape in listed))
         self.term_nodes[alone, 1] = -1
         simple = np.flatnonzero(~on_lines)
-        pairs, first, number = np.unique(
-            self.term_marker[simple], axis=0, return_index=True, return_inverse=True
+        # one number for both markers of a pair, of which equal ones are found sooner
+        a, b = self.term_marker[simple].T
+        _, first, number = np.unique(
+            a * max(1, len(self.marker_node)) + b, return_index=True, return_inverse=True
         )
+        pairs = self.term_marker[simple[first]]
         self.pair_of_term = np.zeros(len(joint), dtype=np.int64)
-        self.pair_of_term[simple] = number.reshape(-1)
+        self.pair_of_term[simple] = number
         on_line = [(j.pairs, j.owned) for j in self.joints if j.on_lines]
         more = np.full((sum(count for count, _ in on_line), 2), -1, dtype=np.int64)
         self.pair_nodes: IntArray = np.concatenate([self.marker_node[pairs], more])
@@ -178,20 +235,35 @@ class RowTable:
                 self.directions[t] = term.data
                 t += 1
 
+    def _write_alike(self, joints: Sequence[int], rows: Sequence[Row]) -> None:
+        """Set the terms of joints whose rows are alike, those of the first of them."""
+        placed = [self.joints[i] for i in joints]
+        rotations = np.array([[pose.rotation for pose in one.poses] for one in placed])
+        data = type(placed[0].joint).directions([one.joint for one in placed], rotations)
+        first = self.term_start[self.start[np.asarray(joints)]]
+        at = first[:, np.newaxis] + np.arange(data.shape[1])
+        terms = [term for row in rows for term in row.terms]
+        self.kinds[at], self.directions[at] = [kind_number(term) for term in terms], data
+        self.factors[at] = [term.factor for term in terms]
+
     def _normals(self, rows: Sequence[Row]) -> None:
         """Rows that friction depends on.
 
         Their resultant is the normal force: the rigid translational ones of the partner. Their sum
         is the tension of a cable: the whole cable's, and those of the guides after this one.
         """
+        around = self.elastic[:, 0] == LawKind.CAPSTAN
+        rubbing = np.flatnonzero(around | (self.elastic[:, 0] == LawKind.NORMAL_FRICTION))
+        self.coupled: IntArray = np.zeros((0, 2), dtype=np.int64)
+        if not len(rubbing):
+            return
         number = {id(placed.joint): i for i, placed in enumerate(self.joints)}
         moving = np.array(
             [row.terms[0].kind in (RowKind.INERTIAL, RowKind.ALONG) for row in rows], dtype=np.bool_
         )
         pressing = moving & (self.elastic[:, 0] == LawKind.RIGID)
-        pairs = [np.zeros((0, 2), dtype=np.int64)]
-        around = self.elastic[:, 0] == LawKind.CAPSTAN
-        for r in np.flatnonzero(around | (self.elastic[:, 0] == LawKind.NORMAL_FRICTION)):
+        pairs = []
+        for r in rubbing:
             if around[r]:
                 first, last = r, r + 1
                 while around[first]:
@@ -204,4 +276,4 @@ class RowTable:
             i = number[id(self.joints[self.joint_of_row[r]].joint.partner)]
             found = self.start[i] + np.flatnonzero(pressing[self.start[i] : self.start[i + 1]])
             pairs.append(np.stack([np.full(len(found), r), found], axis=1))
-        self.coupled: IntArray = np.concatenate(pairs)
+        self.coupled = np.concatenate(pairs)

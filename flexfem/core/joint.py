@@ -13,7 +13,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import field
 from functools import cache, cached_property
 from math import sqrt
-from typing import ClassVar
+from typing import Any, ClassVar
 
 import numpy as np
 
@@ -30,14 +30,18 @@ __all__ = [
     "AxisJoint",
     "Joint",
     "JointAction",
+    "axes_of",
     "check_limits",
     "check_sliding",
     "coincidence",
+    "coincidence_directions",
     "displacement",
     "distance",
     "equal_rotation",
+    "equal_rotation_directions",
     "line_guidance",
     "parallelism",
+    "parallelism_directions",
     "perpendicular",
     "turn_angle",
     "turn_angles",
@@ -68,8 +72,17 @@ class Joint:
     slides: ClassVar[bool] = False
     #: markers may be lines of shells; it is evaluated as its parts
     joins_lines: ClassVar[bool] = False
+    #: rows of many joints of the class are made together, by ``directions``
+    alike: ClassVar[bool] = False
     #: relative motions left along ("translation") and about ("rotation") the axis of the joint
     leaves: ClassVar[tuple[str, ...]] = ()
+
+    def __init_subclass__(cls) -> None:
+        """Find out if a class has directions for its own rows; those of scripts may change any."""
+        super().__init_subclass__()
+        base = next(base for base in cls.__mro__ if "rows" in vars(base))
+        known = cls.__module__.startswith("flexfem.")
+        cls.alike = known and base is not Joint and "directions" in vars(base)
 
     def __post_init__(self) -> None:
         """Check the name and the markers.
@@ -163,6 +176,19 @@ class Joint:
         """
         raise NotImplementedError
 
+    @staticmethod
+    def directions(joints: Sequence[Any], rotations: FloatArray) -> FloatArray:
+        """Directions (n, t, 3, 3) in the t terms of the rows of many joints of the class.
+
+        A class that has them has rigid rows, with targets of zero, that differ from joint to joint
+        in these directions alone, and :meth:`rows` raises nothing.
+
+        Args:
+            joints: n of them.
+            rotations: (n, m, 3, 3) of the poses of their m markers at the start.
+        """
+        raise NotImplementedError
+
     def targets(self, poses: Sequence[Pose], t: float) -> Sequence[float] | None:
         """Targets of the rows at time ``t`` (s), where a drive changes nothing else of them.
 
@@ -250,6 +276,12 @@ def unit(vector: Sequence[float] | FloatArray) -> FloatArray:
     return np.asarray(array / sqrt(array.dot(array)))
 
 
+def axes_of(joints: Sequence[AxisJoint]) -> FloatArray:
+    """Unit axes (n, 3) of many joints at the start, inertial axes."""
+    axes = np.array([joint.axis for joint in joints], dtype=np.float64).reshape(-1, 3)
+    return axes / np.sqrt(np.sum(axes * axes, axis=1, keepdims=True))
+
+
 def distance(owner: str, poses: Sequence[Pose], names: str = "a and b") -> float:
     """Distance of the first two markers at the start, m; ``names`` are their names for messages.
 
@@ -299,6 +331,13 @@ def perpendicular(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
     return p, _cross(axis, p)
 
 
+def _perpendiculars(axes: FloatArray) -> FloatArray:
+    """The vectors (n, 2, 3) of :func:`perpendicular` for many unit axes (n, 3)."""
+    p = np.cross(axes, _AXES[np.argmin(np.abs(axes), axis=1)])
+    p /= np.sqrt(np.sum(p * p, axis=1, keepdims=True))
+    return np.stack([p, np.cross(axes, p)], axis=1)
+
+
 def _cross(a: FloatArray, b: FloatArray) -> FloatArray:
     """Product of two vectors: drives need it in every step, and NumPy's own is slow."""
     (a0, a1, a2), (b0, b1, b2) = a.tolist(), b.tolist()
@@ -311,6 +350,13 @@ def coincidence(b: int = 1) -> tuple[Row, ...]:
     return tuple(Row((Term(RowKind.INERTIAL, u=e, b=b),)) for e in _AXES)
 
 
+def coincidence_directions(count: int) -> FloatArray:
+    """Directions (n, 3, 3, 3) of :func:`coincidence` for so many joints."""
+    out = np.zeros((count, 3, 3, 3))
+    out[:, :, 0] = _AXES
+    return out
+
+
 def parallelism(axis: FloatArray, a: Pose, b: Pose) -> tuple[Row, ...]:
     """Two rows that keep an axis (inertial components at the start) common to both markers."""
     v = b.rotation.T @ axis
@@ -318,6 +364,19 @@ def parallelism(axis: FloatArray, a: Pose, b: Pose) -> tuple[Row, ...]:
         Row((Term(RowKind.AXES, u=a.rotation.T @ direction, v=v),))
         for direction in perpendicular(axis)
     )
+
+
+def parallelism_directions(axes: FloatArray, rotations: FloatArray) -> FloatArray:
+    """Directions (n, 2, 3, 3) of :func:`parallelism` for unit axes (n, 3) of many joints.
+
+    Args:
+        axes: inertial components at the start.
+        rotations: (n, 2, 3, 3) of both poses.
+    """
+    out = np.zeros((len(axes), 2, 3, 3))
+    out[:, :, 0] = _perpendiculars(axes) @ rotations[:, 0]
+    out[:, :, 1] = axes[:, np.newaxis] @ rotations[:, 1]
+    return out
 
 
 def displacement(axis: FloatArray, a: Pose, target: float = 0.0, law: Law | None = None) -> Row:
@@ -347,6 +406,14 @@ def equal_rotation(
         Row((Term(RowKind.AXES, u=start[:, i].copy(), v=relative[j].copy(), b=number),))
         for i, j in ((1, 2), (2, 0), (0, 1))
     )
+
+
+def equal_rotation_directions(rotations: FloatArray) -> FloatArray:
+    """Directions (n, 3, 3, 3) of :func:`equal_rotation`, for (n, 2, 3, 3) of both poses."""
+    out = np.zeros((len(rotations), 3, 3, 3))
+    relative = np.swapaxes(rotations[:, 0], 1, 2) @ rotations[:, 1]
+    out[:, :, 0], out[:, :, 1] = _AXES[[1, 2, 0]], relative[:, [2, 0, 1]]
+    return out
 
 
 def turn_angle(

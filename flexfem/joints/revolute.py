@@ -4,7 +4,17 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexfem.core.joint import AxisJoint, coincidence, parallelism
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.joint import (
+    AxisJoint,
+    axes_of,
+    coincidence,
+    coincidence_directions,
+    parallelism,
+    parallelism_directions,
+)
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row
 
@@ -21,3 +31,9 @@ class Revolute(AxisJoint):
         """See :meth:`Joint.rows`."""
         a, b = poses
         return coincidence() + parallelism(self.direction, a, b)
+
+    @staticmethod
+    def directions(joints: Sequence[AxisJoint], rotations: FloatArray) -> FloatArray:
+        """See :meth:`Joint.directions`."""
+        parallel = parallelism_directions(axes_of(joints), rotations)
+        return np.concatenate([coincidence_directions(len(joints)), parallel], axis=1)

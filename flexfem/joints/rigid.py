@@ -4,7 +4,16 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexfem.core.joint import Joint, coincidence, equal_rotation
+import numpy as np
+
+from flexfem._types import FloatArray
+from flexfem.core.joint import (
+    Joint,
+    coincidence,
+    coincidence_directions,
+    equal_rotation,
+    equal_rotation_directions,
+)
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row
 
@@ -19,3 +28,9 @@ class Rigid(Joint):
         """See :meth:`Joint.rows`."""
         a, b = poses
         return coincidence() + equal_rotation(a, b)
+
+    @staticmethod
+    def directions(joints: Sequence[Joint], rotations: FloatArray) -> FloatArray:
+        """See :meth:`Joint.directions`."""
+        same = equal_rotation_directions(rotations)
+        return np.concatenate([coincidence_directions(len(joints)), same], axis=1)

@@ -4,7 +4,8 @@
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-from flexfem.core.joint import Joint, coincidence
+from flexfem._types import FloatArray
+from flexfem.core.joint import Joint, coincidence, coincidence_directions
 from flexfem.core.pose import Pose
 from flexfem.core.row import Row
 
@@ -22,3 +23,8 @@ class Spherical(Joint):
     def rows(self, poses: Sequence[Pose], t: float) -> tuple[Row, ...]:
         """See :meth:`Joint.rows`."""
         return coincidence()
+
+    @staticmethod
+    def directions(joints: Sequence[Joint], rotations: FloatArray) -> FloatArray:
+        """See :meth:`Joint.directions`."""
+        return coincidence_directions(len(joints))

@@ -14,10 +14,14 @@ import flexfem as ff
 from flexfem import _checks
 from flexfem.constraints.connect import all_ends
 from flexfem.constraints.rows.placed_joint import PlacedJoint
+from flexfem.core.status import Status
 from flexfem.inspection.check import check, findings_of_run
 from flexfem.layout.numbered_model import NumberedModel
+from flexfem.lie import so3
 from flexfem.simulation.dynamics import simulate
 from flexfem.simulation.motion.stepping import Simulation
+from flexfem.solvers.frozen.interface import _write_pairs
+from flexfem.solvers.linear.tangent import TangentSolver
 from tests.unit.refusals import assert_on_page
 
 INERTIA = (1e-3, 1.0 / 12.0, 1.0 / 12.0)
@@ -177,12 +181,20 @@ def test_set_up_grows_with_the_number_of_bodies() -> None:
     assert many < 2.05 * few
 
 
-def rigid_chain(count: int) -> ff.Model:
+@pytest.mark.serial
+def test_rods_and_hinges_are_set_up_by_arrays() -> None:
+    """753 calls and returns a rod with its hinge; 1096 where each joint makes its rows."""
+    calls_of_set_up(rigid_chain, 4)  # compiles
+    few, many = (calls_of_set_up(rigid_chain, count) for count in (100, 200))
+    assert many - few < 900 * 100
+
+
+def rigid_chain(count: int, joint: type[ff.AxisJoint] = ff.Revolute) -> ff.Model:
     """Rods that hang from the ground by hinges, one on the other."""
     model = ff.Model("chain")
     rods = model.add(ff.Many(ff.RigidBody, "rod", 1.0, INERTIA, position=ff.each(places(count))))
     starts, tips = (rods.markers(offset=(x, 0.0, 0.0)) for x in (-0.5, 0.5))
-    pins = ff.Many(ff.Revolute, "pin", ff.each([ff.Ground(), *tips[:-1]]), ff.each(starts), axis=Y)
+    pins = ff.Many(joint, "pin", ff.each([ff.Ground(), *tips[:-1]]), ff.each(starts), axis=Y)
     model.add(ff.Gravity((0.0, 0.0, -9.81)), pins)
     return model
 
@@ -199,14 +211,92 @@ def test_common_vectors_are_checked_once(monkeypatch: pytest.MonkeyPatch) -> Non
 
 
 @pytest.mark.serial
-def test_rows_are_made_once_in_set_up(monkeypatch: pytest.MonkeyPatch) -> None:
-    """By the system; a second time where checks make the rows of all joints."""
+@pytest.mark.parametrize(("joint", "most"), [(ff.Cylindrical, 44), (ff.Revolute, 4)])
+def test_rows_are_made_once_in_set_up(
+    monkeypatch: pytest.MonkeyPatch, joint: type[ff.AxisJoint], most: int
+) -> None:
+    """By the system, once for all hinges; a second time where checks make those of all joints."""
     made, rows = [], PlacedJoint.rows
     monkeypatch.setattr(
         PlacedJoint, "rows", lambda self, t: made.append(self.index) or rows(self, t)
     )
-    Simulation(rigid_chain(30), ff.RunOptions(dt=1e-3, t_end=1.0, quiet=True))
-    assert len(made) < 1.5 * 30
+    Simulation(rigid_chain(30, joint), ff.RunOptions(dt=1e-3, t_end=1.0, quiet=True))
+    assert len(made) <= most
+
+
+class Hinge(ff.Revolute):
+    """A joint of a script, whose rows might be others."""
+
+
+@pytest.mark.parametrize("kind", [ff.Revolute, ff.Spherical, ff.Rigid])
+def test_rows_of_many_joints_are_those_of_each(kind: type[ff.Joint]) -> None:
+    """1e-14 is round-off of directions; exchanged or transposed ones are off by 1."""
+    rng = np.random.default_rng(2)
+    turns = so3.exp(rng.normal(size=(6, 2, 3)))
+    frames = [[ff.Pose(rng.normal(size=3), turn) for turn in pair] for pair in turns]
+    # among them axes along one of the inertial axes, beside which the other directions are chosen
+    axes = [*np.eye(3)[:2], -2.0 * np.eye(3)[2], *rng.normal(size=(3, 3))]
+    given = [{"axis": axis} if issubclass(kind, ff.AxisJoint) else {} for axis in axes]
+    rod = ff.Marker("rod")
+    joints = [kind(f"joint_{i}", ff.Ground(), rod, **own) for i, own in enumerate(given)]
+    found = kind.directions(joints, np.array([[pose.rotation for pose in own] for own in frames]))
+    for joint, poses, own in zip(joints, frames, found, strict=True):
+        terms = [term.data for row in joint.rows(poses, 0.0) for term in row.terms]
+        assert np.abs(own - terms).max() < 1e-14
+    assert joints[0].alike
+    assert not Hinge("hinge", ff.Ground(), rod).alike
+
+
+def bent_chain(hinge: type[ff.Revolute]) -> ff.Model:
+    """Rods that are turned against each other, with hinges about different axes."""
+    model, last = ff.Model("bent"), ff.Marker("rod_0")
+    model.add(ff.Gravity((0.0, 0.0, -9.81)))
+    for i in range(6):
+        turn = so3.exp((0.3 * i, 0.2, -0.1 * i))
+        place = (float(i), 0.0, 0.0)
+        model.add(ff.RigidBody(f"rod_{i}", 1.0, INERTIA, position=place, rotation=turn))
+        base = last if i else ff.Ground((-0.5, 0.0, 0.0))
+        own = ff.Marker(f"rod_{i}", offset=turn.T @ (-0.5, 0.0, 0.0), rotation=turn.T)
+        model.add(hinge(f"pin_{i}", base, own, axis=(i, 1.0, 0.2)))
+        last = ff.Marker(f"rod_{i}", offset=turn.T @ (0.5, 0.0, 0.0))
+    model.add(ff.PositionProbe("tip", last))
+    return model
+
+
+@pytest.mark.three_ranks
+def test_hinges_of_a_script_move_as_others(tmp_path: Path) -> None:
+    """Rows joint by joint differ by round-off, here less than 1e-11 m; other axes by 0.01 m."""
+    options = {"dt": 2e-3, "t_end": 0.05, "quiet": True}
+    first, second = (
+        simulate(bent_chain(hinge), ff.RunOptions(output=tmp_path / hinge.__name__, **options))
+        for hinge in (ff.Revolute, Hinge)
+    )
+    for name, column in first.history.items():
+        np.testing.assert_allclose(column, second.history[name], rtol=0.0, atol=1e-11)
+
+
+@pytest.mark.serial
+def test_masses_at_the_start_couple_no_bodies(monkeypatch: pytest.MonkeyPatch) -> None:
+    """36 entries a body, and 180 with second derivatives of hinges, none kept by frozen factors."""
+    entries, release = [], TangentSolver.release_masses
+
+    def note(self: TangentSolver) -> None:
+        start, _, _ = self.matrix.getNestSubMatrix(0, 0).getValuesCSR()
+        entries.append(int(start[-1]))
+        release(self)
+
+    monkeypatch.setattr(TangentSolver, "release_masses", note)
+    simulation = Simulation(rigid_chain(10), ff.RunOptions(dt=1e-3, t_end=1.0, quiet=True))
+    assert entries == [360]
+    assert not hasattr(simulation.tangent, "matrix")
+    assert simulation.advance(1e-3) is Status.OK
+
+
+def test_pairs_of_rows_of_bodies() -> None:
+    """Of bodies with one, two, no and one row: equally many are written together, each in place."""
+    out = np.full((2, 6), -1, dtype=np.int32)
+    _write_pairs(np.array([7, 3, 5, 9]), np.array([0, 1, 3, 3, 4]), out)
+    assert out.tolist() == [[7, 3, 5, 3, 5, 9], [7, 3, 3, 5, 5, 9]]
 
 
 @pytest.mark.serial

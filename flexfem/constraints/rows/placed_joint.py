@@ -46,6 +46,11 @@ class PlacedJoint:
         return any(point is not None for point in self.points)
 
     @property
+    def alike(self) -> bool:
+        """True if its rows differ in directions alone from those of the others of its class."""
+        return self.joint.alike and not self.on_lines
+
+    @property
     def widths(self) -> list[int]:
         """Number of nodes that each marker depends on."""
         return [
