@@ -80,10 +80,9 @@ def body_facts(serial: NumberedModel) -> list[BodyFacts]:
     """Bodies of a model in its order, then its cables with mass, point masses last."""
     facts = dict[str, BodyFacts]()
     for family in serial.families.values():
-        bodies, node_body, fixed = family.bodies, family.body_of_node, family.bound.sum(axis=1)
-        nodes = np.bincount(node_body, minlength=len(bodies))
-        held = np.bincount(node_body, fixed, minlength=len(bodies)).astype(np.int64)
-        number, width = {body.name: k for k, body in enumerate(bodies)}, family.held.shape[1]
+        nodes, held = family.node_counts()
+        number = {body.name: k for k, body in enumerate(family.bodies)}
+        width = family.held.shape[1]
         for body in family.own:
             points, k = family.outline(body), number[body.name]
             masses = partial(_masses, partial(family.inertia, body), points.mean(axis=0))

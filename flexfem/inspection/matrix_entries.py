@@ -3,7 +3,6 @@
 
 import numpy as np
 
-from flexfem._types import IntArray
 from flexfem.constraints.batch import Constraints
 from flexfem.layout.numbered_model import NumberedModel
 
@@ -13,21 +12,10 @@ __all__ = ["matrix_entries"]
 def matrix_entries(serial: NumberedModel, rows: Constraints) -> int:
     """Entries that the matrix of a step has room for, joints included, contact left out."""
     families = serial.families.values()
-    count = sum(family.held.shape[1] ** 2 * _pairs(family.patches()) for family in families)
+    count = sum(family.held.shape[1] ** 2 * family.coupled() for family in families)
     # a row has an entry in G and in G^T for each unknown of its nodes
     row = np.repeat(rows.row_of_term, 2)
     nodes = rows.term_nodes.ravel()
     met = np.unique(np.stack([row, nodes])[:, nodes >= 0], axis=1)
     width_of = rows.interface.width
     return int(count + 2 * width_of[met[1]].sum())
-
-
-def _pairs(patches: IntArray) -> int:
-    """Number of pairs of nodes, in both orders and with themselves, that share a patch (m, k)."""
-    from scipy.sparse import coo_array
-
-    patch, column = np.nonzero(patches >= 0)
-    node = patches[patch, column]
-    shape = len(patches), int(node.max(initial=-1)) + 1
-    member = coo_array((np.ones(len(node)), (patch, node)), shape=shape).tocsr()
-    return int((member.T @ member).nnz)

@@ -40,7 +40,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BUILT_IN", "ContactLine", "ContactSurface", "Family", "NodalSensor", "NodalValues", "Sensor",
-    "SumOfValues", "registry",
+    "SumOfValues", "coupled_nodes", "registry",
 ]  # fmt: skip
 
 #: Families of the package in the order of the nest; those of users follow.
@@ -232,6 +232,11 @@ class Family:
         raise NotImplementedError
 
     @property
+    def moving(self) -> bool:
+        """True if a node has a velocity at the start."""
+        return bool(self.velocities.any())
+
+    @property
     def held(self) -> BoolArray:
         """(n, width) fixed unknowns of all nodes; :meth:`block` keeps them."""
         width = getattr(self.own[0], "width", 6)  # rigid bodies and beams do not say it
@@ -256,6 +261,14 @@ class Family:
     def cluster_of_node(self) -> IntArray:
         """(n,) number of the cluster of each node: bodies that share nodes are one matrix."""
         return self.body_of_node
+
+    def bodies_of(self, nodes: IntArray) -> IntArray:
+        """Numbers (k,) of the bodies that some nodes belong to."""
+        return self.body_of_node[nodes]
+
+    def clusters_of(self, nodes: IntArray) -> IntArray:
+        """Numbers (k,) of the clusters of some nodes."""
+        return self.cluster_of_node[nodes]
 
     def supports(self) -> tuple[IntArray, FloatArray]:
         """Nodes (k,) with supports, and the local twists (k, 6) that these fix."""
@@ -304,6 +317,22 @@ class Family:
         """Points (n, 3) at the start about which the box of a body is, m."""
         points: FloatArray = body.points
         return points
+
+    @property
+    def spread(self) -> FloatArray:
+        """Points (n, 3) about which the box is that of all nodes with a position, m."""
+        return self.frames[self.placed, :3]
+
+    def node_counts(self) -> tuple[IntArray, IntArray]:
+        """Numbers of the nodes of each body, and of their fixed unknowns."""
+        bodies, fixed = self.body_of_node, self.bound.sum(axis=1)
+        count = len(self.bodies)
+        held = np.bincount(bodies, fixed, minlength=count).astype(np.int64)
+        return np.bincount(bodies, minlength=count), held
+
+    def coupled(self) -> int:
+        """Number of pairs of nodes, in both orders and with themselves, of one of `patches`."""
+        return coupled_nodes(self.patches())
 
     def inertia(self, body: Any, origin: FloatArray) -> FloatArray:
         """Inertia matrix (6, 6) of an unstrained body at the start, translation first.
@@ -506,6 +535,20 @@ def _family_of(body: Any) -> type[Family]:
     if missing:
         raise ValueError(f"{owner}: its family {found.__name__} must define {', '.join(missing)}")
     return found
+
+
+def coupled_nodes(patches: IntArray) -> int:
+    """Number of pairs of nodes, in both orders and with themselves, of one of some patches (m, k).
+
+    -1 stands for none.
+    """
+    from scipy.sparse import coo_array
+
+    patch, column = np.nonzero(patches >= 0)
+    node = patches[patch, column]
+    shape = len(patches), int(node.max(initial=-1)) + 1
+    member = coo_array((np.ones(len(node)), (patch, node)), shape=shape).tocsr()
+    return int((member.T @ member).nnz)
 
 
 def _loaded(family: str | type[Family]) -> type[Family]:

@@ -99,13 +99,13 @@ class NumberedModel:
 
     @property
     def nodes(self) -> FloatArray:
-        """Positions (n, 3) of all nodes of flexible bodies at the start, m."""
-        return _positions(family for family in self.families.values() if not family.follows)
+        """Points (n, 3) about which the box is that of all nodes of flexible bodies, m."""
+        return _spread(family for family in self.families.values() if not family.follows)
 
     @property
     def points(self) -> FloatArray:
-        """Positions (n, 3) of all nodes at the start, those of rigid bodies included, m."""
-        return _positions(self.families.values())
+        """Points (n, 3) about which the box is that of all nodes, of rigid bodies as well, m."""
+        return _spread(self.families.values())
 
     def family[F: Family](self, kind: type[F]) -> F | None:
         """Family of a class; None if the model has none of its bodies."""
@@ -206,11 +206,11 @@ class NumberedModel:
 
     def bodies(self, kind: int, nodes: IntArray) -> IntArray:
         """Numbers of the bodies, among those of their family, that nodes belong to."""
-        return self.families[kind].body_of_node[nodes]
+        return self.families[kind].bodies_of(nodes)
 
     def clusters(self, kind: int, nodes: IntArray) -> IntArray:
         """Numbers of the clusters of bodies with common nodes that nodes belong to."""
-        return self.families[kind].cluster_of_node[nodes]
+        return self.families[kind].clusters_of(nodes)
 
     def body(self, kind: int, number: int) -> Any:
         """Body of a family by its number."""
@@ -257,7 +257,5 @@ class NumberedModel:
         return Pose(se3.position(frame), se3.rotation(frame))
 
 
-def _positions(families: Iterable[Family]) -> FloatArray:
-    """Positions (n, 3) of the nodes of families that have one, at the start, m."""
-    frames = [family.frames[family.placed] for family in families]
-    return se3.position(np.concatenate([np.empty((0, 12)), *frames]))
+def _spread(families: Iterable[Family]) -> FloatArray:
+    return np.concatenate([np.empty((0, 3)), *(family.spread for family in families)])

@@ -148,7 +148,7 @@ def _part(
     elements: ElementFamily | None,
 ) -> BlockPart:  # fmt: skip
     """A block with its elements, masses and forces on this rank."""
-    node_body = family.body_of_node[block.node_ids]
+    node_body = family.bodies_of(block.node_ids)
     at_nodes, inside = family.forces(block, elements, node_body)
     of_markers = marker_forces(serial, family.kind, block, turning=family.axes)
     return BlockPart(
@@ -159,7 +159,7 @@ def _part(
         line_forces=inside,
         elements=elements,
         node_body=node_body,
-        node_cluster=family.cluster_of_node[block.node_ids],
+        node_cluster=family.clusters_of(block.node_ids),
         interface_nodes=np.where(interface.kind == family.kind, interface.local, -1),
     )
 

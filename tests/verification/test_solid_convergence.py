@@ -6,7 +6,7 @@ import pytest
 from scipy.integrate import solve_bvp
 
 import flexfem as ff
-from flexfem.families.solid.lagrange import quadrature_points, quadrature_weights, shapes
+from flexfem.families.solid.meshes.lagrange import quadrature_points, quadrature_weights, shapes
 from tests.verification.benchmarks.solids import INNER, OUTER, quarter
 
 pytestmark = pytest.mark.serial

@@ -20,6 +20,7 @@ from flexfem.layout.lines import Line
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.layout.surface_places import SurfacePlace, fitted_sides
 from flexfem.lie import se3
+from flexfem.mesh.distributed.partition import ordered_along
 from flexfem.model.bodies.mesh_body import MeshBody
 from flexfem.model.structure.place import Place
 
@@ -68,6 +69,10 @@ class PositionFamily[B: Any](Family):
         self._bodies: list[B] = list(self.members(serial.model))
         self.first = starts([len(body.points) for body in self._bodies])
         self.first_cell = starts([body.elements for body in self._bodies])
+        self._place_nodes()
+
+    def _place_nodes(self) -> None:
+        """Set frames, velocities and fixed unknowns of all nodes at the start."""
         places = np.concatenate([body.points for body in self._bodies])
         self._frames = se3.frame(places, np.tile(np.eye(3), (len(places), 1, 1)))
         self._velocities = np.zeros((len(places), 6))
@@ -104,6 +109,14 @@ class PositionFamily[B: Any](Family):
         return np.repeat(np.arange(len(self._bodies)), np.diff(self.first))
 
     @override
+    def bodies_of(self, nodes: IntArray) -> IntArray:
+        return np.searchsorted(self.first, nodes, side="right") - 1
+
+    @override
+    def clusters_of(self, nodes: IntArray) -> IntArray:
+        return self.bodies_of(nodes)
+
+    @override
     def supports(self) -> tuple[IntArray, FloatArray]:
         nodes, axis = np.nonzero(self._held)
         return nodes, np.eye(6)[axis]
@@ -125,14 +138,15 @@ class PositionFamily[B: Any](Family):
 
     @override
     def share(self, ranks: Mapping[str, IntArray]) -> tuple[IntArray, dict[str, tuple[int, ...]]]:
-        cells, nodes = [], {}
-        for body in self._bodies:
-            given = np.sort(ranks[body.name])
-            own = np.empty_like(given)
-            own[_along(body.points, self.cells_of(body))] = given
-            cells.append(own)
-            nodes[body.name] = tuple(np.unique(own).tolist())
+        cells = [self.in_order(body, np.sort(ranks[body.name])) for body in self._bodies]
+        nodes = {body.name: tuple(np.unique(ranks[body.name]).tolist()) for body in self._bodies}
         return np.concatenate(cells), nodes
+
+    def in_order(self, body: B, ranks: IntArray) -> IntArray:
+        """Ranks (m,) of the cells of a body, which ascend along it."""
+        own = np.empty_like(ranks)
+        own[ordered_along(body.points, self.cells_of(body))] = ranks
+        return own
 
     def own_nodes(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, list[BoolArray]]:
         """Nodes of this rank, and the cells (m,) of each body that it has (collective).
@@ -202,14 +216,6 @@ class MeshFamily[B: MeshBody](PositionFamily[B]):
     def line(self, carrier: Carrier) -> Line:
         kind = type(self._bodies[self.number(carrier.body)]).__name__
         raise ValueError(f'Carrier on "{carrier.body}": a {kind} has no line')
-
-
-def _along(points: FloatArray, cells: IntArray) -> IntArray:
-    """Cells of a body ordered along its longest extent."""
-    middles = points[cells].mean(axis=1)
-    offsets = middles - middles.mean(axis=0)
-    _, _, axes = np.linalg.svd(offsets, full_matrices=False)
-    return np.argsort(np.round(offsets @ axes[0], 12), kind="stable")
 
 
 def _cells_around(nodes: IntArray, body: MeshBody) -> IntArray:

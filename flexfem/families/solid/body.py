@@ -19,11 +19,13 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.load import Load
 from flexfem.core.marker import Marker, SurfaceMarker
 from flexfem.core.pose import Pose
-from flexfem.families.solid.geometry import Figure
-from flexfem.families.solid.lagrange import Lagrange
 from flexfem.families.solid.laws.energies import SolidLaw
 from flexfem.families.solid.loads import SurfacePressure, SurfaceTraction
-from flexfem.families.solid.mesh import SolidMesh
+from flexfem.families.solid.meshes.figure import Figure, WholeFigure
+from flexfem.families.solid.meshes.lagrange import Lagrange
+from flexfem.families.solid.meshes.mesh import SolidMesh
+from flexfem.families.solid.meshes.stored import StoredSolidMesh
+from flexfem.families.solid.node_rows import node_rows
 from flexfem.mesh.body_mesh import BodyMesh
 from flexfem.model.bodies.base import Body
 
@@ -101,7 +103,8 @@ class Solid(Body):
     Attributes:
         name: Unique name in the model.
         law: The material, or one for each region of the mesh by its name.
-        mesh: :class:`SolidMesh`, :class:`BodyMesh` or a DOLFINx mesh.
+        mesh: :class:`SolidMesh`, :class:`StoredSolidMesh`, of which each rank reads its part,
+            :class:`BodyMesh` or a DOLFINx mesh.
         density: At the start, kg/m^3, or one for each region by its name.
         degree: Degree of the positions, 1 to 3; linear tetrahedra and triangles lock.
         formulation: "displacement", or "dilatation" for nearly incompressible materials: the change
@@ -164,6 +167,8 @@ class Solid(Body):
                 f"{owner}: node {at} of an axisymmetric body is at x = {mesh.points[at, 0]:g}, "
                 "on the other side of the axis"
             )
+        if self.stored:
+            self._check_stored(owner)
         if self.degree < mesh.degree:
             raise ValueError(
                 f"{owner}: degree {self.degree} is less than that of the mesh's geometry, "
@@ -206,6 +211,29 @@ class Solid(Body):
         if self.start_velocities is not None:
             self._checked_velocities(owner)
 
+    def _check_stored(self, owner: str) -> None:
+        """Refuse what needs the whole mesh, or another degree than the stored one."""
+        if self.degree != self.mesh.order:
+            raise ValueError(
+                f"{owner}: its mesh is stored for cells of degree {self.mesh.order}, got degree "
+                f"{self.degree}"
+            )
+        laws = self.law.values() if isinstance(self.law, Mapping) else [self.law]
+        of_cells = [
+            name for law in laws for name, value in getattr(law, "parameters", {}).items()
+            if not callable(value) and np.ndim(value) > 0 and len(value) > 1
+        ]  # fmt: skip
+        for what, given in (
+            ("contact (touching)", self.touching is not None),
+            ("start_velocities", self.start_velocities is not None),
+            (f'the parameter "{"".join(of_cells[:1])}" of each cell', bool(of_cells)),
+        ):
+            if given:
+                raise ValueError(
+                    f"{owner}: {what} needs the whole mesh, not a stored one, of which each rank "
+                    "reads its part; give the SolidMesh"
+                )
+
     def _by_region(
         self, owner: str, what: str, value: Any, check: Callable[[str, str, Any], None]
     ) -> Mapping[str, Any]:
@@ -216,22 +244,16 @@ class Solid(Body):
             check(owner, what, value)
             return MappingProxyType({"": value})
         for name, one in value.items():
-            if name not in self.mesh.regions:
-                known = ", ".join(self.mesh.regions) or "none"
+            if name not in self.mesh.region_names:
+                known = ", ".join(self.mesh.region_names) or "none"
                 raise ValueError(
                     f"{owner}: {what}: the mesh has no region {_checks.show(name)}; there are "
                     f"{known}"
                 )
             check(owner, f'{what}["{name}"]', one)
-        times = np.zeros(len(self.mesh.cells), dtype=np.int64)
-        for name in value:
-            times[self.mesh.regions[name]] += 1
-        if (times != 1).any():
-            at = int(np.argmax(times != 1))
-            much = "no" if times[at] == 0 else "more than one"
+        if fault := self.mesh.region_fault(value):
             raise ValueError(
-                f"{owner}: {what}: cell {at} has {much} region of "
-                f"{_checks.show(sorted(value), 200)}"
+                f"{owner}: {what}: {fault} region of {_checks.show(sorted(value), 200)}"
             )
         return MappingProxyType(dict(value))
 
@@ -249,13 +271,6 @@ class Solid(Body):
             raise ValueError(f"{owner}: {located(self.start_velocities, error)}") from error
         return _checks.array(owner, "start_velocities(x)", given, (len(self.points), 3))
 
-    def cells_of(self, region: str) -> IntArray:
-        """Cells of a region of the law or the density, "" for all."""
-        if region == "":
-            return np.arange(len(self.mesh.cells))
-        cells: IntArray = self.mesh.regions[region]
-        return cells
-
     @property
     def lowered(self) -> int:
         """Degree of the dilatation, -1 without."""
@@ -264,22 +279,38 @@ class Solid(Body):
     @cached_property
     def figure(self) -> Figure:
         """The cells with their nodes."""
-        return Figure(self.mesh, self.degree, self.plane, self.thickness)
+        if isinstance(self.mesh, StoredSolidMesh):
+            return self.mesh.figure(self.degree)
+        return WholeFigure(self.mesh, self.degree, self.plane, self.thickness)
+
+    @property
+    def stored(self) -> bool:
+        """True if each rank reads its part of the mesh."""
+        return isinstance(self.mesh, StoredSolidMesh)
 
     @property
     def nodes(self) -> Lagrange:
-        """Numbering of the nodes."""
-        return self.figure.nodes
+        """Numbering of the nodes, not of a stored mesh."""
+        figure = self.figure
+        if isinstance(figure, WholeFigure):
+            return figure.nodes
+        found: Lagrange = self.mesh.nodes  # which refuses it
+        return found
 
     @property
     def points(self) -> FloatArray:
-        """See :attr:`Body.points`."""
-        return self.nodes.points
+        """See :attr:`Body.points`: rows that are read when they are asked for, of a stored mesh."""
+        figure = self.figure
+        if isinstance(figure, WholeFigure):
+            return figure.nodes.points
+        found: FloatArray = node_rows(self.mesh.owner, figure.count, 3, figure.places)
+        return found
 
     @property
     def elements(self) -> int:
         """See :attr:`Body.elements`."""
-        return len(self.mesh.cells)
+        count: int = self.mesh.elements if self.stored else len(self.mesh.cells)
+        return count
 
     @property
     def touches(self) -> bool:  # type: ignore[override]
@@ -289,7 +320,7 @@ class Solid(Body):
     @property
     def holds(self) -> int:
         """See :attr:`Body.holds`."""
-        return int(self.held.sum())
+        return len(self.held_rows)
 
     @property
     def details(self) -> str:
@@ -306,7 +337,9 @@ class Solid(Body):
         """See :attr:`Body.materials`."""
         found = []
         for region, law in self.law.items():
-            density = float(self.cell_density[self.cells_of(region)].mean())
+            own = self.figure.overlap(region, region)
+            shares = {name: self.figure.overlap(region, name) / own for name in self.density}
+            density = float(sum(self.density[name] * share for name, share in shares.items()))
             shear, bulk = law.small_strain_moduli()
             modulus = 9.0 * bulk * shear / (3.0 * bulk + shear)
             found.append((modulus, density, ((bulk + 4.0 / 3.0 * shear) / density) ** 0.5))
@@ -321,33 +354,54 @@ class Solid(Body):
     @cached_property
     def masses(self) -> tuple[FloatArray, FloatArray]:
         """Points (q, 3) in the body at the start, m, and masses (q,), kg, with its inertia."""
-        return self.figure.masses(self.cell_density)
+        return self.figure.masses(self.density)
 
-    @cached_property
-    def cell_density(self) -> FloatArray:
-        """(m,) density of each cell, kg/m^3."""
-        found = np.empty(len(self.mesh.cells))
+    def density_of(self, cells: IntArray) -> FloatArray:
+        """(m,) density of cells, ascending, kg/m^3."""
+        found = np.empty(len(cells))
         for region, value in self.density.items():
-            found[self.cells_of(region)] = value
+            found[self.figure.in_region(region, cells)] = value
         return found
 
     @cached_property
-    def held(self) -> BoolArray:
-        """(n, 3) directions in which nodes are fixed; z of plane figures."""
-        held = np.zeros((len(self.points), 3), dtype=np.bool_)
-        held[:, 2] = self.plane is not None
+    def held_rows(self) -> IntArray:
+        """Fixed coordinates (k,), ascending: 3 times the node plus the axis; z of plane figures."""
+        nodes = np.arange(self.figure.count if self.plane is not None else 0)
+        found = [3 * nodes + 2]
         for name, axes in self.fixed.items():
             nodes = self.figure.nodes_of(f'Solid "{self.name}"', name)
-            held[np.ix_(nodes, ["xyz".index(axis) for axis in axes])] = True
+            found += [3 * nodes + "xyz".index(axis) for axis in axes]
+        return np.unique(np.concatenate(found))
+
+    def held_at(self, nodes: IntArray) -> BoolArray:
+        """(k, 3) directions in which nodes (k,) are fixed."""
+        return np.isin(3 * nodes[:, np.newaxis] + np.arange(3), self.held_rows)
+
+    @property
+    def held(self) -> BoolArray:
+        """(n, 3) the same of all nodes."""
+        held = np.zeros((self.figure.count, 3), dtype=np.bool_)
+        held.reshape(-1)[self.held_rows] = True
         return held
 
     @property
     def node_velocities(self) -> FloatArray:
         """(n, 3) inertial velocities of the nodes at the start, m/s."""
-        speed: FloatArray = self.velocity + np.cross(self.angular_velocity, self.points)
+        speed = self._rigid_velocities(self.points)
         if self.start_velocities is not None:
             speed = speed + self._checked_velocities(f'Solid "{self.name}"')
         return np.where(self.held, 0.0, speed)
+
+    def velocities_at(self, nodes: IntArray) -> FloatArray:
+        """(k, 3) the same of some nodes."""
+        if self.start_velocities is not None:  # a function of all places
+            return self.node_velocities[nodes]
+        speed = self._rigid_velocities(self.figure.places(nodes))
+        return np.where(self.held_at(nodes), 0.0, speed)
+
+    def _rigid_velocities(self, places: FloatArray) -> FloatArray:
+        speed: FloatArray = self.velocity + np.cross(self.angular_velocity, places)
+        return speed
 
     def node(self, marker: Marker) -> int:
         """Return the node of a marker: that of a set of one, or the one nearest to a position.
@@ -371,13 +425,15 @@ class Solid(Body):
                 f"{owner}: point must name a set of one node or be a position (x, y, z), got "
                 f"{_checks.show(point)}"
             )
-        gaps = np.linalg.norm(self.points - np.array(point), axis=1)
-        node = int(np.argmin(gaps))
-        around = self.points[self.nodes.cells[(self.nodes.cells == node).any(axis=1)]]
-        reach = float(np.linalg.norm(around - self.points[node], axis=2).max())
-        if gaps[node] > reach:
+        figure = self.figure
+        node = figure.nearest(np.array(point))
+        place, beside = figure.places(np.array(node)), figure.cells_around(np.array([node]))
+        gap = float(np.linalg.norm(place - np.array(point)))
+        around = figure.places(figure.cell_nodes(beside))
+        reach = float(np.linalg.norm(around - place, axis=2).max())
+        if gap > reach:
             raise ValueError(
-                f"{owner}: the nearest node to {_checks.show(list(point))} is {gaps[node]:.4g} m "
+                f"{owner}: the nearest node to {_checks.show(list(point))} is {gap:.4g} m "
                 f"away, more than its own neighbours are, {reach:.4g} m"
             )
         return node
@@ -397,7 +453,9 @@ class Solid(Body):
 
     def contact_triangles(self) -> tuple[IntArray, IntArray]:
         """Flat triangles (t, 3) between nodes of the surface that touches, and their cells (t,)."""
-        return self.figure.triangles(f'Solid "{self.name}": touching', self.touching or "")
+        figure = self.figure
+        assert isinstance(figure, WholeFigure)  # of a stored mesh nothing touches
+        return figure.triangles(f'Solid "{self.name}": touching', self.touching or "")
 
     def surface_marker(self, surface: str) -> SolidMarker:
         """Return the mean place of a surface, weighted by area, or of a set of nodes.
@@ -406,7 +464,7 @@ class Solid(Body):
             ValueError: There is neither.
         """
         owner = f'Marker on "{self.name}"'
-        if surface in self.mesh.surfaces or surface == "boundary":
+        if self.figure.has_surface(surface):
             nodes, weights = self.figure.area_weights(owner, surface)
         else:
             nodes = self.figure.nodes_of(owner, surface)
@@ -423,7 +481,7 @@ class Solid(Body):
             ValueError: There is neither.
         """
         nodes = self.figure.nodes_of(f'Marker on "{self.name}"', surface)
-        free = nodes[~self.held[nodes].all(axis=1)]
+        free = nodes[~self.held_at(nodes).all(axis=1)]
         return [SolidMarker(self.name, [node], [1.0]) for node in free.tolist()]
 
     def point_marker(self, position: npt.ArrayLike) -> SolidMarker:
@@ -439,7 +497,8 @@ class Solid(Body):
         cell, weights = self.figure.located(owner, _checks.vector(owner, "position", position))
         used = np.abs(weights) > _NONE
         kept = weights[used] / weights[used].sum()
-        return SolidMarker(self.name, self.nodes.cells[cell][used], kept)
+        nodes = self.figure.cell_nodes(np.array([cell]))[0]
+        return SolidMarker(self.name, nodes[used], kept)
 
     def moved(self, motion: Pose) -> Solid:
         """Return the body moved rigidly with its initial velocities.
@@ -482,15 +541,16 @@ def _density(owner: str, what: str, value: Any) -> None:
     _checks.number(owner, what, value, positive=True)
 
 
-def _mesh(owner: str, mesh: Any) -> SolidMesh:
+def _mesh(owner: str, mesh: Any) -> SolidMesh | StoredSolidMesh:
     """The mesh as one of arrays (collective for distributed ones)."""
-    if isinstance(mesh, SolidMesh):
+    if isinstance(mesh, (SolidMesh, StoredSolidMesh)):
         return mesh
     if isinstance(mesh, BodyMesh):
         return SolidMesh.from_dolfinx(mesh.mesh, mesh.cell_tags, mesh.facet_tags, mesh.groups)
     if type(mesh).__module__.startswith("dolfinx"):
         return SolidMesh.from_dolfinx(mesh)
     raise TypeError(
-        f"{owner}: mesh must be a SolidMesh, a BodyMesh or a mesh of DOLFINx, got "
+        f"{owner}: mesh must be a SolidMesh, a StoredSolidMesh, a BodyMesh or a mesh of "
+        f"DOLFINx, got "
         f"{_checks.show(mesh)}"
     )

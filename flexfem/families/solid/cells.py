@@ -17,7 +17,7 @@ from flexfem._checks import returned_number
 from flexfem._faults import FAILURES, ReturnError, noted
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.families.solid.forms import FIELDS, PAIRS, CellKind, SolidForms
-from flexfem.families.solid.lagrange import (
+from flexfem.families.solid.meshes.lagrange import (
     lattice,
     quadrature_weights,
     reference_points,

@@ -3,8 +3,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import Any, override
 
 from mpi4py import MPI
@@ -21,15 +22,20 @@ from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.families.common.block_nodes import PositionFamily
 from flexfem.families.solid.body import Solid, SolidMarker
 from flexfem.families.solid.cells import Kernels, SolidCells, TimedParameter
+from flexfem.families.solid.distribution import distributed_nodes, pieces_of, shared
 from flexfem.families.solid.elements import SolidElements
 from flexfem.families.solid.forms import CellKind, SolidForms
 from flexfem.families.solid.laws.energies import SolidLaw
 from flexfem.families.solid.loads import SurfacePressure, SurfaceTraction
+from flexfem.families.solid.meshes.figure import WholeFigure
+from flexfem.families.solid.meshes.lagrange import lattice
+from flexfem.families.solid.meshes.stored import StoredFigure
+from flexfem.families.solid.node_rows import node_rows
 from flexfem.families.solid.pressures import FacetKind, SolidPressures
 from flexfem.families.solid.probes import MOTION, SolidProbe
 from flexfem.families.solid.sensors import PlaceSensor, SolidSensor
 from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import ContactSurface, Sensor
+from flexfem.layout.family import ContactSurface, Sensor, coupled_nodes
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.lines import Line
 from flexfem.layout.node_loads import Force
@@ -59,6 +65,68 @@ class SolidFamily(PositionFamily[Solid]):
     noun = "solid"
 
     @override
+    def _place_nodes(self) -> None:
+        stored = next((body for body in self._bodies if body.stored), None)
+        if stored is None:
+            super()._place_nodes()
+            return
+        made = partial(node_rows, f'Solid "{stored.name}"', int(self.first[-1]))
+        self._frames = made(12, partial(self._rows, np.zeros(12), _frames_at))
+        self._velocities = made(6, partial(self._rows, np.zeros(6), _twists_at))
+        self._held = made(3, partial(self._rows, np.zeros(3, dtype=np.bool_), Solid.held_at))
+
+    def _rows(self, row: Any, at: Callable[[Solid, IntArray], Any], nodes: IntArray) -> Any:
+        """Rows (k, w) of nodes, found body after body; ``row`` (w,) is one of zeros."""
+        found, of = np.tile(row, (len(nodes), 1)), self.bodies_of(nodes)
+        for k in np.unique(of).tolist():
+            found[of == k] = at(self._bodies[k], nodes[of == k] - self.first[k])
+        return found
+
+    @property
+    @override
+    def moving(self) -> bool:
+        return any(
+            body.velocity.any() or body.angular_velocity.any() or body.start_velocities is not None
+            for body in self._bodies
+        )
+
+    @property
+    @override
+    def placed(self) -> BoolArray:
+        return np.broadcast_to(np.True_, (int(self.first[-1]),))
+
+    @property
+    @override
+    def spread(self) -> FloatArray:
+        return np.concatenate([body.figure.outline for body in self._bodies])
+
+    @override
+    def outline(self, body: Solid) -> FloatArray:
+        return body.figure.outline
+
+    @override
+    def node_counts(self) -> tuple[IntArray, IntArray]:
+        return np.diff(self.first), np.array([body.holds for body in self._bodies])
+
+    @override
+    def coupled(self) -> int:
+        if not any(body.stored for body in self._bodies):
+            return super().coupled()
+        return sum(
+            body.figure.pairs if isinstance(body.figure, StoredFigure) else
+            coupled_nodes(body.nodes.cells) for body in self._bodies
+        )  # fmt: skip
+
+    @override
+    def supports(self) -> tuple[IntArray, FloatArray]:
+        rows = [
+            3 * first + body.held_rows
+            for first, body in zip(self.first[:-1], self._bodies, strict=True)
+        ]
+        nodes, axis = np.divmod(np.concatenate(rows), 3)
+        return nodes, np.eye(6)[axis]
+
+    @override
     def cells_of(self, body: Solid) -> IntArray:
         return body.nodes.cells
 
@@ -79,15 +147,15 @@ class SolidFamily(PositionFamily[Solid]):
     @override
     def with_axes(self, marker: Marker, place: SurfacePlace) -> SurfacePlace:
         number = self.number(marker.body)
-        body, first = self._bodies[number], int(self.first[number])
+        figure, first = self._bodies[number].figure, int(self.first[number])
         own, weights = np.array(place.nodes) - first, np.array(place.weights)
         try:
-            return replace(place, sides=fitted_sides(body.points[own], weights))
+            return replace(place, sides=fitted_sides(figure.places(own), weights))
         except ValueError:  # too few nodes, or on one line: those of the cells around join them
-            cells = np.isin(body.nodes.cells, own).any(axis=1)
-        more = np.setdiff1d(body.nodes.cells[cells], own)
+            around = figure.cell_nodes(figure.cells_around(own))
+        more = np.setdiff1d(around, own)
         nodes = np.concatenate([own, more])
-        sides = fitted_sides(body.points[nodes], np.ones(len(nodes)))
+        sides = fitted_sides(figure.places(nodes), np.ones(len(nodes)))
         weights = np.concatenate([weights, np.zeros(len(more))])
         places = tuple((first + nodes).tolist())
         return SurfacePlace(self.kind, places, tuple(weights.tolist()), sides)
@@ -99,7 +167,7 @@ class SolidFamily(PositionFamily[Solid]):
     @override
     def check_energy_momentum(self, dissipates: bool) -> None:
         for body in self._bodies:
-            laws = [law for region, law in body.law.items() if len(body.cells_of(region))]
+            laws = [law for region, law in body.law.items() if body.figure.overlap(region, region)]
             for what, given in (
                 ("plane stress", body.plane == "stress"),
                 ("internal variables", any(len(law.initial) for law in laws)),
@@ -118,23 +186,42 @@ class SolidFamily(PositionFamily[Solid]):
 
     @override
     def costs(self) -> dict[str, tuple[int, int]]:
-        return {
-            body.name: (body.elements, int(_COST * body.nodes.cells.shape[1]))
-            for body in self._bodies
-        }
+        found = {}
+        for body in self._bodies:
+            cost = int(_COST * len(lattice(body.mesh.cell, body.degree)))
+            pieces = pieces_of(body)
+            found[body.name] = pieces, cost * -(-body.elements // pieces)
+        return found
+
+    @override
+    def share(self, ranks: Mapping[str, IntArray]) -> tuple[IntArray, dict[str, tuple[int, ...]]]:
+        cells, of_bodies = [], {}
+        for body in self._bodies:
+            own = np.sort(ranks[body.name])
+            of_bodies[body.name] = tuple(np.unique(own).tolist())
+            cells.append(own if body.stored else self.in_order(body, own))
+        return np.concatenate(cells), of_bodies
 
     @override
     def block(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, ElementFamily]:
-        block, own = self.own_nodes(comm, ranks)
-        ids = block.node_ids
+        shares = shared(self._bodies, ranks, comm)
+        ids, index_map = distributed_nodes(self._bodies, shares, self.first, comm)
+        fixed = any(body.holds for body in self._bodies)
+        block = FrameBlock(
+            self.name, comm, self._frames[ids], self._velocities[ids], ids, index_map,
+            inertial=True, width=3, dirichlet=self._held[ids] if fixed else None,
+        )  # fmt: skip
+        own = [share.cells for share in shares]
         kinds = list(self._kinds().values())
         groups = [self._cells(comm, parts, own, block) for parts in kinds]
         plane = np.array([body.plane is not None for body in self._bodies])
-        elements = SolidElements(groups, block, plane[self.body_of_node[ids]], len(ranks))
+        elements = SolidElements(
+            groups, block, plane[self.bodies_of(ids)], int(self.first_cell[-1])
+        )
         elements.bulk_over_shear = max(body.bulk_over_shear for body in self._bodies)
         for parts, group in zip(kinds, groups, strict=True):
             name = f'Solid "{self._bodies[parts[0][0]].name}"'
-            check_start(comm, name, group, np.ascontiguousarray(self._frames[ids, :3]))
+            check_start(comm, name, group, np.ascontiguousarray(block.frames[:, :3]))
         return block, elements
 
     def _kinds(self) -> dict[_Kind, list[tuple[int, str]]]:
@@ -147,7 +234,7 @@ class SolidFamily(PositionFamily[Solid]):
         return found
 
     def _cells(
-        self, comm: MPI.Intracomm, parts: Sequence[tuple[int, str]], own: Sequence[BoolArray],
+        self, comm: MPI.Intracomm, parts: Sequence[tuple[int, str]], own: Sequence[IntArray],
         block: FrameBlock,
     ) -> SolidCells:  # fmt: skip
         """The cells of some regions on this rank (collective)."""
@@ -161,24 +248,23 @@ class SolidFamily(PositionFamily[Solid]):
         except ValueError as error:
             raise InputError(f'Solid "{body.name}": {error}') from None
         nodes, places, thickness, density, bodies, numbers = [], [], [], [], [], []
+        moduli = list[FloatArray]()
         lumped = list[BoolArray]()
         parameters: dict[str, list[FloatArray]] = {name: [] for name in sizes}
         timed, first = list[TimedParameter](), 0
         for k, name in parts:
             one = self._bodies[k]
-            cells = one.cells_of(name)
-            mine = own[k][cells]
-            cells = cells[mine]
-            nodes.append(self.first[k] + one.nodes.cells[cells])
-            places.append(_places(one, kind)[cells])
+            cells = own[k][one.figure.in_region(name, own[k])]
+            nodes.append(self.first[k] + one.figure.cell_nodes(cells))
+            places.append(_places(one, kind, cells))
+            moduli.append(np.tile(one.law[name].small_strain_moduli(), (len(cells), 1)))
             thickness.append(np.full(len(cells), one.thickness if one.plane else 1.0))
-            density.append(one.cell_density[cells])
+            density.append(one.density_of(cells))
             lumped.append(np.full(len(cells), one.mass == "lumped"))
             bodies.append(np.full(len(cells), k))
             numbers.append(self.first_cell[k] + cells)
             for key, size in sizes.items():
-                values = values_of(one, name, key, size)
-                parameters[key].append(values[mine])
+                parameters[key].append(values_of(one, name, key, size, cells))
                 value = one.law[name].parameters[key]
                 if callable(value):
                     rows = slice(first, first + len(cells))
@@ -193,17 +279,8 @@ class SolidFamily(PositionFamily[Solid]):
             np.concatenate(bodies), np.concatenate(numbers),
         )  # fmt: skip
         found.timed = timed
-        found.rest_moduli = self._rest_moduli(parts, own)
+        found.rest_moduli = np.concatenate(moduli)
         return found.with_masses(np.concatenate(density), np.concatenate(lumped))
-
-    def _rest_moduli(
-        self, parts: Sequence[tuple[int, str]], own: Sequence[BoolArray]
-    ) -> FloatArray:
-        """Shear and bulk modulus (m, 2) at small strains of the cells of regions on this rank."""
-        moduli = [self._bodies[k].law[name].small_strain_moduli() for k, name in parts]
-        counts = [int(own[k][self._bodies[k].cells_of(name)].sum()) for k, name in parts]
-        found: FloatArray = np.repeat(np.reshape(moduli, (-1, 2)), counts, axis=0)
-        return found
 
     @override
     def contact_surface(self) -> ContactSurface | None:
@@ -217,7 +294,7 @@ class SolidFamily(PositionFamily[Solid]):
             nodes.append(self.first[k] + np.unique(own))
             triangles.append(self.first[k] + own)
             of.append(np.full(len(own), number))
-            elements.append(self.first_cell[k] + cells)
+            elements.append(self._first_piece(k) + cells)
         every, body = np.concatenate(nodes), np.concatenate(of)
         return ContactSurface(
             bodies, every, self._frames[every, :3],
@@ -225,6 +302,10 @@ class SolidFamily(PositionFamily[Solid]):
             np.concatenate(triangles), np.zeros(len(body)), body, np.concatenate(elements),
             closed=True,
         )  # fmt: skip
+
+    def _first_piece(self, k: int) -> int:
+        """First piece of a body among those whose ranks :meth:`share` returns."""
+        return sum(pieces_of(body) for body in self._bodies[:k])
 
     @override
     def surface_numbers(self, body: Solid, radius: float) -> tuple[float, float]:
@@ -257,7 +338,7 @@ class SolidFamily(PositionFamily[Solid]):
     def _own_facets(self, k: int, surface: str, elements: SolidElements) -> BoolArray:
         """(f,) True for facets of a surface whose cell is on this rank."""
         body = self._bodies[k]
-        cells = body.mesh.cells_of_facets(body.mesh.surface("", surface))
+        cells = body.figure.facet_cells(surface)
         own = np.concatenate([np.empty(0, np.int64), *(g.number for g in elements.groups)])
         return np.isin(self.first_cell[k] + cells, own)
 
@@ -306,11 +387,22 @@ def kind_of(body: Solid) -> CellKind:
     return CellKind(mesh.cell, body.degree, geometry, body.plane, lowered, order)
 
 
-def _places(body: Solid, kind: CellKind) -> FloatArray:
-    """Nodes (m, g, 3) of the geometry of the cells, m."""
-    mesh = body.mesh
-    places: FloatArray = mesh.points[mesh.corners if kind.geometry == 0 else mesh.cells]
-    return places
+def _frames_at(body: Solid, nodes: IntArray) -> FloatArray:
+    """Frames (k, 12) of nodes at the start."""
+    return se3.frame(body.figure.places(nodes), np.tile(np.eye(3), (len(nodes), 1, 1)))
+
+
+def _twists_at(body: Solid, nodes: IntArray) -> FloatArray:
+    """Twists (k, 6) of nodes at the start."""
+    found = np.zeros((len(nodes), 6))
+    found[:, :3] = body.velocities_at(nodes)
+    return found
+
+
+def _places(body: Solid, kind: CellKind, cells: IntArray) -> FloatArray:
+    """Nodes (m, g, 3) of the geometry of some cells, m."""
+    width = len(lattice(kind.cell, max(kind.geometry, 1)))
+    return body.figure.cell_places(cells)[:, :width]
 
 
 def _sizes(law: SolidLaw) -> dict[str, int]:
@@ -326,28 +418,30 @@ def _timed(law: SolidLaw) -> bool:
     return any(callable(value) for value in law.parameters.values())
 
 
-def values_of(body: Solid, region: str, name: str, size: int, t: float = 0.0) -> FloatArray:
-    """Values (m, 1) or (m, 3) of a parameter in the cells of a region, at a time, s.
+def values_of(body: Solid, region: str, name: str, size: int, cells: IntArray) -> FloatArray:
+    """Values (m, 1) or (m, 3) of a parameter in some cells of a region at the start.
 
     Raises:
         InputError: as many as there are cells are needed, or a function of time fails.
     """
-    value, count = body.law[region].parameters[name], len(body.cells_of(region))
+    value, figure = body.law[region].parameters[name], body.figure
     owner = f'Solid "{body.name}": parameter "{name}"'
     if callable(value):
         function = value
         try:
-            value = returned_number(name, function(t))
+            value = returned_number(name, function(0.0))
         except FAILURES as error:
             raise InputError(f"{owner}: {located(function, error)}") from error
         if not np.isfinite(value):
-            raise InputError(f"{owner} must be a finite number at t = {t:.6g} s, got {value}")
+            raise InputError(f"{owner} must be a finite number at t = 0 s, got {value}")
     given = np.asarray(value, dtype=np.float64)
     if given.ndim == 0 or (size == 3 and len(given) == 1):
-        return np.tile(given.reshape(1, size), (count, 1))
+        return np.tile(given.reshape(1, size), (len(cells), 1))
+    count = figure.overlap(region, region)
     if len(given) != count:
         raise InputError(f"{owner} has {len(given)} values for {count} cells")
-    return given.reshape(count, size)
+    assert isinstance(figure, WholeFigure)  # stored meshes have one value for all cells
+    return given.reshape(count, size)[np.searchsorted(figure.cells_of(region), cells)]
 
 
 def check_start(comm: MPI.Intracomm, owner: str, group: SolidCells, points: FloatArray) -> None:

@@ -22,7 +22,7 @@ import basix.ufl
 import ufl
 
 from flexfem._types import FloatArray
-from flexfem.families.solid.lagrange import CELLS
+from flexfem.families.solid.meshes.lagrange import CELLS
 from flexfem.forms.energy import Parameters
 
 __all__ = ["FIELDS", "PAIRS", "CellKind", "LawFunctions", "LawParameters", "SolidForms"]

@@ -15,7 +15,7 @@ import ufl
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.families.solid.lagrange import lattice, reference_points
+from flexfem.families.solid.meshes.lagrange import lattice, reference_points
 from flexfem.kernels.driver import CellKernel, Cells, Nodal, cell_kernel, evaluate, plain_cells
 from flexfem.kernels.ffcx import compile_kernel
 from flexfem.kernels.records import Float2D, Record

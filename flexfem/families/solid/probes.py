@@ -96,8 +96,8 @@ class SolidProbe(AnyProbe):
         if moves and (self.place is None or isinstance(self.place, str)):
             solid.figure.area_weights(owner, self.place or "")
             return
-        if isinstance(self.place, str) and self.place not in solid.mesh.regions:
-            known = ", ".join(solid.mesh.regions) or "none"
+        if isinstance(self.place, str) and self.place not in solid.mesh.region_names:
+            known = ", ".join(solid.mesh.region_names) or "none"
             raise ValueError(
                 f"{owner}: the mesh has no region {_checks.show(self.place)}; there are {known}"
             )

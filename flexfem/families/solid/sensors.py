@@ -12,7 +12,7 @@ from flexfem._types import FloatArray
 from flexfem.families.solid.body import Solid
 from flexfem.families.solid.elements import SolidElements
 from flexfem.families.solid.forms import FIELDS
-from flexfem.families.solid.lagrange import shapes
+from flexfem.families.solid.meshes.lagrange import shapes
 from flexfem.families.solid.probes import SolidProbe
 from flexfem.layout.family import SumOfValues
 
@@ -46,25 +46,28 @@ class SolidSensor(SumOfValues):
         assert isinstance(elements, SolidElements)
         self._elements, self._probe, self.block = elements, probe, part.block
         solid = next(body for body in bodies if body.name == probe.solid)
-        weight = np.zeros(solid.elements)
+        at_cell: int | None = None
         self._at: FloatArray | None = None
-        if probe.place is None or isinstance(probe.place, str):
-            weight[solid.cells_of(probe.place or "")] = 1.0
-        else:
-            cell, xi = solid.figure.place_in_cell(f'SolidProbe "{probe.name}"', probe.place)
-            weight[cell] = 1.0
+        if probe.place is not None and not isinstance(probe.place, str):
+            at_cell, xi = solid.figure.place_in_cell(f'SolidProbe "{probe.name}"', probe.place)
             kind = solid.mesh.cell, solid.degree - 1
             at = shapes(*kind, xi[np.newaxis])[0][0] if solid.degree > 1 else np.ones(1)
             self._at = at
         self._chosen, support, first, volume = [], [], 0, 0.0
         for group in elements.groups:
-            inside = (group.number >= first_cell) & (group.number < first_cell + solid.elements)
-            own = np.zeros(len(group.nodes))
-            own[inside] = weight[group.number[inside] - first_cell]
-            chosen = np.flatnonzero(own)
+            number = group.number - first_cell
+            inside = np.flatnonzero((number >= 0) & (number < solid.elements))
+            if at_cell is None:
+                cells = number[inside]
+                order = np.argsort(cells)
+                met = np.empty(len(cells), dtype=np.bool_)
+                met[order] = solid.figure.in_region(probe.place or "", cells[order])
+            else:
+                met = number[inside] == at_cell
+            chosen = inside[met]
             self._chosen.append(chosen)
             support.append(first + chosen)
-            first, volume = first + len(own), volume + float(group.size[chosen].sum())
+            first, volume = first + len(number), volume + float(group.size[chosen].sum())
         self.support = elements.support[np.concatenate([np.empty(0, np.int64), *support])]
         self._volume = part.block.comm.allreduce(volume)
 
@@ -104,7 +107,7 @@ class PlaceSensor(SumOfValues):
             nodes, weights = solid.figure.area_weights(owner, probe.place)
         else:
             cell, weights = solid.figure.located(owner, probe.place)
-            nodes = solid.nodes.cells[cell]
+            nodes = solid.figure.cell_nodes(np.array([cell]))[0]
         local = block.owned_index(first_node + nodes)
         self._probe, self.block, self._nodes = probe, block, local[local >= 0]
         self.support = self._nodes[:, np.newaxis]

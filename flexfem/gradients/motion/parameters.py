@@ -17,7 +17,7 @@ from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import FloatArray, IntArray
 from flexfem.families.solid.body import Solid
-from flexfem.families.solid.mesh import SolidMesh
+from flexfem.families.solid.meshes.mesh import SolidMesh
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.surface_mesh import SurfaceMesh
 from flexfem.model.model import Model

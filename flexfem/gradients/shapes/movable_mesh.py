@@ -21,8 +21,8 @@ from scipy.sparse.linalg import splu
 
 from flexfem import _checks
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.families.solid.lagrange import reference_points, shapes
-from flexfem.families.solid.mesh import SolidMesh
+from flexfem.families.solid.meshes.lagrange import reference_points, shapes
+from flexfem.families.solid.meshes.mesh import SolidMesh
 from flexfem.mesh.line_mesh import LineMesh
 from flexfem.mesh.surface_mesh import SurfaceMesh
 

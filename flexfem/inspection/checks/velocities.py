@@ -21,7 +21,7 @@ def find(inspection: Inspection) -> Iterator[Finding]:
     """The joints of a motion whose rows change at the start."""
     if inspection.moves is False or isinstance(inspection.options, StateOptions):
         return
-    rests = not any(family.velocities.any() for family in inspection.serial.families.values())
+    rests = not any(family.moving for family in inspection.serial.families.values())
     if rests and not inspection.rows.driven:
         return
     rows = inspection.rows.rows

@@ -14,7 +14,7 @@ from flexfem.families.solid.cells import SolidCells
 from flexfem.families.solid.elements import SolidElements
 from flexfem.families.solid.family import SolidFamily
 from flexfem.families.solid.forms import FIELDS
-from flexfem.families.solid.lagrange import CELLS, reference_points, shapes
+from flexfem.families.solid.meshes.lagrange import CELLS, reference_points, shapes
 from flexfem.families.solid.sensors import von_mises
 from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
 from flexfem.io.vtu.series import VtuSeries
@@ -124,10 +124,10 @@ def _triangles(part: BlockPart) -> tuple[IntArray, IntArray]:
     own = np.concatenate([np.empty(0, np.int64), *(g.number for g in elements.groups)])
     found, bodies = [np.empty((0, 3), np.int64)], [np.empty(0, np.int64)]
     for k, body in enumerate(family.bodies):
-        triangles, cells = body.figure.triangles("", "boundary")
-        mine = np.isin(family.first_cell[k] + cells, own)
-        found.append(part.block.local_index(family.first[k] + triangles[mine]))
-        bodies.append(np.full(int(mine.sum()), k))
+        cells = own[(own >= family.first_cell[k]) & (own < family.first_cell[k + 1])]
+        triangles = body.figure.boundary_of(np.sort(cells) - family.first_cell[k])
+        found.append(part.block.local_index(family.first[k] + triangles))
+        bodies.append(np.full(len(triangles), k))
     return np.concatenate(found), np.concatenate(bodies)
 
 

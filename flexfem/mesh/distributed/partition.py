@@ -24,7 +24,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.mesh.surface_mesh import SurfaceMesh
 
-__all__ = ["partition_bodies", "strips"]
+__all__ = ["ordered_along", "partition_bodies", "strips"]
 
 #: Cost of n rows between ranks, in elements: n / 6 + n^2 / 500, solved for as a full matrix.
 _ROW, _ROW_SQUARED = 1.0 / 6.0, 1.0 / 500.0
@@ -78,6 +78,14 @@ def _renumbered(ranks: IntArray) -> IntArray:
     _, first, number = np.unique(ranks, return_index=True, return_inverse=True)
     place = np.argsort(np.argsort(first))
     return place[number]
+
+
+def ordered_along(points: FloatArray, cells: IntArray) -> IntArray:
+    """Cells (m, k) of a body ordered along its longest extent; ``points`` (n, 3), m."""
+    middles = points[cells].mean(axis=1)
+    offsets = middles - middles.mean(axis=0)
+    _, _, axes = np.linalg.svd(offsets, full_matrices=False)
+    return np.argsort(np.round(offsets @ axes[0], 12), kind="stable")
 
 
 def strips(surface: SurfaceMesh, rows: IntArray, parts: IntArray) -> IntArray:

@@ -13,7 +13,7 @@ import numpy as np
 from scipy.integrate import quad
 
 import flexfem as ff
-from flexfem.families.solid.lagrange import CELLS, reference_points
+from flexfem.families.solid.meshes.lagrange import CELLS, reference_points
 from tests.verification.result import Result
 
 Values = np.ndarray

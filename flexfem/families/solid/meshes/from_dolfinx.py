@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._types import FloatArray, IntArray
-from flexfem.families.solid.lagrange import CELLS, lattice, reference_facets
+from flexfem.families.solid.meshes.lagrange import CELLS, lattice, reference_facets
 
 __all__ = ["gathered"]
 

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Collection, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -17,7 +17,7 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._memory import check_room
 from flexfem._types import FloatArray, IntArray
-from flexfem.families.solid.lagrange import (
+from flexfem.families.solid.meshes.lagrange import (
     CELLS,
     Lagrange,
     lattice,
@@ -169,6 +169,21 @@ class SolidMesh:
             at = int(np.argmax(rows < 0))
             raise ValueError(f"{owner}: {what}: {given[at].tolist()} is no facet of a cell")
         return _checks.freeze(self.facets[rows], np.int64)
+
+    @property
+    def region_names(self) -> tuple[str, ...]:
+        """Names of the regions."""
+        return tuple(self.regions)
+
+    def region_fault(self, names: Collection[str]) -> str:
+        """First words of what keeps some regions from having each cell once, or nothing."""
+        times = np.zeros(len(self.cells), dtype=np.int64)
+        for name in names:
+            times[self.regions[name]] += 1
+        if (times == 1).all():
+            return ""
+        at = int(np.argmax(times != 1))
+        return f"cell {at} has {'no' if times[at] == 0 else 'more than one'}"
 
     @property
     def dimension(self) -> int:
@@ -373,7 +388,7 @@ class SolidMesh:
             TypeError: An argument is of the wrong kind.
             ValueError: Cells of another shape, or several shapes.
         """
-        from flexfem.families.solid.from_dolfinx import gathered
+        from flexfem.families.solid.meshes.from_dolfinx import gathered
 
         points, cells, cell, degree, values, facets, facet_values, groups = gathered(
             mesh, cell_tags, facet_tags, names
