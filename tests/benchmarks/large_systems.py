@@ -1,0 +1,141 @@
+# SPDX-License-Identifier: LGPL-3.0-or-later
+"""Chains, trusses and nets from a thousand to a million unknowns, on one rank and on two.
+
+``chain`` is the case of this name with 32 elements a link, whose multipliers are those of a tree;
+``truss`` the case ``deployable_truss``, with loops along a line; ``net`` a square net of beams of
+two elements, with loops in two directions. Each run is a fresh process with one thread a rank, and
+starts at rest. Exponents are the slopes of log(time) over log(unknowns) from the second size to the
+last; "faster by" is the time of a step on the first number of ranks over that on this one. Run from
+the source tree, on an idle machine::
+
+    python -m tests.benchmarks.large_systems
+    python -m tests.benchmarks.large_systems --systems net --sizes 20,40,80 --ranks 1,2
+"""
+
+import argparse
+import json
+import math
+import os
+import resource
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import flexfem as ff
+from flexfem.core.status import Status
+from flexfem.simulation.motion.stepping import Simulation
+from tests.unit.test_rank_costs import net
+
+ROOT = Path(__file__).resolve().parents[2]
+
+
+def case(name: str, **given: int) -> ff.Model:
+    """Model of a shipped case with these options."""
+    found = ff.load_case(name)
+    model: ff.Model = found.model(**found.prepare(given)[0])
+    return model
+
+
+#: Builder by the size, step in s, and sizes from a thousand to a million unknowns.
+SYSTEMS: dict[str, tuple[Callable[[int], ff.Model], float, tuple[int, ...]]] = {
+    "chain": (lambda links: case("chain", links=links, elements=32), 1e-3, (5, 50, 512, 5120)),
+    "truss": (lambda bays: case("deployable_truss", bays=bays), 5e-3, (2, 23, 230, 2300)),
+    "net": (net, 1e-3, (5, 20, 80, 160)),
+}
+#: Steps before those that are timed: the first factorisation, and what is loaded at first.
+BEFORE = 3
+
+
+def measure(name: str, size: int, seconds: float) -> None:
+    """Take steps for so long in this process, and print what the first rank has measured."""
+    build, dt, _ = SYSTEMS[name]
+    begin = time.perf_counter()
+    model = build(size)
+    built = time.perf_counter()
+    simulation = Simulation(model, ff.RunOptions(dt=dt, t_end=1e6 * dt, quiet=True))
+    system = simulation.system
+    ready = time.perf_counter()
+
+    def advance(steps: int) -> float:
+        """Seconds of some steps, of the slowest rank."""
+        start = time.perf_counter()
+        for _ in range(steps):
+            assert simulation.advance(dt) is Status.OK
+        return max(system.comm.allgather(time.perf_counter() - start))
+
+    each = advance(BEFORE) / BEFORE
+    each = min(each, advance(2) / 2)
+    steps = max(5, math.ceil(seconds / each))
+    iterations = system.counters.newton_iterations
+    spent = advance(steps)
+    iterations = system.counters.newton_iterations - iterations
+    peaks = system.comm.allgather(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
+    if system.comm.rank == 0:
+        print(json.dumps({
+            "unknowns": system.unknowns, "declared": built - begin, "set_up": ready - built,
+            "step": spent / steps, "steps": steps, "iterations": iterations / steps,
+            "factorizations": system.counters.factorizations, "memory": max(peaks),
+        }))  # fmt: skip
+
+
+def run(name: str, size: int, ranks: int, seconds: float) -> dict[str, Any]:
+    """Measure a system in fresh processes."""
+    start = [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)] if ranks > 1 else []
+    environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
+    done = subprocess.run(
+        [*start, sys.executable, "-m", "tests.benchmarks.large_systems",
+         "--one", f"{name},{size}", "--seconds", repr(seconds)],
+        env=environment, cwd=ROOT, text=True, stdout=subprocess.PIPE, check=True,
+    )  # fmt: skip
+    found: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
+    return found
+
+
+def exponent(rows: list[dict[str, Any]], key: str) -> float:
+    """Slope to the last size from the second, as calls from Python are most of the first's time."""
+    first, last = rows[min(1, len(rows) - 2)], rows[-1]
+    return math.log(last[key] / first[key]) / math.log(last["unknowns"] / first["unknowns"])
+
+
+def main() -> None:
+    """Print a table of each system."""
+    parser = argparse.ArgumentParser(description=__doc__.splitlines()[0])
+    parser.add_argument("--systems", default=",".join(SYSTEMS))
+    parser.add_argument("--sizes", help="of one system, instead of its own ones")
+    parser.add_argument("--ranks", default="1,2")
+    parser.add_argument("--seconds", type=float, default=5.0, help="of the steps of each run")
+    parser.add_argument("--one", help=argparse.SUPPRESS)
+    given = parser.parse_args()
+    if given.one:
+        name, size = given.one.split(",")
+        measure(name, int(size), given.seconds)
+        return
+    print("| system | size | unknowns | ranks | declared s | set-up s | MB a rank | ms a step | "
+          "iterations | factorisations | faster by |")  # fmt: skip
+    print("|---" * 11 + "|")
+    ranks = [int(count) for count in given.ranks.split(",")]
+    for name in given.systems.split(","):
+        sizes = SYSTEMS[name][2]
+        if given.sizes:
+            sizes = tuple(int(size) for size in given.sizes.split(","))
+        rows: dict[int, list[dict[str, Any]]] = {count: [] for count in ranks}
+        for size in sizes:
+            for count in ranks:
+                x = run(name, size, count, given.seconds)
+                rows[count].append(x)
+                faster = rows[ranks[0]][-1]["step"] / x["step"]
+                print(f"| {name} | {size} | {x['unknowns']} | {count} | {x['declared']:.2f} | "
+                      f"{x['set_up']:.2f} | {x['memory'] / 1e6:.0f} | {1e3 * x['step']:.2f} | "
+                      f"{x['iterations']:.1f} | {x['factorizations']} | {faster:.2f} |",
+                      flush=True)  # fmt: skip
+        for count in ranks if len(sizes) > 1 else ():
+            print(f"{name}, {count} ranks: a step takes as the power "
+                  f"{exponent(rows[count], 'step'):.2f} of the unknowns, the set-up as "
+                  f"{exponent(rows[count], 'set_up'):.2f}")  # fmt: skip
+
+
+if __name__ == "__main__":
+    main()
