@@ -22,7 +22,7 @@ def idle_or_crowded(system: System) -> list[str]:
     ranks, cores = _crowded(comm)
     if ranks:
         found.append(
-            f"{ranks} ranks share {cores} cores and take turns, polling while they wait: take no "
+            f"{ranks} ranks share {cores} cores and take turns, one waiting for the other: take no "
             "more ranks than cores"
         )
     return found
