@@ -11,13 +11,16 @@ import pyvista as pv
 from matplotlib.colors import LinearSegmentedColormap
 from result_series import ARROWS, FLEXIBLE, OBSTACLES, Instant, RenderError
 
-#: Quantities shown by default: resultants of beams and shells, else stresses of solids.
-FIELDS = ("bending_moment", "von_mises", "deformation")
+#: Quantities shown by default: resultants of beams and shells, else stresses of solids, else
+#: densities of energies.
+FIELDS = ("bending_moment", "von_mises", "energy", "deformation")
 UNITS = {"bending_moment": "N m", "displacement": "m", "velocity": "m/s", "force_magnitude": "N"}
 UNITS |= dict.fromkeys(("N", "Q2", "Q3"), "N") | dict.fromkeys(("T", "M2", "M3"), "N m")
 UNITS |= dict.fromkeys(("axial_stress", "shear_stress", "von_mises", "stress"), "Pa")
 UNITS |= {"deformation": "m"}
 UNITS |= dict.fromkeys(("membrane_energy", "bending_energy", "shear_energy"), "J/m^2")
+#: Unit of the field "energy" by the series.
+DENSITIES = {"energy_lines": "J/m", "energy_triangles": "J/m^2", "energy_solids": "J/m^3"}
 UNITS |= {"angular_velocity": "rad/s"} | dict.fromkeys(("kappa1", "kappa2", "kappa3"), "1/m")
 INK = "#303841"
 # From blue to red without the near-black and near-white ends that hide shading.
@@ -99,7 +102,7 @@ def survey(
         raise RenderError(f"{instants[0].folder}: empty or infinite geometry")
     if flexible and not values:
         known = ", ".join(sorted(names - {"TimeValue"}))
-        raise RenderError(f"no field '{field}' on beams or shells, which have {known}")
+        raise RenderError(f"no field '{field}' on flexible bodies, which have {known}")
     smallest, largest = min(values, default=0.0), max(values, default=1.0)
     if smallest < -1e-9 * abs(largest):
         largest = max(-smallest, largest)
@@ -211,7 +214,7 @@ def draw(plotter: Any, instant: Instant, scene: Scene, key: str, opacity: float)
             draw_obstacles(plotter, mesh, own)
         if name == OBSTACLES:
             continue
-        if name in ("floating_lines", "cables"):
+        if name in ("floating_lines", "energy_lines", "cables"):
             own |= {"line_width": 6, "render_lines_as_tubes": True}
         if name == "cable_nets":
             own |= {"line_width": 1}
@@ -292,6 +295,9 @@ def decorate(plotter: Any, instant: Instant, scene: Scene, coloured: Any) -> Non
     unit = UNITS.get(scene.field)
     if scene.field == "bending_moment" and "shells" in instant.files:  # per length there
         unit = None if "beams" in instant.files else "N m/m"
+    if scene.field == "energy":
+        units = [DENSITIES[name] for name in instant.files if name in DENSITIES]
+        unit = units[0] if len(units) == 1 else None
     plotter.add_scalar_bar(
         title=scene.field.replace("_", " ") + (f" ({unit})" if unit else "") + "\n",
         mapper=coloured.mapper,

@@ -16,7 +16,10 @@ import pyvista as pv
 from vtkmodules.vtkCommonCore import vtkLogger
 
 # what is coloured by a field
-FLEXIBLE = ("beam_surfaces", "beams", "shells", "solids", "floating_bodies", "floating_lines")
+FLEXIBLE = (
+    "beam_surfaces", "beams", "shells", "solids", "floating_bodies", "floating_lines",
+    "energy_lines", "energy_triangles", "energy_solids",
+)  # fmt: skip
 SERIES = (*FLEXIBLE, "rigid_bodies", "joints", "cables", "cable_nets", "contact_surfaces")
 #: Obstacles, which may be much larger than what moves.
 OBSTACLES = "contact_surfaces"

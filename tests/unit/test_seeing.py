@@ -11,10 +11,12 @@ from mpi4py import MPI
 import numpy as np
 import pytest
 
+import flexfem as ff
 from flexfem.cli import command
 from flexfem.cli.postprocessing import script
 from flexfem.io import BeamFields, BeamWriter, JointFields, JointWriter
 from flexfem.io.paraview.paraview_state import write_paraview_state
+from tests.unit.test_ufl_bodies import bar, line
 
 pytestmark = pytest.mark.serial
 
@@ -102,6 +104,25 @@ def test_render_shows_what_options_ask_for(results: Path, tmp_path: Path) -> Non
     assert np.mean(silhouettes[0] != silhouettes[1]) < 0.005  # of one pixel at the edges
     swung = (shown["plain"][body] != background).any(axis=2)
     assert np.mean(silhouettes[0] != swung) > 0.005
+
+
+def test_bodies_with_an_energy_are_drawn_in_the_colours_of_its_density(tmp_path: Path) -> None:
+    """A bar that falls and is held at one end: a wave of stress has gone half its length."""
+    pytest.importorskip("pyvista")
+    model = ff.Model("falling")
+    model.add(
+        ff.UFLBody("body", line(), bar, density=2.0, parameters={"EA": 50.0}),
+        ff.Spherical("pin", ff.Ground(), ff.Marker("body", "start")),
+        ff.Gravity((9.81, 0.0, 0.0)),
+    )
+    results = tmp_path / "results"
+    ff.simulate(model, ff.RunOptions(dt=0.01, t_end=0.1, quiet=True, output=results))
+    still = ["render", str(results), *SMALL, "--output", str(tmp_path), "--time", "last"]
+    assert command(still) == 0
+    shown = pixels(tmp_path / "still.png")[40:120, :200]  # without title and axes
+    red, green, blue = np.moveaxis(shown, -1, 0)
+    assert ((red - blue > 100) & (red - green > 100)).sum() > 5  # most energy at the pin
+    assert ((blue - red > 80) & (blue - green > 50)).sum() > 5  # none beyond the wave
 
 
 def test_render_puts_instants_side_by_side(
