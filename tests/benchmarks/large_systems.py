@@ -1,18 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Chains, trusses and nets from a thousand to a million unknowns, on one rank and on two.
 
-``chain`` is the case of this name with 32 elements a link, whose multipliers are those of a tree;
-``truss`` the case ``deployable_truss``, with loops along a line; ``net`` a square net of beams of
-two elements, with loops in two directions. Each run is a fresh process with one thread a rank, and
-starts at rest. Exponents are the slopes of log(time) over log(unknowns) from the second size to the
-last; "faster by" is the time of a step on the first number of ranks over that on this one. Run from
-the source tree, on an idle machine::
+``rigid`` is a chain of rigid bodies that is declared by arrays; ``chain`` the case of this name
+with 32 elements a link, whose multipliers are those of a tree; ``truss`` the case
+``deployable_truss``, with loops along a line; ``net`` a square net of beams of two elements, with
+loops in two directions. Each run is a fresh process with one thread a rank, in which a small model
+loads what is compiled before, and starts at rest. Declaration and set-up are processor time of the
+rank that takes most, steps what the clock says. Exponents are the slopes of log(time) over
+log(unknowns) from the second size to the last; "faster by" is the time of a step on the first
+number of ranks over that on this one. Run from the source tree, on an idle machine::
 
     python -m tests.benchmarks.large_systems
+    python -m tests.benchmarks.large_systems --systems rigid --sizes 10000,100000 --ranks 1
     python -m tests.benchmarks.large_systems --systems net --sizes 20,40,80 --ranks 1,2
 """
 
 import argparse
+import gc
 import json
 import math
 import os
@@ -27,6 +31,7 @@ from typing import Any
 import flexfem as ff
 from flexfem.core.status import Status
 from flexfem.simulation.motion.stepping import Simulation
+from tests.unit.test_many import rigid_chain
 from tests.unit.test_rank_costs import net
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -41,23 +46,29 @@ def case(name: str, **given: int) -> ff.Model:
 
 #: Builder by the size, step in s, and sizes from a thousand to a million unknowns.
 SYSTEMS: dict[str, tuple[Callable[[int], ff.Model], float, tuple[int, ...]]] = {
+    "rigid": (rigid_chain, 1e-3, (170, 1700, 17000, 170000)),
     "chain": (lambda links: case("chain", links=links, elements=32), 1e-3, (5, 50, 512, 5120)),
     "truss": (lambda bays: case("deployable_truss", bays=bays), 5e-3, (2, 23, 230, 2300)),
     "net": (net, 1e-3, (5, 20, 80, 160)),
 }
-#: Steps before those that are timed: the first factorisation, and what is loaded at first.
-BEFORE = 3
+#: Size of the model that loads what is compiled, and steps before those that are timed.
+SMALL, BEFORE = 4, 3
 
 
 def measure(name: str, size: int, seconds: float) -> None:
     """Take steps for so long in this process, and print what the first rank has measured."""
     build, dt, _ = SYSTEMS[name]
-    begin = time.perf_counter()
+    options = ff.RunOptions(dt=dt, t_end=1e6 * dt, quiet=True)
+    Simulation(build(SMALL), options).advance(dt)
+    gc.collect()
+    begin = time.process_time()
     model = build(size)
-    built = time.perf_counter()
-    simulation = Simulation(model, ff.RunOptions(dt=dt, t_end=1e6 * dt, quiet=True))
+    built = time.process_time()
+    simulation = Simulation(model, options)
+    ready = time.process_time()
     system = simulation.system
-    ready = time.perf_counter()
+    spans = system.comm.allgather((built - begin, ready - built))
+    declared, set_up = (max(span) for span in zip(*spans, strict=True))
 
     def advance(steps: int) -> float:
         """Seconds of some steps, of the slowest rank."""
@@ -75,7 +86,7 @@ def measure(name: str, size: int, seconds: float) -> None:
     peaks = system.comm.allgather(1024 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss)
     if system.comm.rank == 0:
         print(json.dumps({
-            "unknowns": system.unknowns, "declared": built - begin, "set_up": ready - built,
+            "unknowns": system.unknowns, "declared": declared, "set_up": set_up,
             "step": spent / steps, "steps": steps, "iterations": iterations / steps,
             "factorizations": system.counters.factorizations, "memory": max(peaks),
         }))  # fmt: skip
