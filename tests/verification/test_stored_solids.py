@@ -126,3 +126,47 @@ def test_the_mesh_of_other_ranks_is_not_read(shared_tmp_path: Path, monkeypatch:
     assert ff.simulate(model, options, comm=COMM).status == "ok"
     assert rows["cells"] <= -(-60 // COMM.size) + 1
     assert rows["points"] <= 4 * (-(-60 // COMM.size) + 2)
+
+
+def held(mesh: Any, modulus: float = 2e5) -> ff.Model:
+    """A cantilever under its weight and a pressure."""
+    model, law = ff.Model("held"), ff.laws.NeoHookean.from_young(modulus, 0.3)
+    model.add(
+        ff.Solid("beam", law, mesh, density=1e3, degree=1, fixed={"x0": "xyz"}),
+        ff.Gravity((0.0, 0.0, -9.81)), ff.SurfacePressure("wind", "beam", "y1", 20.0),
+        ff.PositionProbe("tip", ff.Marker("beam", SIZES)),
+    )  # fmt: skip
+    return model
+
+
+def test_other_analyses_are_those_of_the_whole_mesh(shared_tmp_path: Path) -> None:
+    """Equilibria by factors and by multigrid, frequencies, and the gradient of a motion.
+
+    Cells that no rank has, or that two have, change all of them by more than 1e-2.
+    """
+    whole = ff.SolidMesh.box(SIZES, (8, 2, 2))
+    found = []
+    for mesh in (whole, stored(whole, shared_tmp_path / "mesh", 1, 9)):
+        numbers = []
+        for solver in ("direct", "iterative"):
+            options = ff.StaticOptions(
+                load_steps=2, linear_solver=solver, split_above=2, quiet=True
+            )
+            made = ff.solve_static(held(mesh), options, comm=COMM)
+            assert made.status == "ok"
+            numbers += [made.history[f"tip_{axis}"][-1] for axis in "xyz" if COMM.rank == 0]
+        modes = ff.find_modes(
+            held(mesh), ff.ModeOptions(modes=3, split_above=2, frames=0, quiet=True), comm=COMM
+        )
+        if COMM.rank == 0:
+            numbers += list(modes.history["frequency"])
+        motion = ff.RunOptions(dt=1e-3, t_end=5e-3, split_above=2, quiet=True)
+        found.append((numbers, ff.gradient(
+            lambda modulus, mesh=mesh: held(mesh, modulus), "final:tip_z", {"modulus": 2e5},
+            motion, comm=COMM,
+        ).gradient))  # fmt: skip
+    (numbers, slope), (read, slope_read) = found
+    np.testing.assert_allclose(read, numbers, rtol=1e-8)
+    assert slope_read["final:tip_z"]["modulus"] == pytest.approx(
+        slope["final:tip_z"]["modulus"], rel=1e-7
+    )
