@@ -4,8 +4,11 @@
 from __future__ import annotations
 
 import json
+import math
+import os
 from collections.abc import Mapping
 from pathlib import Path
+from tokenize import TokenError
 from typing import Any
 
 import numpy as np
@@ -42,7 +45,7 @@ class ArrayFolder:
         try:
             text = read_text(f"{owner} cannot be read", self.path / _FACTS, _LARGEST)
             found = json.loads(text)
-        except json.JSONDecodeError as error:
+        except (json.JSONDecodeError, RecursionError) as error:
             raise InputError(f"{owner} is damaged: {error}") from None
         if not isinstance(found, dict):
             raise InputError(f"{owner} is damaged: it is no object")
@@ -73,11 +76,14 @@ class ArrayFolder:
                 if fortran or dtype != np.dtype(kind) or found != given:
                     raise ValueError(f"it holds {dtype} of shape {found}, not {given}")
                 end = found[0] if end is None else end
-                width = int(np.prod(found[1:], dtype=np.int64))
+                width = math.prod(found[1:])
+                size = file.tell() + math.prod(found) * dtype.itemsize
+                if os.fstat(file.fileno()).st_size != size:
+                    raise ValueError(f"it does not have the {size} bytes of its shape {found}")
                 file.seek(first * width * dtype.itemsize, 1)
                 values = np.fromfile(file, dtype, (end - first) * width)
                 return values.reshape(end - first, *found[1:])
-            except (ValueError, EOFError, OSError) as error:
+            except (ValueError, SyntaxError, TokenError, EOFError, OSError) as error:
                 raise InputError(f"{owner} is damaged: {error}") from None
 
     def chosen(self, name: str, shape: tuple[int, ...], kind: type, rows: Any) -> Any:

@@ -14,6 +14,7 @@ from flexfem.inspection.check import findings
 from flexfem.inspection.description import description_of
 from flexfem.inspection.inspection import Inspection
 from flexfem.inspection.text import findings_text
+from flexfem.mesh.array_folder import ArrayFolder
 from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
@@ -173,6 +174,16 @@ def _cut(folder: Path) -> None:
         file.truncate(1000)
 
 
+def _unended(folder: Path) -> None:
+    """A header that Python's tokenizer does not read to its end."""
+    file = folder / "points.npy"
+    file.write_bytes(file.read_bytes().replace(b"}", b"'", 1))
+
+
+def _nested(folder: Path) -> None:
+    (folder / "facts.json").write_text("[" * 1_000_000)
+
+
 def _wrong(folder: Path) -> None:
     np.save(folder / "cells.npy", np.load(folder / "cells.npy") + 70)
 
@@ -184,6 +195,8 @@ def _other_kind(folder: Path) -> None:
 @pytest.mark.parametrize(
     ("damage", "message"),
     [(_another, "its format is 'other'"), (_cut, "cells.npy is damaged"),
+     (_unended, "points.npy is damaged"),
+     (_nested, "facts.json is damaged"),
      (_wrong, "cells.npy is damaged: it has the number"), (_other_kind, "points.npy is damaged")],
 )  # fmt: skip
 def test_damaged_folders_are_refused(
@@ -196,3 +209,14 @@ def test_damaged_folders_are_refused(
     with pytest.raises(ValueError, match=message) as raised:
         ff.StoredSolidMesh(folder).figure(1).cell_places(np.arange(32))
     assert_on_page(str(raised.value))
+
+
+def test_arrays_have_no_more_rows_than_their_files(tmp_path: Path) -> None:
+    """A header of more rows than any computer has memory for."""
+    folder = tmp_path / "mesh"
+    ff.store_solid_mesh(MESH, folder, degree=1)
+    file = folder / "firsts.npy"
+    file.write_bytes(file.read_bytes().replace(b"(", b"(9999999999999", 1))
+    with pytest.raises(ValueError, match=r"firsts\.npy is damaged: it does not have the") as raised:
+        ArrayFolder("mesh", folder).rows("firsts", (-1,), np.int64)
+    assert "\n" not in str(raised.value)
