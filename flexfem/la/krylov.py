@@ -98,7 +98,7 @@ class KrylovFactor:
         self._symmetric = _is_symmetric(matrix)
         self._transposed: KrylovFactor | None = None
 
-    def take(self, matrix: PETSc.Mat, motions: FloatArray, held: BoolArray | None) -> None:
+    def take(self, matrix: PETSc.Mat, motions: FloatArray | None, held: BoolArray | None) -> None:
         """Solve with another matrix like the last one, arguments as at the start (collective).
 
         The hierarchy remains as long as solves converge, and none takes more than twice the

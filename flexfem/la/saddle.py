@@ -26,6 +26,9 @@ __all__ = ["MOST_MULTIPLIERS", "BodyFactor", "SaddleSolver"]
 MOST_MULTIPLIERS = 500
 #: Largest number of iterations, in each of which every body is solved.
 _MOST = 40
+#: Iterations for each multiplier from which a new elimination is as fast: its solves take fewer
+#: iterations of their own than those for residuals.
+_WORTH = 0.5
 
 
 class BodyFactor(Protocol):
@@ -71,7 +74,7 @@ class SaddleSolver:
         """Prepare solves with a matrix (collective).
 
         The elimination of multipliers from the last matrix remains, which is only a preconditioner
-        then, while solves take fewer iterations than there are multipliers.
+        then, while solves take fewer iterations than half the number of multipliers.
 
         Returns:
             False where multipliers are dependent, or a body is not solved, which ``counts`` tell,
@@ -89,7 +92,8 @@ class SaddleSolver:
         ]
         count = matrix.getNestSize()[0]
         self._rows = count > self._parts
-        self._old = self._rows and self._taken < matrix.getNestSubMatrix(count - 1, 0).getSize()[0]
+        rows = matrix.getNestSubMatrix(count - 1, 0).getSize()[0]
+        self._old = self._rows and self._taken < _WORTH * rows
         if self._old:
             self._taken = 0
         elif self._rows and not self._eliminate():
@@ -238,8 +242,7 @@ class SaddleSolver:
     def _converges(self, given: PETSc.Vec, found: PETSc.Vec) -> bool:
         """Solve; the same on all ranks (collective)."""
         assert self._ksp is not None
-        # from where a new elimination is as fast
-        most = min(_MOST, int(self._counts.sum())) if self._old else _MOST
+        most = min(_MOST, int(_WORTH * self._counts.sum())) if self._old else _MOST
         self._ksp.setTolerances(max_it=most)
         self._ksp.solve(given, found)
         self._taken = max(self._taken, self._ksp.getIterationNumber())

@@ -95,6 +95,25 @@ def test_solutions_with_matrices_and_their_transposes(skew: float) -> None:
 
 
 @pytest.mark.serial
+def test_a_preconditioner_serves_further_matrices_indefinite_ones_too() -> None:
+    """Conjugate gradients find a negative direction, and GMRES takes their place."""
+    n, random, counts = 40, np.random.default_rng(0), SolveCounts()
+    noise = 0.05 * random.standard_normal((n, n))
+    first = np.diag(np.where(np.arange(n) % 5 == 0, -1.0, 2.0)) + noise + noise.T
+    right, found, factor = random.standard_normal(n), np.zeros(n), None
+    for dense in (first, first + 0.01 * np.eye(n), 3.0 * np.eye(n) + noise + noise.T):
+        matrix = PETSc.Mat().createDense((n, n), array=dense, comm=PETSc.COMM_SELF)
+        matrix = matrix.convert("aij", PETSc.Mat())
+        if factor is None:
+            factor = KrylovFactor(matrix, None, None, 1e-12, counts)
+        else:
+            factor.take(matrix, None, None)
+        factor.solver(right, found)()
+        np.testing.assert_allclose(found, np.linalg.solve(dense, right), atol=1e-10)
+    assert (counts.solves, counts.failed, counts.setups) == (3, 0, 1)
+
+
+@pytest.mark.serial
 def test_solves_without_convergence_leave_no_solution() -> None:
     singular = PETSc.Mat().createAIJ((2, 2), comm=PETSc.COMM_SELF)
     singular.setUp()
