@@ -261,8 +261,16 @@ class StaticSteps(Steps):
 
     def take(self, stopping: Callable[[], bool]) -> Status:
         """See :class:`Steps`."""
+        tangent = self.equilibrium.tangent
+        tangent.stop_when(stopping)
+        try:
+            return self._next(stopping)
+        finally:
+            tangent.stop_when(bool)  # the other one holds the run
+
+    def _next(self, stopping: Callable[[], bool]) -> Status:
+        """Take a step along the path."""
         options, path, h = self._options, self.path, self._h
-        self.equilibrium.tangent.stop_when(stopping)
         if path.arc is not None:
             if self.followed.steps == options.max_steps:
                 return Status.NOT_CONVERGED
@@ -507,10 +515,9 @@ class _LinearSolutions(StaticSteps):
     def completed(self) -> None:
         """See :class:`Steps`."""
 
-    def take(self, stopping: Callable[[], bool]) -> Status:
+    def _next(self, stopping: Callable[[], bool]) -> Status:
         """Compute one solution and its estimated linearisation error."""
         equilibrium, t = self.equilibrium, self._left.pop(0)
-        equilibrium.tangent.stop_when(stopping)
         failed = self.system.linear.counts.failed
         solution = solve_linear(equilibrium, self._from, t)
         if solution is None:

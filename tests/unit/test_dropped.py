@@ -51,6 +51,20 @@ def sheet() -> ff.Model:
     return model
 
 
+def block() -> ff.Model:
+    """A bar of solid that a joint holds."""
+    mesh = ff.SolidMesh.box((0.3, 0.1, 0.1), (3, 1, 1))
+    law = ff.laws.NeoHookean.from_young(2e7, 0.3)
+    bar = ff.Solid("bar", law, mesh, density=1000.0, degree=1)
+    model = ff.Model("block")
+    model.add(
+        bar, ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Rigid("wall", ff.Ground((0.0, 0.05, 0.05)), bar.surface_marker("x0")),
+    )  # fmt: skip
+    return model
+
+
+ITERATIVE = ff.StaticOptions(load_steps=1, linear_solver="iterative", split_above=1)
 RUNS: dict[str, Callable[[MPI.Intracomm], ff.Outcome]] = {
     "frozen": lambda comm: ff.simulate(cantilevers(), MOTION, comm=comm),
     "updated": lambda comm: ff.simulate(
@@ -61,6 +75,10 @@ RUNS: dict[str, Callable[[MPI.Intracomm], ff.Outcome]] = {
     "statics": lambda comm: ff.solve_static(
         cantilevers(), ff.StaticOptions(load_steps=1, critical_points=True), comm=comm
     ),
+    "iterative": lambda comm: ff.simulate(
+        block(), replace(MOTION, linear_solver="iterative"), comm=comm
+    ),
+    "iterative statics": lambda comm: ff.solve_static(block(), ITERATIVE, comm=comm),
     "modes": lambda comm: ff.find_modes(cantilevers(), ff.ModeOptions(modes=2), comm=comm),
 }
 

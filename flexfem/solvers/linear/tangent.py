@@ -6,6 +6,7 @@ forces; all blocks have a constant pattern, so that only values are set in an it
 """
 
 from collections.abc import Callable
+from weakref import WeakMethod
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -114,8 +115,8 @@ class TangentSolver:
         if self.weights is not None:
             tolerance = min(tolerance, _AT_REST)
         solver = self._at_rest or SaddleSolver(
-            self._body_factor, len(self.system.parts), tolerance, linear.counts,
-            held=self._held, stopping=self._is_stopped,
+            _weak(self._body_factor), len(self.system.parts), tolerance, linear.counts,
+            held=self._held, stopping=_weak(self._is_stopped),
         )  # fmt: skip
         if self.weights is not None:
             self._at_rest = solver
@@ -369,6 +370,18 @@ class TangentSolver:
         """Steps as of :meth:`step` for given row values (r,), with the last factors."""
         success = self.solve([p.block.owned_residual for p in self.system.parts], values)
         return success, self.multiplier_step
+
+
+def _weak[**P, R](method: Callable[P, R]) -> Callable[P, R]:
+    """The method for an object that its owner holds: both are freed without the collector."""
+    kept = WeakMethod(method)
+
+    def call(*args: P.args, **kwargs: P.kwargs) -> R:
+        found = kept()
+        assert found is not None
+        return found(*args, **kwargs)
+
+    return call
 
 
 def _on_diagonals(weights: FloatArray) -> FloatArray:
