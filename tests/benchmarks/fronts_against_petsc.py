@@ -16,14 +16,13 @@ from collections.abc import Callable
 import numpy as np
 
 from flexfem.installation import load_dolfinx
-from flexfem.solvers.linear.multiplier_system import _ordering
 from tests.benchmarks.timing import paired
 
 load_dolfinx()  # in the order that its wheels need
 
 from petsc4py import PETSc  # noqa: E402
 
-from flexfem.solvers.linear.multifrontal import Fronts  # noqa: E402
+from flexfem.solvers.linear.multifrontal import Fronts, ordering  # noqa: E402
 
 
 def grid(side: int) -> tuple[np.ndarray, np.ndarray]:
@@ -66,7 +65,7 @@ def compare(side: int, shared: int) -> dict[str, float]:
     values = np.random.default_rng(side).normal(size=len(i))
     values[i == j] += 30.0
     count = size - shared
-    order = _ordering("qmd", i, j, size)
+    order = ordering("qmd", i, j, size)
     fronts = Fronts(i, j, order[order < count], size)
     x = np.empty(size)
 

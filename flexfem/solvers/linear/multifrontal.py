@@ -13,13 +13,15 @@ MUMPS 147, 440, 1460 and 3540 us (``tests/benchmarks/fronts_against_petsc.py``).
 
 from typing import NamedTuple
 
+from petsc4py import PETSc
+
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 
-__all__ = ["Fronts", "distinct_pairs", "elimination", "gathered"]
+__all__ = ["Fronts", "deepest", "distinct_pairs", "elimination", "gathered", "ordering"]
 
 #: Pivot relative to the largest entry of its row before elimination that counts as zero.
 _ZERO = 1e-14
@@ -90,7 +92,7 @@ class Fronts:
         self._values = np.zeros(self._tree.at[-1])
         largest = int(self._tree.sizes.max(initial=0))
         self._front, self._work = np.zeros(largest**2), np.zeros(largest)
-        self._stack = np.zeros(_deepest(self._tree))
+        self._stack = np.zeros(deepest(self._tree.sizes - self._tree.pivots, self._tree.parents))
         self.complement = np.zeros((size - count, size - count))
         m, n = self._tree.pivots.astype(float), self._tree.sizes - self._tree.pivots
         products = float(2.0 * (m * (m**2 / 3.0 + n * (m + n))).sum())
@@ -110,6 +112,23 @@ class Fronts:
     def complete(self, x: FloatArray) -> None:
         """Solve for the eliminated rows after :meth:`reduce`; the others contain their solution."""
         _complete(self._tree, self._values, self._work, x)
+
+
+def ordering(kind: str, i: IndexArray, j: IndexArray, size: int) -> IntArray:
+    """Sequence of elimination of the rows of a matrix with the given entries, in order.
+
+    Args:
+        kind: PETSc's name of the method.
+        i: row of every entry, ascending.
+        j: its column.
+        size: number of rows.
+    """
+    pattern = starts(np.bincount(i, minlength=size)), j
+    start, column = (index.astype(PETSc.IntType) for index in pattern)
+    matrix = PETSc.Mat().createAIJ(
+        (size, size), csr=(start, column, np.ones(len(j))), comm=PETSc.COMM_SELF
+    )
+    return np.array(matrix.getOrdering(kind)[0].getIndices(), dtype=np.int64)
 
 
 def distinct_pairs(i: IndexArray, j: IndexArray, size: int) -> tuple[IndexArray, IndexArray]:
@@ -251,15 +270,22 @@ def _tree(
     )
 
 
-def _deepest(tree: _Tree) -> int:
-    """Largest size of the stack of complements during the elimination, in entries."""
-    waiting: dict[int, int] = {}
-    most = 0
-    for f, parent in enumerate(tree.parents.tolist()):
-        waiting.pop(f, None)
+def deepest(sizes: IntArray, parents: IntArray) -> int:
+    """Largest size of the stack of complements during the elimination, in entries.
+
+    Args:
+        sizes: rows of the complement of each front.
+        parents: front that takes it, -1 without one; the fronts are in a postorder.
+    """
+    waiting: list[tuple[int, int]] = []
+    total = most = 0
+    for f, parent in enumerate(parents.tolist()):
+        while waiting and waiting[-1][0] == f:
+            total -= waiting.pop()[1]
         if parent >= 0:
-            waiting[parent] = waiting.get(parent, 0) + int(tree.sizes[f] - tree.pivots[f]) ** 2
-        most = max(most, sum(waiting.values()))
+            waiting.append((parent, int(sizes[f]) ** 2))
+            total += waiting[-1][1]
+        most = max(most, total)
     return most
 
 

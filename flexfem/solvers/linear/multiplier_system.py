@@ -9,17 +9,15 @@ ranks (``rank_dissection``).
 from typing import Protocol
 
 from mpi4py import MPI
-from petsc4py import PETSc
 
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
-from flexfem.core.runs import starts
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.sequence import Call
 from flexfem.solvers.linear.banded import band_factor, band_solve
 from flexfem.solvers.linear.dense_elimination import DenseElimination
-from flexfem.solvers.linear.multifrontal import Fronts, distinct_pairs
+from flexfem.solvers.linear.multifrontal import Fronts, distinct_pairs, ordering
 from flexfem.solvers.linear.rank_dissection import RankDissection
 
 __all__ = ["InterfaceSystem"]
@@ -174,7 +172,7 @@ def _elimination(i: IndexArray, j: IndexArray, count: int, size: int) -> _Elimin
     first, second = (rows, columns) if inner.all() else (rows[inner], columns[inner])
     if _is_full(first, second, count):
         return _Dense(i.astype(np.int64), j.astype(np.int64), count, size)
-    order = _ordering("rcm", first, second, count)
+    order = ordering("rcm", first, second, count)
     rank = np.empty(count, dtype=np.int32)
     rank[order] = np.arange(count)
     half = int(np.abs(rank[first] - rank[second]).max(initial=0))
@@ -186,19 +184,9 @@ def _elimination(i: IndexArray, j: IndexArray, count: int, size: int) -> _Elimin
     others = np.arange(count, size)
     full = np.repeat(others, len(others)), np.tile(others, len(others))
     rows, columns = np.concatenate([rows, full[0]]), np.concatenate([columns, full[1]])
-    order = _ordering("qmd", *distinct_pairs(rows, columns, size), size)
+    order = ordering("qmd", *distinct_pairs(rows, columns, size), size)
     del rows, columns
     return Fronts(i, j, order[order < count], size)
-
-
-def _ordering(kind: str, i: IndexArray, j: IndexArray, size: int) -> IntArray:
-    """Sequence of elimination of the rows of a matrix with the given entries, in order."""
-    pattern = starts(np.bincount(i, minlength=size)), j
-    start, column = (index.astype(PETSc.IntType) for index in pattern)
-    matrix = PETSc.Mat().createAIJ(
-        (size, size), csr=(start, column, np.ones(len(j))), comm=PETSc.COMM_SELF
-    )
-    return np.array(matrix.getOrdering(kind)[0].getIndices(), dtype=np.int64)
 
 
 class InterfaceSystem:

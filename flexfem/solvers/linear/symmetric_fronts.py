@@ -7,15 +7,13 @@ between them, the interface, may be solved for with other bodies. They read each
 factors once, in the order in which these lie in memory.
 """
 
-from petsc4py import PETSc
-
 import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.kernels.compiled import kernel, subroutine
 from flexfem.kernels.records import Index1D, Int1D, Memory, Record, unpack
-from flexfem.solvers.linear.multifrontal import elimination, gathered
+from flexfem.solvers.linear.multifrontal import deepest, elimination, gathered, ordering
 
 __all__ = ["NodeTree", "SymmetricFronts"]
 
@@ -117,7 +115,7 @@ class NodeTree:
             columns=columns.astype(np.int32),
         )
         self._largest = int((m + r).max(initial=0))
-        self._deepest = _deepest(r, parents)
+        self._deepest = deepest(r, parents)
 
     def fits(self, start: IndexArray, columns: IndexArray, left: IntArray) -> bool:
         """True if a matrix has this pattern, and these nodes are left."""
@@ -176,25 +174,7 @@ def _dissection(i: IntArray, j: IntArray, inner: IntArray, count: int) -> IntArr
     place = np.full(count, -1)
     place[inner] = np.arange(len(inner))
     kept = (place[i] >= 0) & (place[j] >= 0)
-    a, b = place[i[kept]], place[j[kept]]
-    start = np.searchsorted(a, np.arange(len(inner) + 1))
-    csr = start.astype(PETSc.IntType), b.astype(PETSc.IntType), np.ones(len(b))
-    graph = PETSc.Mat().createAIJ((len(inner), len(inner)), csr=csr, comm=PETSc.COMM_SELF)
-    return np.array(graph.getOrdering("nd")[0].getIndices(), dtype=np.int64)
-
-
-def _deepest(sizes: IntArray, parents: IntArray) -> int:
-    """Largest number of entries of complements (sizes, sizes) that wait for their fronts."""
-    waiting: list[tuple[int, int]] = []
-    total = most = 0
-    for f, parent in enumerate(parents.tolist()):
-        while waiting and waiting[-1][0] == f:
-            total -= waiting.pop()[1]
-        if parent >= 0:
-            waiting.append((parent, int(sizes[f]) ** 2))
-            total += waiting[-1][1]
-        most = max(most, total)
-    return most
+    return ordering("nd", place[i[kept]], place[j[kept]], len(inner))
 
 
 @kernel

@@ -5,8 +5,8 @@
 forces; all blocks have a constant pattern, so that only values are set in an iteration.
 """
 
+import weakref
 from collections.abc import Callable
-from weakref import WeakMethod
 
 from mpi4py import MPI
 from petsc4py import PETSc
@@ -33,7 +33,14 @@ from flexfem.solvers.linear.mass_operator import MassBlock, mass_operator
 from flexfem.system.mechanics import END_POINT, Mechanics
 from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
-__all__ = ["JointPattern", "TangentSolver", "part_pattern", "part_values", "with_contacts"]
+__all__ = [
+    "JointPattern",
+    "TangentSolver",
+    "on_diagonals",
+    "part_pattern",
+    "part_values",
+    "with_contacts",
+]
 
 
 #: Stiffness of fixed unknowns, with a mass of 1 kg: their frequency is above all others.
@@ -114,9 +121,18 @@ class TangentSolver:
         tolerance = _ACCURACY if is_mass(shifts) else linear.tolerance
         if self.weights is not None:
             tolerance = min(tolerance, _AT_REST)
+        own = weakref.proxy(self)  # the owner: both are freed without the collector
+
+        def body_factor(number: int, matrix: PETSc.Mat) -> BodyFactor:
+            found: BodyFactor = own._body_factor(number, matrix)
+            return found
+
+        def stopping() -> bool:
+            return bool(own._stopping())
+
         solver = self._at_rest or SaddleSolver(
-            _weak(self._body_factor), len(self.system.parts), tolerance, linear.counts,
-            held=self._held, stopping=_weak(self._is_stopped),
+            body_factor, len(self.system.parts), tolerance, linear.counts,
+            held=self._held, stopping=stopping,
         )  # fmt: skip
         if self.weights is not None:
             self._at_rest = solver
@@ -138,7 +154,7 @@ class TangentSolver:
         if self._held:
             assert self.weights is not None
             matrix = matrix.copy()
-            _add_at_nodes(part.block, matrix, self.shift * _on_diagonals(self.weights[number]))
+            _add_at_nodes(part.block, matrix, on_diagonals(self.shift * self.weights[number]))
         if not self._iterative[number]:
             return Factor(matrix, part.block.width, local=False, chained=False)
         nodes, shifts = np.arange(part.block.owned), self._shifts
@@ -155,9 +171,6 @@ class TangentSolver:
             stopping: returns True then (collective).
         """
         self._stopping = stopping
-
-    def _is_stopped(self) -> bool:
-        return self._stopping()
 
     def leave_rest(self) -> None:
         """Forget what belongs to a system at rest."""
@@ -372,19 +385,7 @@ class TangentSolver:
         return success, self.multiplier_step
 
 
-def _weak[**P, R](method: Callable[P, R]) -> Callable[P, R]:
-    """The method for an object that its owner holds: both are freed without the collector."""
-    kept = WeakMethod(method)
-
-    def call(*args: P.args, **kwargs: P.kwargs) -> R:
-        found = kept()
-        assert found is not None
-        return found(*args, **kwargs)
-
-    return call
-
-
-def _on_diagonals(weights: FloatArray) -> FloatArray:
+def on_diagonals(weights: FloatArray) -> FloatArray:
     """Diagonal matrices (n, width, width) of weights (n, width)."""
     return weights[:, np.newaxis] * np.eye(weights.shape[1])
 

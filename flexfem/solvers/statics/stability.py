@@ -14,7 +14,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.la.direct import CountingFactors
 from flexfem.la.dropped import destroy_dropped
-from flexfem.solvers.linear.tangent import TangentSolver
+from flexfem.solvers.linear.tangent import TangentSolver, on_diagonals
 
 __all__ = ["Inertia", "softest_motion"]
 
@@ -82,7 +82,7 @@ def softest_motion(
     """
     parts, rows = tangent.system.parts, tangent.system.constraints
     shift = tangent.shift
-    tangent.add_at_nodes([shift * w[:, np.newaxis] * np.eye(w.shape[1]) for w in weights])
+    tangent.add_at_nodes([on_diagonals(shift * w) for w in weights])
     motion = [
         _scattered(part.block.node_ids[: part.block.owned])[:, : part.block.width] for part in parts
     ]

@@ -14,6 +14,7 @@ from flexfem._types import FloatArray
 from flexfem.contact.contacts import Contacts
 from flexfem.core.status import Status
 from flexfem.solvers.linear.schur_kernels import largest_entry
+from flexfem.solvers.linear.tangent import on_diagonals
 from flexfem.solvers.statics.equilibrium import Equilibrium
 from flexfem.system.mechanics import END_POINT
 from flexfem.system.moving_apart import Moved
@@ -87,7 +88,7 @@ class HeldEquilibrium(Equilibrium):
         added = 0.0
         while self._hold < _LARGEST:
             more, added = self._hold - added, self._hold
-            tangent.add_at_nodes([more * w[:, np.newaxis] * np.eye(w.shape[1]) for w in weights])
+            tangent.add_at_nodes([on_diagonals(more * w) for w in weights])
             system.counters.factorizations += 1
             if self.inertia.unstable() == 0 and tangent.factor():
                 success = tangent.solve(blocks, rows.values)
