@@ -20,6 +20,7 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.inertia import point_inertia
+from flexfem.mesh.patches import coupled_nodes
 
 if TYPE_CHECKING:
     from mpi4py import MPI
@@ -40,7 +41,7 @@ if TYPE_CHECKING:
 
 __all__ = [
     "BUILT_IN", "ContactLine", "ContactSurface", "Family", "NodalSensor", "NodalValues", "Sensor",
-    "SumOfValues", "coupled_nodes", "registry",
+    "SumOfValues", "registry",
 ]  # fmt: skip
 
 #: Families of the package in the order of the nest; those of users follow.
@@ -535,20 +536,6 @@ def _family_of(body: Any) -> type[Family]:
     if missing:
         raise ValueError(f"{owner}: its family {found.__name__} must define {', '.join(missing)}")
     return found
-
-
-def coupled_nodes(patches: IntArray) -> int:
-    """Number of pairs of nodes, in both orders and with themselves, of one of some patches (m, k).
-
-    -1 stands for none.
-    """
-    from scipy.sparse import coo_array
-
-    patch, column = np.nonzero(patches >= 0)
-    node = patches[patch, column]
-    shape = len(patches), int(node.max(initial=-1)) + 1
-    member = coo_array((np.ones(len(node)), (patch, node)), shape=shape).tocsr()
-    return int((member.T @ member).nnz)
 
 
 def _loaded(family: str | type[Family]) -> type[Family]:

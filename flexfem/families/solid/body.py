@@ -309,7 +309,7 @@ class Solid(Body):
     @property
     def elements(self) -> int:
         """See :attr:`Body.elements`."""
-        count: int = self.mesh.elements if self.stored else len(self.mesh.cells)
+        count: int = self.mesh.elements
         return count
 
     @property
@@ -550,7 +550,6 @@ def _mesh(owner: str, mesh: Any) -> SolidMesh | StoredSolidMesh:
     if type(mesh).__module__.startswith("dolfinx"):
         return SolidMesh.from_dolfinx(mesh)
     raise TypeError(
-        f"{owner}: mesh must be a SolidMesh, a StoredSolidMesh, a BodyMesh or a mesh of "
-        f"DOLFINx, got "
-        f"{_checks.show(mesh)}"
+        f"{owner}: mesh must be a SolidMesh, a StoredSolidMesh, a BodyMesh or a mesh of DOLFINx, "
+        f"got {_checks.show(mesh)}"
     )

@@ -19,6 +19,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.load import NOTHING
 from flexfem.core.marker import Carrier, Marker, SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.runs import starts
 from flexfem.families.common.block_nodes import PositionFamily
 from flexfem.families.solid.body import Solid, SolidMarker
 from flexfem.families.solid.cells import Kernels, SolidCells, TimedParameter
@@ -29,13 +30,12 @@ from flexfem.families.solid.laws.energies import SolidLaw
 from flexfem.families.solid.loads import SurfacePressure, SurfaceTraction
 from flexfem.families.solid.meshes.figure import WholeFigure
 from flexfem.families.solid.meshes.lagrange import lattice
-from flexfem.families.solid.meshes.stored import StoredFigure
 from flexfem.families.solid.node_rows import node_rows
 from flexfem.families.solid.pressures import FacetKind, SolidPressures
 from flexfem.families.solid.probes import MOTION, SolidProbe
 from flexfem.families.solid.sensors import PlaceSensor, SolidSensor
 from flexfem.layout.elements import ElementFamily
-from flexfem.layout.family import ContactSurface, Sensor, coupled_nodes
+from flexfem.layout.family import ContactSurface, Sensor
 from flexfem.layout.inner_forces import InnerForces
 from flexfem.layout.lines import Line
 from flexfem.layout.node_loads import Force
@@ -110,12 +110,7 @@ class SolidFamily(PositionFamily[Solid]):
 
     @override
     def coupled(self) -> int:
-        if not any(body.stored for body in self._bodies):
-            return super().coupled()
-        return sum(
-            body.figure.pairs if isinstance(body.figure, StoredFigure) else
-            coupled_nodes(body.nodes.cells) for body in self._bodies
-        )  # fmt: skip
+        return sum(body.figure.pairs for body in self._bodies)
 
     @override
     def supports(self) -> tuple[IntArray, FloatArray]:
@@ -288,13 +283,14 @@ class SolidFamily(PositionFamily[Solid]):
         if not touching:
             return None
         bodies = [self._bodies[k] for k in touching]
+        first_piece = starts([pieces_of(body) for body in self._bodies])
         nodes, triangles, of, elements = [], [], [], []
         for number, k in enumerate(touching):
             own, cells = self._bodies[k].contact_triangles()
             nodes.append(self.first[k] + np.unique(own))
             triangles.append(self.first[k] + own)
             of.append(np.full(len(own), number))
-            elements.append(self._first_piece(k) + cells)
+            elements.append(first_piece[k] + cells)
         every, body = np.concatenate(nodes), np.concatenate(of)
         return ContactSurface(
             bodies, every, self._frames[every, :3],
@@ -302,10 +298,6 @@ class SolidFamily(PositionFamily[Solid]):
             np.concatenate(triangles), np.zeros(len(body)), body, np.concatenate(elements),
             closed=True,
         )  # fmt: skip
-
-    def _first_piece(self, k: int) -> int:
-        """First piece of a body among those whose ranks :meth:`share` returns."""
-        return sum(pieces_of(body) for body in self._bodies[:k])
 
     @override
     def surface_numbers(self, body: Solid, radius: float) -> tuple[float, float]:

@@ -4,7 +4,7 @@
 from __future__ import annotations
 
 from abc import ABC, abstractmethod
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any
@@ -21,8 +21,9 @@ from flexfem.families.solid.meshes.lagrange import (
     shapes,
 )
 from flexfem.families.solid.meshes.mesh import SolidMesh
+from flexfem.mesh.patches import coupled_nodes
 
-__all__ = ["Figure", "WholeFigure", "located_in", "pieces"]
+__all__ = ["Figure", "WholeFigure", "located_in", "no_nodes", "pieces"]
 
 #: Distance of a midside node from the middle of a straight cell, relative to the cell's size.
 _STRAIGHT = 1e-9
@@ -61,6 +62,11 @@ class Figure(ABC):
     @abstractmethod
     def straight(self) -> bool:
         """True if all cells are simplices with straight edges, whose Jacobian is constant."""
+
+    @property
+    @abstractmethod
+    def pairs(self) -> int:
+        """Number of pairs of nodes, in both orders and with themselves, that share a cell."""
 
     @property
     @abstractmethod
@@ -210,6 +216,11 @@ class WholeFigure(Figure):
         return len(self.nodes.points)
 
     @property
+    def pairs(self) -> int:
+        """See :attr:`Figure.pairs`."""
+        return coupled_nodes(self.nodes.cells)
+
+    @property
     def outline(self) -> FloatArray:
         """See :attr:`Figure.outline`."""
         return self.nodes.points
@@ -241,7 +252,7 @@ class WholeFigure(Figure):
     def cells_of(self, region: str) -> IntArray:
         """Cells of a region, ascending, "" for all."""
         if region == "":
-            return np.arange(len(self.mesh.cells))
+            return np.arange(self.mesh.elements)
         return self.mesh.regions[region]
 
     def in_region(self, region: str, cells: IntArray) -> BoolArray:
@@ -286,10 +297,7 @@ class WholeFigure(Figure):
             ]
             return np.unique(np.concatenate(parts))
         if name not in mesh.nodes:
-            known = ", ".join([*mesh.surfaces, "boundary", *mesh.nodes])
-            raise ValueError(
-                f"{owner}: no surface or set of nodes {_checks.show(name)}; there are {known}"
-            )
+            raise no_nodes(owner, name, mesh.surfaces, mesh.nodes)
         if mesh.degree == self.degree:
             own = np.full(len(mesh.points), -1)
             own[mesh.cells] = self.nodes.cells
@@ -306,7 +314,7 @@ class WholeFigure(Figure):
         if self.plane is not None:
             cut = pieces(mesh.cell, self.degree)
             every = self.nodes.cells[:, cut].reshape(-1, 3)
-            return every, np.repeat(np.arange(len(mesh.cells)), len(cut))
+            return every, np.repeat(np.arange(mesh.elements), len(cut))
         corners = _outward(mesh, mesh.surface(owner, surface))
         count, found, cells = (corners >= 0).sum(axis=1), [], []
         for own in (corners[count == k] for k in np.unique(count)):
@@ -318,7 +326,7 @@ class WholeFigure(Figure):
 
     def masses(self, density: Mapping[str, float]) -> tuple[FloatArray, FloatArray]:
         """See :meth:`Figure.masses`."""
-        cells = np.arange(len(self.mesh.cells))
+        cells = np.arange(self.mesh.elements)
         of_cells = np.empty(len(cells))
         for region, value in density.items():
             of_cells[self.cells_of(region)] = value
@@ -348,6 +356,14 @@ class WholeFigure(Figure):
         turned = [np.stack(quarter, axis=-1) for quarter in quarters]
         around = volumes * 2.0 * np.pi * r / 4.0
         return np.concatenate(turned).reshape(-1, 3), np.tile(around, (4, 1)).ravel()
+
+
+def no_nodes(owner: str, name: str, surfaces: Iterable[str], sets: Iterable[str]) -> ValueError:
+    """The error of a name that neither a surface nor a set of nodes has."""
+    known = ", ".join([*surfaces, "boundary", *sets])
+    return ValueError(
+        f"{owner}: no surface or set of nodes {_checks.show(name)}; there are {known}"
+    )
 
 
 def located_in(

@@ -3,7 +3,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Mapping, Sequence
+from collections.abc import Callable, Collection, Iterable, Mapping, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 from itertools import product
@@ -26,7 +26,7 @@ from flexfem.families.solid.meshes.lagrange import (
     shapes,
 )
 
-__all__ = ["SolidMesh"]
+__all__ = ["SolidMesh", "no_surface"]
 
 #: Cells of files by the names of meshio: shape and degree.
 _KINDS = {
@@ -171,6 +171,11 @@ class SolidMesh:
         return _checks.freeze(self.facets[rows], np.int64)
 
     @property
+    def elements(self) -> int:
+        """Number of cells."""
+        return len(self.cells)
+
+    @property
     def region_names(self) -> tuple[str, ...]:
         """Names of the regions."""
         return tuple(self.regions)
@@ -243,8 +248,7 @@ class SolidMesh:
             return self.surfaces[name]
         if name == "boundary":
             return self.boundary
-        known = ", ".join([*self.surfaces, "boundary"])
-        raise ValueError(f"{owner}: no surface {_checks.show(name)}; there are {known}")
+        raise no_surface(owner, name, self.surfaces)
 
     def named_nodes(self, owner: str, name: str) -> IntArray:
         """Nodes of the geometry, ascending, of a surface or a set of nodes.
@@ -531,3 +535,9 @@ def _from_vtk(cell: str, degree: int) -> IntArray:
     given = np.array(_VTK[cell]) / 2.0
     own = reference_points(cell, degree)
     return np.array([int(np.abs(given - x).sum(axis=1).argmin()) for x in own], dtype=np.int64)
+
+
+def no_surface(owner: str, name: str, surfaces: Iterable[str]) -> ValueError:
+    """The error of a name that no surface has; the message begins with the owner."""
+    known = ", ".join([*surfaces, "boundary"])
+    return ValueError(f"{owner}: no surface {_checks.show(name)}; there are {known}")

@@ -84,22 +84,19 @@ class _Written:
         points[self._number] = nodes.points
         self.arrays: dict[str, Any] = {"points": points, "cells": self._cells}
         self._add_pieces(points)
-        for k, (name, rows) in enumerate(mesh.regions.items()):
-            _ = name
+        for k, rows in enumerate(mesh.regions.values()):
             self._add_ordered(f"region_{k}", np.sort(self._place[rows]))
         for k, name in enumerate(mesh.surfaces):
             self._add_facets(f"surface_{k}", name)
         self._add_boundary()
-        for k, name in enumerate(self._sets):
-            self.arrays[f"set_{k}"] = np.sort(self._number[figure.nodes_of(_OWNER, name)])
-
-    @property
-    def _sets(self) -> list[str]:
-        hidden = {*self._mesh.surfaces, "boundary"}
-        return [
-            name for name in self._mesh.nodes
-            if name not in hidden and len(self._figure.nodes_of(_OWNER, name))
-        ]  # fmt: skip
+        self._sets: list[str] = []
+        for name in mesh.nodes:
+            if figure.has_surface(name):
+                continue
+            own = figure.nodes_of(_OWNER, name)
+            if len(own):
+                self.arrays[f"set_{len(self._sets)}"] = np.sort(self._number[own])
+                self._sets.append(name)
 
     def _add_pieces(self, points: FloatArray) -> None:
         """Add nodes and boxes of the pieces."""
@@ -154,10 +151,10 @@ class _Written:
         regions = ["", *mesh.regions]
         return {
             "format": FORMAT, "cell": mesh.cell, "degree": mesh.degree, "order": figure.degree,
-            "count": len(points), "elements": len(mesh.cells), "pieces": len(self._starts),
+            "count": len(points), "elements": mesh.elements, "pieces": len(self._starts),
             "size": self._size, "digest": digest.hexdigest(), "straight": figure.straight,
             "box": [points.min(axis=0).tolist(), points.max(axis=0).tolist()],
-            "pairs": self._pairs(), "regions": list(mesh.regions),
+            "pairs": figure.pairs, "regions": list(mesh.regions),
             "surfaces": list(mesh.surfaces), "sets": self._sets,
             "overlaps": [[figure.overlap(a, b) for b in regions] for a in regions],
             "moments": [self._moments(figure.cells_of(name)) for name in regions],
@@ -177,16 +174,6 @@ class _Written:
         centre = first / volume
         about = second / volume - np.outer(centre, centre)
         return [volume, *(origin + centre).tolist(), *about.ravel().tolist()]
-
-    def _pairs(self) -> int:
-        """Number of pairs of nodes, in both orders and with themselves, that share a cell."""
-        from scipy.sparse import csr_array
-
-        m, k = self._cells.shape
-        starts = np.arange(0, m * k + 1, k)
-        member = csr_array((np.ones(m * k, dtype=np.int8), self._cells.ravel(), starts))
-        around = member.T.tocsr()
-        return sum(int((around[rows] @ member).nnz) for rows in _chunks(around.shape[0]))
 
 
 def _chunks(count: int) -> list[slice]:

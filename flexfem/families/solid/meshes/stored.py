@@ -20,8 +20,9 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray, IntArray
-from flexfem.families.solid.meshes.figure import Figure, pieces
+from flexfem.families.solid.meshes.figure import Figure, no_nodes, pieces
 from flexfem.families.solid.meshes.lagrange import CELLS, lattice
+from flexfem.families.solid.meshes.mesh import no_surface
 from flexfem.mesh.array_folder import ArrayFolder
 
 __all__ = ["FACET", "FORMAT", "StoredFigure", "StoredSolidMesh"]
@@ -164,8 +165,7 @@ class _Stored:
             return f"surface_{self.surfaces.index(name)}"
         if name == "boundary":
             return "boundary"
-        known = ", ".join([*self.surfaces, "boundary"])
-        raise ValueError(f"{owner}: no surface {_checks.show(name)}; there are {known}")
+        raise no_surface(owner, name, self.surfaces)
 
     def region(self, name: str) -> int:
         """Row of a region in the overlaps and moments; "" is that of all cells."""
@@ -248,7 +248,7 @@ class StoredFigure(Figure):
 
     @property
     def pairs(self) -> int:
-        """Pairs of nodes, in both orders and with themselves, that share a cell."""
+        """See :attr:`Figure.pairs`."""
         return self._data.pairs
 
     @property
@@ -299,10 +299,7 @@ class StoredFigure(Figure):
         if self.has_surface(name):
             return np.unique(self.facets_of(owner, name)[1])
         if name not in data.sets:
-            known = ", ".join([*data.surfaces, "boundary", *data.sets])
-            raise ValueError(
-                f"{owner}: no surface or set of nodes {_checks.show(name)}; there are {known}"
-            )
+            raise no_nodes(owner, name, data.surfaces, data.sets)
         return data.numbers(f"set_{data.sets.index(name)}", self.count)
 
     def cells_around(self, nodes: IntArray) -> IntArray:
