@@ -1,12 +1,19 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Folders of arrays of which any rows can be read: NumPy's files, and facts in JSON."""
+"""Folders of arrays of which any rows can be read: NumPy's files, and facts in JSON.
+
+Each block of an array has a checksum, and all of them with the facts a digest, so that what is read
+is what was written, whichever rows that are.
+"""
 
 from __future__ import annotations
 
+import hashlib
 import json
 import math
 import os
+import zlib
 from collections.abc import Mapping
+from functools import cached_property
 from pathlib import Path
 from tokenize import TokenError
 from typing import Any
@@ -15,10 +22,15 @@ import numpy as np
 
 from flexfem._checks import InputError
 from flexfem._files import open_file, read_text
+from flexfem._types import IntArray
 
 __all__ = ["ArrayFolder", "write_arrays"]
 
 _FACTS = "facts.json"
+#: Array of the checksums.
+_SUMS = "checksums"
+#: Bytes of an array that have one of them.
+_BLOCK = 65_536
 #: Bytes of the facts, at most.
 _LARGEST = 10_000_000
 
@@ -51,6 +63,21 @@ class ArrayFolder:
             raise InputError(f"{owner} is damaged: it is no object")
         return found
 
+    @cached_property
+    def checksums(self) -> dict[str, IntArray]:
+        """Checksums of the blocks of each array.
+
+        Raises:
+            InputError: facts or checksums are not those that were written.
+        """
+        facts, sums = self.facts(), self._rows(_SUMS, (-1,), np.int64, 0, None, None)
+        try:
+            if facts.pop("digest") != _digest(facts, sums):
+                raise ValueError("it does not have the digest that was written")
+            return {name: sums[first:end] for name, (first, end) in facts["blocks"].items()}
+        except (KeyError, TypeError, ValueError, AttributeError, RecursionError) as error:
+            raise InputError(f"{self.owner}: {_FACTS} is damaged: {error}") from None
+
     def rows(
         self, name: str, shape: tuple[int, ...], kind: type, first: int = 0, end: int | None = None
     ) -> Any:
@@ -66,6 +93,14 @@ class ArrayFolder:
         Raises:
             InputError: the file is missing, damaged or another one.
         """
+        blocks = self.checksums.get(name, np.empty(0, dtype=np.int64))
+        return self._rows(name, shape, kind, first, end, blocks)
+
+    def _rows(
+        self, name: str, shape: tuple[int, ...], kind: type, first: int, end: int | None,
+        blocks: IntArray | None,
+    ) -> Any:  # fmt: skip
+        """See :meth:`rows`; ``blocks`` are the checksums of the array, None if it has none."""
         owner = f"{self.owner}: {name}.npy"
         with open_file(f"{owner} cannot be read", self.path / f"{name}.npy") as file:
             try:
@@ -76,12 +111,17 @@ class ArrayFolder:
                 if fortran or dtype != np.dtype(kind) or found != given:
                     raise ValueError(f"it holds {dtype} of shape {found}, not {given}")
                 end = found[0] if end is None else end
-                width = math.prod(found[1:])
-                size = file.tell() + math.prod(found) * dtype.itemsize
-                if os.fstat(file.fileno()).st_size != size:
+                width, size = math.prod(found[1:]), math.prod(found) * dtype.itemsize
+                if os.fstat(file.fileno()).st_size != file.tell() + size:
                     raise ValueError(f"it does not have the {size} bytes of its shape {found}")
-                file.seek(first * width * dtype.itemsize, 1)
-                values = np.fromfile(file, dtype, (end - first) * width)
+                start, stop = (row * width * dtype.itemsize for row in (first, end))
+                low = start if blocks is None else start - start % _BLOCK
+                high = stop if blocks is None else min(stop + -stop % _BLOCK, size)
+                file.seek(low, 1)
+                data = np.fromfile(file, np.uint8, high - low)
+                if blocks is not None:
+                    _check(data, low, blocks)
+                values = data[start - low : stop - low].view(dtype)
                 return values.reshape(end - first, *found[1:])
             except (ValueError, SyntaxError, TokenError, EOFError, OSError) as error:
                 raise InputError(f"{owner} is damaged: {error}") from None
@@ -103,10 +143,39 @@ class ArrayFolder:
 _GAP = 1000
 
 
+def _check(data: Any, start: int, blocks: IntArray) -> None:
+    """Compare the bytes of an array from the start of a block on with the checksums of all blocks.
+
+    Raises:
+        ValueError: they are others than those that were written.
+    """
+    first, sums = start // _BLOCK, _sums(data)
+    known = blocks[first : first + len(sums)]
+    differ = np.flatnonzero(known != sums[: len(known)])
+    if len(differ) or len(known) < len(sums):
+        block = int(differ[0]) if len(differ) else len(known)
+        raise ValueError(
+            f"its numbers are not those that were written, from byte {start + block * _BLOCK} on"
+        )
+
+
+def _sums(values: Any) -> IntArray:
+    """Checksums (k,) of the blocks of a contiguous array."""
+    data = values.reshape(-1).view(np.uint8)
+    starts = range(0, len(data), _BLOCK)
+    return np.array([zlib.crc32(data[k : k + _BLOCK]) for k in starts], dtype=np.int64)
+
+
+def _digest(facts: Mapping[str, Any], sums: IntArray) -> str:
+    """Digest of facts and checksums."""
+    text = json.dumps(facts, sort_keys=True).encode()
+    return hashlib.blake2b(text + sums.tobytes(), digest_size=16).hexdigest()
+
+
 def write_arrays(
     owner: str, path: Path, facts: Mapping[str, Any], arrays: Mapping[str, Any]
 ) -> None:
-    """Write arrays and facts into a new folder, the facts last.
+    """Write arrays and facts into a new folder, the facts with a digest of everything last.
 
     Args:
         owner: prefix of messages.
@@ -121,9 +190,21 @@ def write_arrays(
         path.mkdir(parents=True, exist_ok=True)
         if any(path.iterdir()):
             raise InputError(f'{owner}: the folder "{path}" is not empty; give another name')
+        sums, blocks, count = [np.empty(0, dtype=np.int64)], dict[str, tuple[int, int]](), 0
         for name, values in arrays.items():
-            with (path / f"{name}.npy").open("xb") as file:
-                np.lib.format.write_array(file, np.ascontiguousarray(values), version=(1, 0))
-        (path / _FACTS).write_text(json.dumps(facts, indent=1), encoding="utf-8")
+            own = np.ascontiguousarray(values)
+            _write(path, name, own)
+            sums.append(_sums(own))
+            blocks[name] = count, count + len(sums[-1])
+            count += len(sums[-1])
+        _write(path, _SUMS, np.concatenate(sums))
+        written = {**facts, "blocks": blocks}
+        written["digest"] = _digest(written, np.concatenate(sums))
+        (path / _FACTS).write_text(json.dumps(written, indent=1), encoding="utf-8")
     except OSError as error:
         raise InputError(f'{owner}: "{path}" cannot be written: {error.strerror}') from None
+
+
+def _write(path: Path, name: str, values: Any) -> None:
+    with (path / f"{name}.npy").open("xb") as file:
+        np.lib.format.write_array(file, values, version=(1, 0))

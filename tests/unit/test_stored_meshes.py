@@ -2,6 +2,7 @@
 """Stored meshes of solids: the same figures as of whole meshes, and refusals."""
 
 import json
+import shutil
 from collections.abc import Callable
 from pathlib import Path
 from typing import Any
@@ -14,7 +15,7 @@ from flexfem.inspection.check import findings
 from flexfem.inspection.description import description_of
 from flexfem.inspection.inspection import Inspection
 from flexfem.inspection.text import findings_text
-from flexfem.mesh.array_folder import ArrayFolder
+from flexfem.mesh.array_folder import ArrayFolder, write_arrays
 from tests.unit.refusals import assert_on_page
 
 pytestmark = pytest.mark.serial
@@ -184,8 +185,27 @@ def _nested(folder: Path) -> None:
     (folder / "facts.json").write_text("[" * 1_000_000)
 
 
-def _wrong(folder: Path) -> None:
-    np.save(folder / "cells.npy", np.load(folder / "cells.npy") + 70)
+def _forged(folder: Path) -> None:
+    """Numbers that were never those of a mesh, with a digest."""
+    facts = json.loads((folder / "facts.json").read_text())
+    arrays = {name: np.load(folder / f"{name}.npy") for name in facts.pop("blocks")}
+    del facts["digest"]
+    shutil.rmtree(folder)
+    write_arrays("forged", folder, facts, arrays | {"cells": arrays["cells"] + 70})
+
+
+def _moments(folder: Path) -> None:
+    """One digit of the inertia."""
+    facts = json.loads((folder / "facts.json").read_text())
+    facts["moments"][0][4] *= 1.001
+    (folder / "facts.json").write_text(json.dumps(facts))
+
+
+def _bit(folder: Path) -> None:
+    """The lowest bit of the last coordinate."""
+    content = bytearray((folder / "points.npy").read_bytes())
+    content[-8] ^= 1
+    (folder / "points.npy").write_bytes(content)
 
 
 def _other_kind(folder: Path) -> None:
@@ -197,7 +217,9 @@ def _other_kind(folder: Path) -> None:
     [(_another, "its format is 'other'"), (_cut, "cells.npy is damaged"),
      (_unended, "points.npy is damaged"),
      (_nested, "facts.json is damaged"),
-     (_wrong, "cells.npy is damaged: it has the number"), (_other_kind, "points.npy is damaged")],
+     (_moments, "facts.json is damaged: it does not have the digest"),
+     (_bit, "points.npy is damaged: its numbers are not those that were written, from byte 0 on"),
+     (_forged, "cells.npy is damaged: it has the number"), (_other_kind, "points.npy is damaged")],
 )  # fmt: skip
 def test_damaged_folders_are_refused(
     tmp_path: Path, damage: Callable[[Path], None], message: str
@@ -220,3 +242,23 @@ def test_arrays_have_no_more_rows_than_their_files(tmp_path: Path) -> None:
     with pytest.raises(ValueError, match=r"firsts\.npy is damaged: it does not have the") as raised:
         ArrayFolder("mesh", folder).rows("firsts", (-1,), np.int64)
     assert "\n" not in str(raised.value)
+
+
+@pytest.mark.parametrize("row", [0, 4095, 4096, 5000])
+def test_a_changed_bit_is_found_in_the_rows_that_are_read(tmp_path: Path, row: int) -> None:
+    """Blocks of 4096 rows of two numbers have a checksum each, the last one has fewer rows."""
+    values = np.random.default_rng(1).integers(0, 99, (5001, 2))
+    write_arrays("mesh", tmp_path / "mesh", {}, {"values": values, "empty": values[:0]})
+    folder = ArrayFolder("mesh", tmp_path / "mesh")
+    assert folder.rows("empty", (-1, 2), np.int64).shape == (0, 2)
+    file = tmp_path / "mesh" / "values.npy"
+    content = bytearray(file.read_bytes())
+    content[-16 * (5001 - row)] ^= 1
+    file.write_bytes(content)
+    chosen = np.array([row, 2, 5000 if row < 4096 else 100])
+    with pytest.raises(ValueError, match=f"from byte {65536 * (row // 4096)} on"):
+        folder.chosen("values", (-1, 2), np.int64, chosen)
+    other = slice(4096, 5001) if row < 4096 else slice(0, 4096)  # the other block is whole
+    assert np.array_equal(
+        folder.rows("values", (-1, 2), np.int64, other.start, other.stop), values[other]
+    )

@@ -28,7 +28,7 @@ from flexfem.mesh.array_folder import ArrayFolder
 __all__ = ["FACET", "FORMAT", "StoredFigure", "StoredSolidMesh"]
 
 #: Kind and version of the folders.
-FORMAT = "mesh of a solid, version 1"
+FORMAT = "mesh of a solid, version 2"
 #: Shape of the facets of cells.
 FACET = {"tetrahedron": "triangle", "hexahedron": "quadrilateral"}
 #: Attributes of meshes in memory.
@@ -58,7 +58,7 @@ class StoredSolidMesh:
         count: Number of nodes.
         elements: Number of cells.
         pieces: Number of pieces of which ranks take some.
-        digest: Checksum of the contents.
+        digest: Digest of the contents, against which what is read is checked.
     """
 
     cell: str
@@ -83,6 +83,7 @@ class StoredSolidMesh:
                 f"{files.owner}: its format is {_checks.show(facts.get('format'))}, not "
                 f'"{FORMAT}"; write it with store_solid_mesh'
             )
+        _ = files.checksums  # refuses facts that were changed
         names = ("cell", "degree", "order", "count", "elements", "pieces", "digest")
         try:
             _checks.assign(self, _files=files, **{name: facts[name] for name in names})
