@@ -89,7 +89,7 @@ verification: $(STAMP) ## all benchmarks at full meshes: writes tests/verificati
 
 bench: $(BENCH_STAMP) ## timings, against Exudyn where it has the same problem
 	$(BIN)/python tests/benchmarks/chain_against_exudyn.py --ranks 2
-	$(BIN)/python tests/benchmarks/scaling.py
+	$(BIN)/python -m tests.benchmarks.large_systems --systems rigid --sizes 16,64,256,1024 --ranks 1
 
 docs: $(STAMP) ## the documentation: build/docs/html/index.html
 	$(BIN)/python -m sphinx -b html -W --keep-going -q flexfem/docs build/docs/html

@@ -143,7 +143,7 @@ def main() -> None:
                       f"{x['iterations']:.1f} | {x['factorizations']} | {faster:.2f} |",
                       flush=True)  # fmt: skip
         for count in ranks if len(sizes) > 1 else ():
-            print(f"{name}, {count} ranks: a step takes as the power "
+            print(f"{name}, ranks {count}: a step takes as the power "
                   f"{exponent(rows[count], 'step'):.2f} of the unknowns, the set-up as "
                   f"{exponent(rows[count], 'set_up'):.2f}")  # fmt: skip
 
