@@ -190,6 +190,13 @@ class RowTable:
         return np.isin(self.elastic[:, 0], LINEAR_LAWS)
 
     @property
+    def grounded(self) -> BoolArray:
+        """(r,) rows that act on the ground, or on one node alone."""
+        held = np.zeros(len(self.active), dtype=np.bool_)
+        held[self.row_of_term[(self.term_nodes < 0).any(axis=1)]] = True
+        return held
+
+    @property
     def on_lines(self) -> BoolArray:
         """(r,) rows of joints with markers on lines."""
         lines = np.array([placed.on_lines for placed in self.joints], dtype=np.bool_)

@@ -15,7 +15,7 @@ from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix, create_nest_matrix, create_nest_vector
 from flexfem.solvers.linear.gmres import minimal_residual
 from flexfem.solvers.linear.multifrontal import Fronts
-from flexfem.solvers.linear.multiplier_system import InterfaceSystem
+from flexfem.solvers.linear.multiplier_system import InterfaceSystem, _ground_first
 from flexfem.solvers.linear.rank_dissection import RankDissection
 from flexfem.solvers.linear.symmetric_fronts import NodeTree, SymmetricFronts
 
@@ -188,6 +188,17 @@ def test_interface_system_reports_singular_shared_rows(scale):
     # two rows that are the same but for round-off: solved with, they would give any number
     assert not system.factor(np.array([1.0, 2.0, 1.0, 2.0 + scale]))
     assert system.factor(np.array([1.0, 2.0, 1.0, 2.1]))
+
+
+@pytest.mark.serial
+def test_each_chain_is_eliminated_from_its_ground():
+    """Three chains of three rows: held at their first row, at the last one, and nowhere."""
+    chain = np.arange(9).reshape(3, 3)
+    i, j = np.concatenate([chain[:, :-1].ravel(), chain[:, 1:].ravel()]), chain[:, 1:].ravel()
+    j = np.concatenate([j, chain[:, :-1].ravel()])
+    order = np.array([2, 1, 0, 6, 7, 8, 3, 4, 5])
+    found = _ground_first(order, i, j, np.isin(np.arange(9), (0, 5)))
+    assert found.tolist() == [0, 1, 2, 6, 7, 8, 5, 4, 3]
 
 
 @pytest.mark.serial

@@ -336,3 +336,31 @@ def test_falls_are_found_beyond_the_first_joints() -> None:
 
     assert "unconnected" in sliders(None)
     assert "unconnected" not in sliders(ff.Spherical)
+
+
+@pytest.mark.serial
+def test_chains_are_eliminated_from_the_ground() -> None:
+    """A chain of rods, each three times as heavy as the one above, keeps its factors.
+
+    From the free end the last pivot is the mobility of all rods together, 3^-23 of the first one's,
+    which counts as zero: each step then falls back on full Newton, with two factorisations.
+    """
+    masses = 3.0 ** np.arange(24)
+    centres = places(24)[:, ::-1] * (0.0, 0.0, -1.0)
+    model = ff.Model("chain")
+    rods = model.add(
+        ff.Many(
+            ff.RigidBody, "rod", ff.each(masses), ff.each(np.outer(masses, INERTIA[::-1])),
+            position=ff.each(centres),
+        )
+    )  # fmt: skip
+    tops, ends = (rods.markers(offset=(0.0, 0.0, z)) for z in (0.5, -0.5))
+    model.add(
+        ff.Many(ff.Revolute, "pin", ff.each([ff.Ground(), *ends[:-1]]), ff.each(tops), axis=Y),
+        ff.Gravity((0.0, 0.0, -9.81)), ff.ReactionProbe("pull", "pin_0"),
+    )  # fmt: skip
+    outcome = simulate(model, ff.RunOptions(dt=1e-3, t_end=3e-3, quiet=True))
+    assert outcome.summary["fallbacks"] == outcome.summary["factorizations"] == 0
+    # the weight of all; without the last rod a third of it, and 1e-6 by pivots of round-off
+    pull = max(np.abs(outcome.history[f"pull_f{axis}"][-1]) for axis in "xyz")
+    assert pull == pytest.approx(9.81 * masses.sum(), rel=1e-9)

@@ -198,8 +198,9 @@ class MultiplierSystem:
             self._coupled = self._find_coupled()
             i, j = i[self._coupled], j[self._coupled]
         self._factors = InterfaceSystem(
-            self._system.comm, i, j, rows.interior, rows.shared_numbers, rows.holders
-        )
+            self._system.comm, i, j, rows.interior, rows.shared_numbers, rows.holders,
+            rows.grounded,
+        )  # fmt: skip
         traffic = self._system.traffic
         traffic.elimination = self._factors.kind
         traffic.largest_front = self._factors.largest_front

@@ -36,7 +36,7 @@ class RowProjection:
         row = rows.row_of_term[term]
         self._matrix = InterfaceSystem(
             system.comm, np.concatenate([row[one], every]), np.concatenate([row[other], every]),
-            rows.interior, rows.shared_numbers, rows.holders,
+            rows.interior, rows.shared_numbers, rows.holders, rows.grounded,
         )  # fmt: skip
         self._work = [np.zeros_like(part.block.residual) for part in system.parts]
 
