@@ -9,7 +9,7 @@ from mpi4py import MPI
 
 from flexfem import launch
 from flexfem.layout.numbered_model import NumberedModel
-from flexfem.system.fingerprint import fingerprints
+from flexfem.system.fingerprint import checksum, fingerprints
 
 __all__ = ["agreed"]
 
@@ -45,15 +45,17 @@ def agreed(comm: MPI.Intracomm, make: Callable[[], NumberedModel]) -> NumberedMo
         on = [rank for rank, message in enumerate(messages) if message != text]
         raise ValueError(f"{text} (not on {_ranks(on)}; {_ALIKE})" if on else text)
     assert serial is not None
-    if difference := _difference(comm, fingerprints(serial)):
+    if difference := _difference(comm, serial):
         raise ValueError(difference)
     return serial
 
 
-def _difference(comm: MPI.Intracomm, own: list[tuple[str, str]]) -> str:
+def _difference(comm: MPI.Intracomm, serial: NumberedModel) -> str:
     """Return the first difference between the first rank and others, and its rank; else empty."""
-    whole = hashlib.blake2b(repr(own).encode(), digest_size=8).digest()
-    every = comm.allgather(whole)
+    if len(set(comm.allgather(checksum(serial)))) == 1:
+        return ""
+    own = fingerprints(serial)  # takes longer, and tells what differs
+    every = comm.allgather(hashlib.blake2b(repr(own).encode(), digest_size=8).digest())
     others = [rank for rank, digest in enumerate(every) if digest != every[0]]
     if not others:
         return ""

@@ -24,13 +24,15 @@ from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.controller import Controller
 from flexfem.model.probes.base import AnyProbe
 
-__all__ = ["fingerprint", "fingerprints"]
+__all__ = ["checksum", "fingerprint", "fingerprints"]
 
 #: Resolution of numbers, as a part of a power of two above the largest of their array.
 _STEP = 2.0**-30
 #: Mantissa at which the power of two of the largest number changes, not 1, where last digits would
 #: matter.
 _BORDER = 1.37
+#: Numbers of an array up to which those of many objects are put into one.
+_SMALL = 64
 
 
 def fingerprint(serial: NumberedModel) -> dict[str, str]:
@@ -59,16 +61,23 @@ def fingerprint(serial: NumberedModel) -> dict[str, str]:
     return {name: _Digest(serial).of(part) for name, part in parts.items()}
 
 
+def checksum(serial: NumberedModel) -> str:
+    """One checksum of all of :func:`fingerprints`, without theirs: for many objects, by arrays.
+
+    Models that differ have different ones. Equal models have equal ones if the same of their
+    objects are one and the same.
+    """
+    return _Digest(serial, {}).of_many([thing for named in _named(serial) for thing in named])
+
+
 def fingerprints(serial: NumberedModel) -> list[tuple[str, str]]:
     """All objects of a model with their checksums, functions included, in the model's order."""
-    things = (*_named(serial), ("the mesh of its beams", _layout(serial, "mesh")),
-              ("the mesh of its shells", _layout(serial, "surface")))  # fmt: skip
     known: _Known = {}
-    return [(words, _Digest(serial, known).of(thing)) for words, thing in things]
+    return [(words, _Digest(serial, known).of(thing)) for words, thing in _named(serial)]
 
 
 def _named(serial: NumberedModel) -> Iterator[tuple[str, Any]]:
-    """The objects in a model by class and name."""
+    """The objects in a model by class and name, and its meshes."""
     model = serial.model
     yield "Gravity", model.gravity
     lists: Iterable[Iterable[Any]] = (
@@ -81,6 +90,8 @@ def _named(serial: NumberedModel) -> Iterator[tuple[str, Any]]:
         for thing in things:
             yield f'{type(thing).__name__} "{thing.name}"', _numbers_of(thing)
     yield "the list of released joints", model.released
+    yield "the mesh of its beams", _layout(serial, "mesh")
+    yield "the mesh of its shells", _layout(serial, "surface")
 
 
 def _numbers_of(thing: Any) -> Any:
@@ -128,6 +139,67 @@ class _Digest:
         self._add(value)
         return self._hash.hexdigest()
 
+    def of_many(self, values: list[Any]) -> str:
+        """Checksum of many values, those of each class field by field in arrays.
+
+        Each object is included where it occurs first, and its number wherever it occurs.
+        """
+        self._add_many(values)
+        return self._hash.hexdigest()
+
+    def _add_many(self, values: list[Any]) -> None:
+        kinds = list(dict.fromkeys(map(type, values)))
+        if len(kinds) == 1:
+            self._add_alike(kinds[0], values)
+            return
+        numbers = {kind: k for k, kind in enumerate(kinds)}
+        self._text(repr([numbers[type(value)] for value in values]))
+        for kind in kinds:
+            self._add_alike(kind, [value for value in values if type(value) is kind])
+
+    def _add_alike(self, kind: type, values: list[Any]) -> None:
+        """Add values of one class."""
+        self._text(f"{len(values)} of {kind.__name__}")
+        if kind in (str, int, bool, type(None)):
+            self._text(repr(values))
+        elif kind in (float, np.float64):
+            self._rows(np.array(values)[:, np.newaxis])
+        elif kind is np.ndarray and len({(x.shape, x.dtype) for x in values}) == 1:
+            self._text(f"array {values[0].shape}")
+            self._rows(np.stack(values).reshape(len(values), -1))
+        elif kind in (list, tuple) and len({len(x) for x in values}) == 1:
+            self._text(f"sequence of {len(values[0])}")
+            for column in zip(*values, strict=True):
+                self._add_many(list(column))
+        elif is_dataclass(kind):
+            self._add_objects(kind, values)
+        else:
+            for value in values:
+                self._add(value)
+
+    def _add_objects(self, kind: type, values: list[Any]) -> None:
+        """Add data of one class, each field of all new ones at once."""
+        assert self._known is not None
+        known, new = self._known, []
+        for value in values:
+            if id(value) not in known:
+                known[id(value)] = value, f"number {len(known)}"
+                new.append(value)
+        self._text(repr([known[id(value)][1] for value in values]))
+        names = {
+            name for held in {tuple(vars(value)) for value in new} for name in held
+            if not _is_derived(kind, name)
+        }  # fmt: skip
+        if not all(names <= vars(value).keys() for value in new):
+            for value in new:
+                self._data(value)
+            return
+        for name in sorted(names):
+            self._text(name)
+            self._add_many([vars(value)[name] for value in new])
+        if issubclass(kind, Marker):
+            self._add_many([self._place(value) for value in new])
+
     def _add(self, value: Any) -> None:
         if isinstance(value, np.ndarray | np.generic | float):
             self._array(np.asarray(value))
@@ -155,7 +227,10 @@ class _Digest:
         kept = {n: x for n, x in vars(value).items() if not _is_derived(kind, n)}
         self._add(kept)
         if isinstance(value, Marker):  # groups of the mesh may have been renamed or moved
-            self._add(self._serial.place(value) or self._serial.key(value))
+            self._add(self._place(value))
+
+    def _place(self, marker: Marker) -> Any:
+        return self._serial.place(marker) or self._serial.key(marker)
 
     def _checksum(self, value: Any, known: _Known) -> str:
         """Checksum of data, computed once; the data are kept to keep their identity unique."""
@@ -199,6 +274,19 @@ class _Digest:
 
     def _text(self, text: str) -> None:
         self._hash.update(text.encode() + b"\0")
+
+    def _rows(self, values: np.ndarray[Any, Any]) -> None:
+        """Add the rows of a matrix, each as an array of its own."""
+        real = values.dtype.kind == "f"
+        if not 0 < values.shape[1] <= _SMALL or (real and not np.isfinite(values).all()):
+            for row in values:
+                self._array(row)
+            return
+        if real:
+            exponents = np.frexp(_BORDER * np.abs(values).max(axis=1, keepdims=True))[1]
+            self._hash.update(exponents.tobytes())
+            values = np.rint(np.ldexp(values, -exponents) / _STEP)
+        self._hash.update(np.ascontiguousarray(values, dtype=np.int64).tobytes())
 
     def _array(self, values: np.ndarray[Any, Any]) -> None:
         self._text(f"array {values.shape}")

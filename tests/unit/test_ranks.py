@@ -11,6 +11,8 @@ import pytest
 
 import flexfem as ff
 from flexfem import launch
+from flexfem.layout.numbered_model import NumberedModel
+from flexfem.system.fingerprint import checksum
 
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS")
 COUNT = (
@@ -147,6 +149,46 @@ def test_models_that_differ_between_ranks_are_refused(what: str, words: str) -> 
     assert words in str(refused.value)
     assert len(set(comm.allgather(str(refused.value)))) == 1
     assert ff.simulate(differing("nothing", comm.rank), options).status == "ok"
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize("what", ["body", "order", "joint", "amplitude", "function"])
+def test_one_checksum_tells_whether_models_differ(what: str) -> None:
+    """Ranks that it finds alike do not look at single objects."""
+    first, same, other = (
+        checksum(NumberedModel(differing(what, rank))) for rank in (0, 0, 1)
+    )  # fmt: skip
+    assert first == same != other
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("change", "equal"), [(1e-12, True), (1e-8, False)])
+def test_checksums_of_many_bodies_by_arrays(change: float, equal: bool) -> None:
+    """Last digits do not count; 220 calls and returns a rod with its hinge, 1725 one by one."""
+
+    def found(move: float, count: int) -> tuple[str, int]:
+        """Checksum of a chain of rods, the third of which is moved, and calls for it."""
+        model = ff.Model("chain")
+        places = np.arange(3.0 * count).reshape(count, 3)
+        places[2, 1] += move
+        rods = model.add(
+            ff.Many(ff.RigidBody, "rod", 1.0, (1e-3, 1.0, 1.0), position=ff.each(places))
+        )
+        ends = ff.each([ff.Ground(), *rods.markers()[:-1]])
+        model.add(ff.Many(ff.Spherical, "pin", ends, ff.each(rods.markers())))
+        serial, calls = NumberedModel(model), [0]
+
+        def note(*_: object) -> None:
+            calls[0] += 1
+
+        sys.setprofile(note)
+        try:
+            return checksum(serial), calls[0]
+        finally:
+            sys.setprofile(None)
+
+    assert (found(0.0, 40)[0] == found(change, 40)[0]) is equal
+    assert found(0.0, 80)[1] - found(0.0, 40)[1] < 40 * 300
 
 
 def apart(t: float) -> float:
