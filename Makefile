@@ -12,7 +12,7 @@ EXTRAS := dolfinx,post,test,fmi,docs
 # A user's own scripts may lie beside these.
 SOURCES := flexfem cases examples meshes postprocess tests
 CASE ?= slider_crank
-# More ranks than cores would spend their time waiting: MPICH polls. To nproc, threads are cores.
+# More ranks than cores wait for one another. To nproc, threads are cores.
 RANKS := $(shell test "$$(env -u OMP_NUM_THREADS nproc 2>/dev/null || echo 1)" -ge 2 && echo 2 || echo 1)
 
 # Ranks share the cores; threads of BLAS and OpenMP on top make timings and sums vary.
@@ -65,8 +65,8 @@ test: NOT_ON_THREE := and not three_ranks
 test: $(STAMP) ## lint, documentation, then tests on 1, 2 and 3 ranks: for every change
 test-all: $(STAMP) ## the same with the tests that are slow: before a release
 test test-all:
-	# the linters leave one core idle: loops that many tests need are compiled beside them
-	@$(MAKE) --no-print-directory -j $(RANKS) compiled-sliding compiled-floating lint docs
+	# linters take one core longest: beside them, loops that many tests need are compiled
+	@$(MAKE) --no-print-directory -j $(RANKS) lint compiled-floating compiled-sliding docs
 	# what a file's tests share is made once; files as they come, the longest are not the last
 	$(BIN)/python -m pytest -m "not (benchmark or several_ranks) $(NOT_SLOW)" -n $(RANKS) --dist loadfile --no-loadscope-reorder \
 		--ignore tests/test_architecture.py

@@ -9,10 +9,11 @@ could run other code or change results; here all options have fixed values.
 import os
 import time
 from collections.abc import Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import ExitStack, contextmanager, suppress
 from functools import cache
-from importlib import import_module
+from importlib import import_module, metadata
 from pathlib import Path
+from types import ModuleType
 from typing import Any
 
 from mpi4py import MPI
@@ -86,18 +87,36 @@ def quick_compiler() -> Iterator[None]:
     """Context in which FFCx generates the same code in two thirds of the time.
 
     FFCx compares each expression with all others to find its number; here a hash table is used.
-    Garbage collection, a tenth of the time, is disabled.
+    Garbage collection, a tenth of the time, is disabled. Setuptools, which starts the C compiler,
+    reads the entry points of all installed packages six times for each form; here once.
     """
-    graph: Any = import_module("ffcx.ir.analysis.graph")
+    graph = import_module("ffcx.ir.analysis.graph")
     usual = getattr(graph, "ValueNumberer", None)
-    if hasattr(usual, "get_node_symbols"):  # other versions of FFCx may not need it
-        graph.ValueNumberer = _with_table(usual)
+    with ExitStack() as stack:
+        if hasattr(usual, "get_node_symbols"):  # other versions of FFCx may not need it
+            stack.enter_context(_replaced(graph, "ValueNumberer", _with_table(usual)))
+        stack.enter_context(_replaced(metadata, "entry_points", _selected))
+        stack.enter_context(without_collection())
+        yield
+
+
+@contextmanager
+def _replaced(module: ModuleType, name: str, other: Any) -> Iterator[None]:
+    """Context in which a module of another package has another object by this name."""
+    usual = getattr(module, name)
+    setattr(module, name, other)
     try:
-        with without_collection():
-            yield
+        yield
     finally:
-        if usual is not None:
-            graph.ValueNumberer = usual
+        setattr(module, name, usual)
+
+
+_entry_points = cache(metadata.entry_points)
+
+
+def _selected(**wanted: Any) -> metadata.EntryPoints:
+    """Entry points of the packages that are installed when a process first asks for some."""
+    return _entry_points().select(**wanted)
 
 
 @cache

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 import time
+from importlib import metadata
 
 import pytest
 from ffcx.ir.analysis import graph
@@ -44,18 +45,31 @@ def test_code_is_that_of_ffcx():
 
 
 def test_ffcx_is_left_as_it_was():
-    usual = graph.ValueNumberer
+    usual, searched = graph.ValueNumberer, metadata.entry_points
 
     def fail():
         with quick_compiler():
             assert graph.ValueNumberer is not usual
+            assert metadata.entry_points is not searched
             assert not gc.isenabled()
             raise KeyError
 
     with pytest.raises(KeyError):
         fail()
     assert graph.ValueNumberer is usual
+    assert metadata.entry_points is searched
     assert gc.isenabled()
+
+
+def test_entry_points_are_those_of_the_installed_packages(monkeypatch):
+    """Setuptools would lack commands of other packages; read again, 0.04 s a form."""
+    wanted = {"group": "console_scripts", "name": "flexfem"}
+    usual = metadata.entry_points(**wanted)
+    with quick_compiler():
+        metadata.entry_points()
+        monkeypatch.setattr(metadata, "distributions", None)
+        assert metadata.entry_points(**wanted) == usual
+    assert usual
 
 
 def test_other_versions_of_ffcx_are_let_alone(monkeypatch):
