@@ -37,16 +37,18 @@ def band_factor(index: IntArray, values: FloatArray, band: FloatArray) -> bool:
         for k in range(width):
             sizes[i] = max(sizes[i], abs(band[i, k]))
     for k in range(n):
-        pivot = band[k, b]
+        upper = band[k, b:]
+        pivot = upper[0]
         if not abs(pivot) > _ZERO * sizes[k]:
             return False
         for i in range(k + 1, min(k + b + 1, n)):
-            at = k - i + b
-            factor = band[i, at] / pivot
+            # slices with indices from 0 on, which the compiler turns into vectors
+            row = band[i, k - i + b : k - i + 2 * b + 1]
+            factor = row[0] / pivot
             if factor != 0.0:
-                band[i, at] = factor
+                row[0] = factor
                 for m in range(1, b + 1):
-                    band[i, at + m] -= factor * band[k, b + m]
+                    row[m] -= factor * upper[m]
     return True
 
 
