@@ -5,11 +5,12 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.constraints.rows.data import InterfaceNodes, RowArrays
-from flexfem.constraints.rows.kernels import ON_LINES, TWIST
+from flexfem.constraints.rows.kernels import ON_LINES, TWIST, to_node
 from flexfem.constraints.terms.dispatch import term_hessian
-from flexfem.core.nodes.frame_kernels import step_rates_into
+from flexfem.core.nodes.frame_kernels import along_velocity_into, step_rates_into
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 from flexfem.kernels.records import Memory, unpack
+from flexfem.lie._blocks import cross, dot, triple
 
 __all__ = [
     "add_dampers",
@@ -74,33 +75,38 @@ def add_hessians(memory: Memory, factor: FloatArray, out: FloatArray) -> None:
 
 
 @subroutine
-def _marker_twists(
-    own: RowArrays, t: int, velocities: FloatArray, J: FloatArray, v: FloatArray
-) -> None:
-    """Maps ``J`` (2, 6, 6) from node twists to those of a term's markers; these in ``v`` (12)."""
+def _to_marker(offset: FloatArray, twist: FloatArray, v: FloatArray, at: int) -> None:
+    """Local twist ``v[at : at + 6]`` of a marker from that of its node."""
+    o, omega = triple(offset, 0), triple(twist, 3)
+    turned = cross(omega, o)
+    x = (twist[0] + turned[0], twist[1] + turned[1], twist[2] + turned[2])
+    for i in range(3):
+        column = (offset[3 + i], offset[6 + i], offset[9 + i])  # R_o^T
+        v[at + i], v[at + 3 + i] = dot(column, x), dot(column, omega)
+
+
+@subroutine
+def _marker_twists(own: RowArrays, t: int, velocities: FloatArray, v: FloatArray) -> None:
+    """Local twists ``v`` (12) of a term's markers."""
     v[:] = 0.0
-    J[:] = 0.0
     for side in range(2):
         m = own.term_marker[t, side]
         node = own.marker_node[m]
         if node >= 0:
-            marker_map(own.marker_offset[m], J[side])
-            for i in range(6):
-                for j in range(6):
-                    v[6 * side + i] += J[side, i, j] * velocities[node, j]
+            _to_marker(own.marker_offset[m], velocities[node], v, 6 * side)
 
 
 @kernel
 def second_rates(memory: Memory, velocities: FloatArray, out: FloatArray) -> None:
     """``v . (d gradient / dq) v`` of every row: its second time derivative at constant v."""
     own = unpack(RowArrays, memory)
-    h, J, v = np.empty((12, 12)), np.empty((2, 6, 6)), np.empty(12)
+    h, v = np.empty((12, 12)), np.empty(12)
     out[:] = 0.0
     for t in range(own.kinds.size):
         if own.kinds[t] == ON_LINES:
             continue
         _hessian(own, t, h)
-        _marker_twists(own, t, velocities, J, v)
+        _marker_twists(own, t, velocities, v)
         for i in range(12):
             for j in range(12):
                 out[own.row_of_term[t]] += own.factors[t] * v[i] * h[i, j] * v[j]
@@ -122,36 +128,31 @@ def add_dampers(
         out: derivatives of the rows' values along steps.
     """
     own, nodes = unpack(RowArrays, memory), unpack(InterfaceNodes, interface_nodes)
-    h, J, by_v, by_w = np.empty((12, 12)), np.empty((2, 6, 6)), np.zeros(36), np.empty(36)
-    rates, nothing = np.array([by_increment, 0.0]), np.zeros(6)
-    v, w, rate, velocities, factors = (
-        np.empty(12), np.empty(6), np.empty(6), nodes.velocities, own.factors
-    )  # fmt: skip
+    h, v, w, T = np.empty((12, 12)), np.empty(12), np.empty(12), np.empty(36)
+    velocities, by_velocity, rate = nodes.velocities, np.zeros(6), np.empty(6)
     for t in range(own.kinds.size):
-        slope = slopes[own.row_of_term[t], 1]
+        slope, factor = slopes[own.row_of_term[t], 1], own.factors[t]
         if slope == 0.0 or own.kinds[t] == ON_LINES:
             continue
         _hessian(own, t, h)
-        _marker_twists(own, t, velocities, J, v)
+        _marker_twists(own, t, velocities, v)
+        w[:] = 0.0
+        for i in range(12):
+            for j in range(12):
+                w[j] += v[i] * h[i, j]
         for side in range(2):
-            node, gradient = own.marker_node[own.term_marker[t, side]], own.force_jacobian[t, side]
+            m = own.term_marker[t, side]
+            node = own.marker_node[m]
             if node < 0:
                 continue
             if not held:
-                step_rates_into(
-                    nodes.inertial[node], nodes.increments[node], velocities[node], nothing,
-                    rates, by_v, by_w,
+                along_velocity_into(
+                    nodes.inertial[node], nodes.increments[node], velocities[node], by_increment,
+                    own.force_jacobian[t, side], T, by_velocity,
                 )  # fmt: skip
-            w[:], rate[:] = 0.0, 0.0
-            for i in range(12):
-                for j in range(6):
-                    w[j] += factors[t] * v[i] * h[i, 6 * side + j]
-            for i in range(6):
-                for j in range(6):
-                    rate[j] += w[i] * J[side, i, j]
-                    rate[j] += gradient[i] * by_v[6 * i + j]
+            to_node(own.marker_offset[m], w, 6 * side, rate)
             for j in range(6):
-                out[t, side, j] += slope * rate[j]
+                out[t, side, j] += slope * (factor * rate[j] + by_velocity[j])
 
 
 @kernel

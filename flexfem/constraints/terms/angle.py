@@ -1,24 +1,22 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Angle about ``R_a u`` from ``R_a p`` to ``R_b v``, continuous over any number of revolutions."""
 
-from math import atan2
+from math import atan2, floor, pi
 
 import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.constraints.terms.vectors import (
-    add_block,
     cross_into,
     dot,
     mean,
-    multiply,
-    product_into,
     put,
     rotate_back_into,
     rotate_into,
-    skew_into,
+    scaled,
+    turned,
 )
-from flexfem.core.nodes.step_kernels import add
+from flexfem.core.nodes.step_kernels import add, unit
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import inlined, on_demand, subroutine
 from flexfem.lie._blocks import cross, triple
@@ -28,6 +26,8 @@ from flexfem.lie._coefficients import Triple
 __all__ = ["KIND", "hessian", "step_change", "step_gradient", "value", "wrapped"]
 
 KIND = int(RowKind.ANGLE)
+#: A revolution, rad.
+_TURN = 2.0 * pi
 
 
 @subroutine
@@ -47,56 +47,32 @@ def value(
     rotate_into(Ha, s[3], s[4], 0)
     rotate_back_into(Hb, s[4], s[0], 0)
     cross_into(v, s[0], g, 9)
-    angle = np.arctan2(sine, cosine)
-    turned: float = memory + np.arctan2(np.sin(angle - memory), np.cos(angle - memory))
-    return turned
-
-
-@subroutine
-def _add_product(
-    h: FloatArray, i: int, j: int, sign: float, A: FloatArray, B: FloatArray, work: FloatArray
-) -> None:
-    """Add ``sign A B`` to the block of ``h`` at (i, j); ``work`` (3, 3)."""
-    product_into(A, B, work)
-    add_block(h, i, j, sign, work)
+    return wrapped(atan2(sine, cosine), memory)
 
 
 @on_demand
-def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray, s: FloatArray) -> None:
-    """Derivative of the gradient."""
-    u, v, p = d[0], d[1], d[2]
-    y, side, g = s[0], s[1], s[2]
-    multiply(Rab, v, y)
-    cross_into(u, p, side, 0)
-    cosine, sine = dot(p, y), dot(side, y)
-    square = cosine * cosine + sine * sine
-    work = np.zeros((9, 3, 3))
-    D, Y, V, G, dy_b, DY, Db, VR, one = work  # D: derivative of g with respect to y
-    for i in range(3):
-        g[i] = (cosine * side[i] - sine * p[i]) / square
-    for i in range(3):
-        for j in range(3):
-            D[i, j] = (
-                side[i] * p[j] - p[i] * side[j] - 2.0 * g[i] * (cosine * p[j] + sine * side[j])
-            ) / square
-    skew_into(y, 1.0, Y, 0, 0)
-    skew_into(v, 1.0, V, 0, 0)
-    skew_into(g, 1.0, G, 0, 0)
-    product_into(Rab, V, dy_b)  # dy = skew(y) Omega_a - R_ab skew(v) Omega_b
-    _add_product(h, 3, 3, 1.0, G, Y, one)
-    _add_product(h, 3, 9, -1.0, G, dy_b, one)
-    product_into(D, Y, DY)
-    product_into(D, dy_b, Db)
-    _add_product(h, 3, 3, -1.0, Y, DY, one)
-    _add_product(h, 3, 9, 1.0, Y, Db, one)
-    product_into(V, Rba, VR)
-    _add_product(h, 9, 3, 1.0, VR, DY, one)
-    _add_product(h, 9, 9, -1.0, VR, Db, one)
-    _add_product(h, 9, 3, -1.0, VR, G, one)
-    multiply(Rba, g, s[3])
-    Y[:] = 0.0
-    skew_into(s[3], 1.0, Y, 0, 0)
-    _add_product(h, 9, 9, 1.0, V, Y, one)
+def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray) -> None:
+    """Derivative of the gradient ``(g x y, v x R_ba g)``: columns for axes of a, then of b."""
+    u, v, p = triple(d[0], 0), triple(d[1], 0), triple(d[2], 0)
+    side, y = cross(u, p), turned(Rab, v)
+    cosine, sine = dot_of(p, y), dot_of(side, y)
+    over = 1.0 / (cosine * cosine + sine * sine)
+    g = scaled(over, add(scaled(cosine, side), -sine, p))
+    other = turned(Rba, g)
+    for k in range(6):
+        axis = unit(k % 3)
+        if k < 3:
+            dy, by_turn = cross(y, axis), turned(Rba, cross(axis, g))
+        else:
+            dy, by_turn = turned(Rab, cross(axis, v)), cross(other, axis)
+        dc, ds = dot_of(p, dy), dot_of(side, dy)
+        dg = add(scaled(dc, side), -ds, p)
+        dg = scaled(over, add(dg, -2.0 * (cosine * dc + sine * ds), g))
+        on_a = add(cross(dg, y), 1.0, cross(g, dy))
+        on_b = cross(v, add(turned(Rba, dg), 1.0, by_turn))
+        column = 3 + k if k < 3 else 6 + k
+        for i in range(3):
+            h[3 + i, column], h[9 + i, column] = on_a[i], on_b[i]
 
 
 @inlined
@@ -114,7 +90,7 @@ def _sinc_inverse(x: float) -> tuple[float, float]:
 @inlined
 def wrapped(angle: float, near: float) -> float:
     """The angle nearest to another one."""
-    return near + atan2(np.sin(angle - near), np.cos(angle - near))
+    return angle + _TURN * floor((near - angle) / _TURN + 0.5)
 
 
 @inlined

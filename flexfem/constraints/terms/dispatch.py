@@ -100,7 +100,7 @@ def term_hessian(kind: int, Ha: FloatArray, Hb: FloatArray, d: FloatArray, h: Fl
     if kind == _AXES:
         axes.hessian(Rab, Rba, d, h, s)
     elif kind == _ANGLE:
-        angle.hessian(Rab, Rba, d, h, s)
+        angle.hessian(Rab, Rba, d, h)
     elif kind == _ALONG:
         along.hessian(Ha, Hb, Rab, Rba, d, h, s)
     elif kind == _DISTANCE:

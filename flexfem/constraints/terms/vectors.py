@@ -19,8 +19,10 @@ __all__ = [
     "put",
     "rotate_back_into",
     "rotate_into",
+    "scaled",
     "skew",
     "skew_into",
+    "turned",
 ]
 
 
@@ -109,6 +111,22 @@ def multiply(A: FloatArray, v: FloatArray, out: FloatArray) -> None:
 def mean(a: Triple, b: Triple) -> Triple:
     """The mean of two vectors."""
     return 0.5 * (a[0] + b[0]), 0.5 * (a[1] + b[1]), 0.5 * (a[2] + b[2])
+
+
+@inlined
+def scaled(factor: float, v: Triple) -> Triple:
+    """``factor v``."""
+    return factor * v[0], factor * v[1], factor * v[2]
+
+
+@inlined
+def turned(A: FloatArray, v: Triple) -> Triple:
+    """``A v`` of a matrix (3, 3)."""
+    return (
+        A[0, 0] * v[0] + A[0, 1] * v[1] + A[0, 2] * v[2],
+        A[1, 0] * v[0] + A[1, 1] * v[1] + A[1, 2] * v[2],
+        A[2, 0] * v[0] + A[2, 1] * v[1] + A[2, 2] * v[2],
+    )
 
 
 @inlined

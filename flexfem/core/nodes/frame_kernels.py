@@ -8,6 +8,7 @@ from flexfem.core.nodes.prediction import Misses
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 from flexfem.kernels.records import Float1D, Float2D, Int1D, Memory, Record, unpack
 from flexfem.lie import so3
+from flexfem.lie._blocks import cross, triple
 from flexfem.lie.se3 import (
     inverse_tangent_apply,
     inverse_tangent_into,
@@ -18,6 +19,7 @@ from flexfem.lie.se3 import (
 __all__ = [
     "Nodes",
     "accept",
+    "along_velocity_into",
     "correct",
     "kick",
     "orthonormalise",
@@ -165,6 +167,29 @@ def step_rates_into(
             # V x dOmega - Omega x dV
             by_w[6 * k + j] += v[p] * by_v[6 * (3 + q) + j] - v[q] * by_v[6 * (3 + p) + j]
             by_w[6 * k + j] -= v[3 + p] * by_v[6 * q + j] - v[3 + q] * by_v[6 * p + j]
+
+
+@inlined
+def along_velocity_into(
+    inertial: bool, n: FloatArray, v: FloatArray, rate: float, g: FloatArray, T: FloatArray,
+    out: FloatArray,
+) -> None:  # fmt: skip
+    """``g . dV`` along a node's local twist, ``dV`` as in :func:`step_rates_into`.
+
+    ``rate`` is v'; ``T`` (36,) is work space.
+    """
+    if not inertial:
+        inverse_tangent_into(n, T)
+        for j in range(6):
+            out[j] = 0.0
+            for i in range(6):
+                out[j] += rate * g[i] * T[6 * i + j]
+        return
+    so3.inverse_tangent_into(n[3:], T)
+    moments = cross(triple(g, 0), triple(v, 0))
+    for j in range(3):
+        out[j] = rate * g[j]
+        out[3 + j] = moments[j] + rate * (g[3] * T[j] + g[4] * T[3 + j] + g[5] * T[6 + j])
 
 
 @kernel
