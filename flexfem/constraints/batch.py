@@ -467,7 +467,7 @@ class Constraints(NumberedRows):
     def checks(self) -> list[Step]:
         """What follows :attr:`steps` anywhere in a sequence: values of functions are watched."""
         own: Constraints = weakref.proxy(self)
-        return [lambda: own._functions.watch(own)] if self._functions.places else []
+        return [self._functions.watch(own)] if self._functions.places else []
 
     @cached_property
     def _evaluate_rows(self) -> Callable[[], None]:

@@ -18,6 +18,7 @@ from flexfem.core.pose import Pose
 from flexfem.core.row import Row, RowKind
 from flexfem.core.user_function import FunctionKind, UserFunction
 from flexfem.kernels.compiled import kernel
+from flexfem.kernels.sequence import Check
 from flexfem.lie import se3
 
 if TYPE_CHECKING:
@@ -127,13 +128,18 @@ class Functions:
         inside = np.isin(table.row_of_term, self._rows)
         self._terms = np.flatnonzero(inside)
 
-    def watch(self, rows: Any) -> None:
-        """Record a function whose values were not finite at the last evaluation of ``rows``.
+    def watch(self, rows: Any) -> Check:
+        """Check that their values are finite at an evaluation of ``rows``.
 
-        The rows are left not finite, which makes the step fail on all ranks.
+        Others are recorded. The rows are left not finite, which makes the step fail on all ranks.
         """
-        if _finite(rows.values, self._rows, rows.force_jacobian, self._terms):
-            return
+        return Check(
+            lambda: self._record(rows), _finite, rows.values, self._rows, rows.force_jacobian,
+            self._terms,
+        )  # fmt: skip
+
+    def _record(self, rows: Any) -> None:
+        """Record the functions whose values were not finite at the last evaluation of ``rows``."""
         velocities, sums, rates = rows.interface.velocities, rows.sums(), rows.rates()
         if not (np.isfinite(rows.poses).all() and np.isfinite(velocities).all()):
             return  # the motion was not finite before

@@ -16,12 +16,13 @@ a sequence is a table of these functions and rows. The loops are those that Pyth
 same results. Functions of Python between them, such as messages to other ranks, divide a sequence.
 """
 
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from functools import cache
 from typing import Any
 
 import llvmlite.binding as llvm
 import numpy as np
+import numpy.typing as npt
 from llvmlite import ir
 from numba import typeof
 from numba.core import types
@@ -29,11 +30,24 @@ from numba.core.dispatcher import Dispatcher
 from numba.core.registry import cpu_target
 from numba.extending import intrinsic
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.kernels.compiled import kernel
 
-__all__ = ["Call", "ForeignCall", "Number", "Step", "clear", "copy", "sequence"]
+__all__ = [
+    "Call",
+    "Check",
+    "ForeignCall",
+    "Number",
+    "Step",
+    "all_true",
+    "clear",
+    "copy",
+    "in_one_array",
+    "largest_entry",
+    "sequence",
+]
 
+_Results = npt.NDArray[Any]
 _WORD = ir.IntType(64)
 #: What numba's functions return besides 0 where nothing is wrong: that they return no value.
 _NONE = -2
@@ -91,11 +105,41 @@ class Call:
             if isinstance(number, Number):
                 number.written_to(self.words[at : at + 1].view(np.float64))
 
+    def write_to(self, result: _Results) -> None:
+        """Write what it returns to another array (k,) of the same type from now on."""
+        self.result = result
+        self.words[1] = result.ctypes.data
+
     def __call__(self) -> None:
         """Run it alone, from Python."""
         found = self.loop(*(x.value if isinstance(x, Number) else x for x in self.arguments))
         if found is not None:
             self.result[:] = found
+
+
+class Check(Call):
+    """A loop that returns True if all is well, and what is done otherwise after its sequence."""
+
+    def __init__(
+        self, otherwise: Callable[[], None], loop: Callable[..., bool], *arguments: Any
+    ) -> None:
+        """Store ``otherwise``, and see :class:`Call`."""
+        super().__init__(loop, *arguments)
+        self.otherwise = otherwise
+
+    def __call__(self) -> None:
+        """Run it alone, from Python."""
+        super().__call__()
+        if not self.result[0]:
+            self.otherwise()
+
+
+def in_one_array(calls: Sequence[Call]) -> _Results:
+    """Results (k,) of loops that return one number each, in one array from now on."""
+    results: _Results = np.array([call.result[0] for call in calls])
+    for k, call in enumerate(calls):
+        call.write_to(results[k : k + 1])
+    return results
 
 
 class ForeignCall:
@@ -125,6 +169,7 @@ class _Table:
 
     def __init__(self, calls: list[Call | ForeignCall]) -> None:
         self._calls = calls
+        self._checks = [one for one in calls if isinstance(one, Check)]
         self._table = np.array([(one.address, one.words.ctypes.data) for one in calls])
 
     def __call__(self) -> None:
@@ -132,6 +177,9 @@ class _Table:
         if failed >= 0:
             self._calls[failed]()  # which raises its error
             raise RuntimeError(f"{self._calls[failed]} failed in a sequence alone")
+        for check in self._checks:
+            if not check.result[0]:
+                check.otherwise()
 
 
 def sequence(steps: Iterable[Step]) -> Callable[[], None]:
@@ -172,6 +220,26 @@ def copy(source: FloatArray, target: FloatArray) -> None:
     for i in range(source.shape[0]):
         for j in range(source.shape[1]):
             target[i, j] = source[i, j]
+
+
+@kernel
+def largest_entry(x: FloatArray) -> float:
+    """Largest absolute value, 0 for an empty array; NaN is preserved."""
+    largest = 0.0
+    for value in x:
+        size = abs(value)
+        if size > largest or size != size:
+            largest = size
+    return largest
+
+
+@kernel
+def all_true(x: BoolArray) -> bool:
+    """True if all entries are."""
+    found = True
+    for one in x:
+        found = found and one
+    return found
 
 
 def _words(x: Any) -> IntArray:

@@ -4,7 +4,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from math import isnan, nan
 
 import numpy as np
 
@@ -13,7 +12,14 @@ from flexfem.constraints.batch import Constraints
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.frame_kernels import accept, correct
 from flexfem.core.nodes.prediction import Misses
-from flexfem.kernels.sequence import Call, Number, Step, sequence
+from flexfem.kernels.sequence import (
+    Call,
+    Number,
+    Step,
+    in_one_array,
+    largest_entry,
+    sequence,
+)
 
 __all__ = ["Evaluation"]
 
@@ -45,8 +51,9 @@ class Evaluation:
         self.before, self.after = sequence(before), sequence(after)
         self.whole: Callable[[], None] = sequence([*before, *rows.steps, *after, *rows.checks])
         spread = [block.spread_step for block in blocks if block.has_ghosts]
-        self._moves = [Call(correct, block.nodes.memory, -1.0) for block in blocks]
-        self._move = sequence([*spread, *self._moves])
+        moves = [Call(correct, block.nodes.memory, -1.0) for block in blocks]
+        self._largest = Call(largest_entry, in_one_array(moves))
+        self._move = sequence([*spread, *moves, self._largest])
         self._h, self._law = Number(0.0), np.zeros(3)
         self._ends = [
             Call(accept, block.nodes.memory, self._law, self._h, block.owned) for block in blocks
@@ -61,9 +68,7 @@ class Evaluation:
     def move(self) -> float:
         """Subtract the blocks' steps; largest entry on this rank (collective)."""
         self._move()
-        sizes = [float(call.result[0]) for call in self._moves]
-        # the maximum alone may drop a NaN
-        return nan if any(map(isnan, sizes)) else max(sizes, default=0.0)
+        return float(self._largest.result[0])
 
     def accept(self, law: FloatArray, h: float) -> list[Misses]:
         """Accept the trial state of all blocks, see ``FrameBlock.accept``."""

@@ -10,12 +10,23 @@ import pytest
 
 import flexfem as ff
 from flexfem.kernels import sequence as sequences
-from flexfem.kernels.sequence import Call, ForeignCall, Number, clear, copy, sequence
+from flexfem.kernels.sequence import (
+    Call,
+    Check,
+    ForeignCall,
+    Number,
+    all_true,
+    clear,
+    copy,
+    in_one_array,
+    largest_entry,
+    sequence,
+)
 from flexfem.la.factor import Factor
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.solvers.frozen.sequences import FrozenSequences
 from flexfem.solvers.linear.banded import band_factor
-from flexfem.solvers.linear.schur_kernels import invert_blocks, largest_entry, multiply_blocks
+from flexfem.solvers.linear.schur_kernels import invert_blocks, multiply_blocks
 from flexfem.system.mechanics import EndPoint
 from tests.benchmarks.robot import robot
 
@@ -48,6 +59,28 @@ def test_arguments_and_results():
     alone = Call(largest_entry, x[1])
     alone()
     assert alone.result[0] == np.abs(x[1]).max()
+
+
+def test_checks_and_results_in_one_array():
+    flags, x, seen = np.array([True, True]), np.array([[1.0, -2.0], [3.0, 0.0]]), []
+    parts = [Call(largest_entry, row) for row in x]
+    sizes = in_one_array(parts)
+    whole = Call(largest_entry, sizes)
+    # a check in the middle: what follows it in a sequence is done before
+    check = Check(lambda: seen.append(whole.result[0]), all_true, flags)
+    run = sequence([*parts, check, whole])
+    run()
+    np.testing.assert_array_equal(sizes, [2.0, 3.0])
+    assert (whole.result[0], seen) == (3.0, [])
+    flags[1], x[0, 0] = False, np.nan
+    run()
+    assert np.isnan(whole.result[0])
+    assert len(seen) == 1
+    assert np.isnan(seen[0])
+    check()
+    assert len(seen) == 2
+    parts[1]()
+    assert sizes[1] == parts[1].result[0] == 3.0
 
 
 def test_singular_blocks_and_bands():

@@ -14,7 +14,15 @@ from functools import cached_property
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.kernels.sequence import Call, Number, Step, copy, sequence
+from flexfem.kernels.sequence import (
+    Call,
+    Number,
+    Step,
+    all_true,
+    copy,
+    in_one_array,
+    sequence,
+)
 from flexfem.solvers.frozen.bodies import FlexibleBodies, RigidBodies
 from flexfem.solvers.frozen.interface import MultiplierSystem
 from flexfem.system.system import Shifts, System
@@ -40,9 +48,11 @@ class FrozenSequences:
         self._bodies: list[RigidBodies | FlexibleBodies] = [*rigid, *flexible]
         self.correction = multipliers.correction
         inversions = [one.inversion(self._rates, self._scale) for one in rigid]
-        factorisation, self._tests = multipliers.factorisation()
-        self._tests += [calls[1] for calls in inversions]
-        self._prepare = sequence([call for calls in inversions for call in calls] + factorisation)
+        factorisation, tests = multipliers.factorisation()
+        tests += [calls[1] for calls in inversions]
+        self._regular = Call(all_true, in_one_array(tests))
+        inverting = [call for calls in inversions for call in calls]
+        self._prepare = sequence([*inverting, *factorisation, self._regular])
         self._at_rows = sequence(self._solve(system.constraints.values, beyond=False))
 
     @classmethod
@@ -60,7 +70,7 @@ class FrozenSequences:
         self._rates[:] = shifts.array
         self._scale.set(shifts.scale)
         self._prepare()
-        return all(call.result[0] for call in self._tests)
+        return bool(self._regular.result[0])
 
     def solve(self, values: FloatArray, *, beyond: bool) -> FloatArray:
         """See ``FrozenSolver._solve``."""

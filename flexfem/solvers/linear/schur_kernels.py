@@ -18,7 +18,6 @@ __all__ = [
     "add_diagonal",
     "interface_response",
     "invert_blocks",
-    "largest_entry",
     "multiply_blocks",
     "rigid_responses",
     "row_products",
@@ -272,14 +271,3 @@ def rigid_responses(memory: Memory, inverses: FloatArray) -> None:
                 responses[response + i * count + c] = A[component, i]
             for d in range(count):
                 compliances[compliance + d * count + c] = A[component, columns[first + d, 1]]
-
-
-@kernel
-def largest_entry(x: FloatArray) -> float:
-    """Largest absolute value, 0 for an empty array; NaN is preserved."""
-    largest = 0.0
-    for value in x:
-        size = abs(value)
-        if size > largest or size != size:
-            largest = size
-    return largest

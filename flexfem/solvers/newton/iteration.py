@@ -12,7 +12,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
-from flexfem.solvers.linear.schur_kernels import largest_entry
+from flexfem.kernels.sequence import largest_entry
 from flexfem.system.mechanics import END_POINT, Correction, SolveAgain
 from flexfem.system.moving_apart import Moved
 from flexfem.system.system import PartStrains, Shifts, System

@@ -18,8 +18,8 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray
 from flexfem.core.laws import LawKind
 from flexfem.core.status import Status
+from flexfem.kernels.sequence import largest_entry
 from flexfem.lie import so3
-from flexfem.solvers.linear.schur_kernels import largest_entry
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.statics.stability import Inertia
 from flexfem.system.mechanics import END_POINT

@@ -13,7 +13,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.contact.contacts import Contacts
 from flexfem.core.status import Status
-from flexfem.solvers.linear.schur_kernels import largest_entry
+from flexfem.kernels.sequence import largest_entry
 from flexfem.solvers.linear.tangent import on_diagonals
 from flexfem.solvers.statics.equilibrium import Equilibrium
 from flexfem.system.mechanics import END_POINT
