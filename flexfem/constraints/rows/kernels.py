@@ -12,11 +12,13 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.constraints.rows.data import InterfaceNodes, RowArrays
 from flexfem.constraints.rows.laws import CAPSTAN, ELEMENT, RIGID, force_law
 from flexfem.constraints.terms.dispatch import term
-from flexfem.constraints.terms.vectors import cross_into, dot, rotate_into
+from flexfem.constraints.terms.vectors import put, scaled
+from flexfem.core.nodes.step_kernels import add, turn
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 from flexfem.kernels.records import Memory, unpack
-from flexfem.lie._blocks import copy_entries
+from flexfem.lie._blocks import copy_entries, cross, dot, triple
+from flexfem.lie._coefficients import Triple
 from flexfem.lie.se3 import compose_into
 
 __all__ = [
@@ -41,14 +43,19 @@ TWIST = int(RowKind.TWIST)
 ON_LINES = -1
 
 
+@inlined
+def _carried(offset: FloatArray, g: FloatArray, at: int) -> tuple[Triple, Triple]:
+    """Forces and moments of :func:`to_node`."""
+    force = turn(offset, triple(g, at))
+    return force, add(turn(offset, triple(g, at + 3)), 1.0, cross(triple(offset, 0), force))
+
+
 @subroutine
 def to_node(offset: FloatArray, g: FloatArray, at: int, out: FloatArray) -> None:
     """Carry a marker's gradient ``g[at:at+6]`` to its node: ``Ad(H_o^-1)^T g``."""
-    rotate_into(offset, g[at : at + 3], out, 0)
-    rotate_into(offset, g[at + 3 : at + 6], out, 3)
-    out[3] += offset[1] * out[2] - offset[2] * out[1]
-    out[4] += offset[2] * out[0] - offset[0] * out[2]
-    out[5] += offset[0] * out[1] - offset[1] * out[0]
+    force, moment = _carried(offset, g, at)
+    put(force, out, 0)
+    put(moment, out, 3)
 
 
 @kernel
@@ -92,7 +99,6 @@ def update_angles(memory: Memory, frames: FloatArray) -> None:
 def update_wraps(memory: Memory) -> None:
     """Exponents of the friction of cables around guides, at accepted poses and angles."""
     own, g, h, scratch = unpack(RowArrays, memory), np.empty(12), np.empty(12), np.empty((5, 3))
-    across = np.empty(3)
     for k in range(own.wrapped_rows.size):
         before, after = own.wrap_terms[k]
         coefficient, angle = own.wraps[k, 0], own.wraps[k, 1]
@@ -101,8 +107,9 @@ def update_wraps(memory: Memory) -> None:
         else:  # an eyelet: between the directions of the straight parts
             _term(own, before, 0.0, g, scratch)
             _term(own, after, 0.0, h, scratch)
-            cross_into(g[6:9], h[:3], across, 0)
-            angle = np.arctan2(np.sqrt(dot(across, across)), -dot(g[6:9], h[:3]))
+            first, last = triple(g, 6), triple(h, 0)
+            across = cross(first, last)
+            angle = np.arctan2(np.sqrt(dot(across, across)), -dot(first, last))
         own.elastic[own.wrapped_rows[k], 3] = coefficient * max(angle, 0.0)
 
 
@@ -122,9 +129,7 @@ def marker_wrenches(memory: Memory, forces: FloatArray, out: FloatArray) -> None
 
     Moments are about the markers' origins.
     """
-    own, g, scratch, turned = (
-        unpack(RowArrays, memory), np.empty(12), np.empty((5, 3)), np.empty(3)
-    )  # fmt: skip
+    own, g, scratch = unpack(RowArrays, memory), np.empty(12), np.empty((5, 3))
     for t in range(own.kinds.size):
         if own.kinds[t] == ON_LINES:
             continue
@@ -132,7 +137,7 @@ def marker_wrenches(memory: Memory, forces: FloatArray, out: FloatArray) -> None
         size = -own.factors[t] * forces[own.row_of_term[t]]
         for part in range(4):
             m = own.term_marker[t, part // 2]
-            rotate_into(own.poses[m], g[3 * part : 3 * part + 3], turned, 0)
+            turned = turn(own.poses[m], triple(g, 3 * part))
             for i in range(3):
                 out[m, 3 * (part % 2) + i] += size * turned[i]
 
@@ -201,11 +206,13 @@ def _to_nodes(own: RowArrays, t: int, g: FloatArray, velocities: FloatArray) -> 
             force[:] = 0.0
             step[:] = 0.0
             continue
-        to_node(own.marker_offset[m], g, 6 * side, force)
-        for i in range(6):
-            force[i] *= factor
-            step[i] = force[i]
-            rate += force[i] * velocities[node, i]
+        first, last = _carried(own.marker_offset[m], g, 6 * side)
+        first, last, v = scaled(factor, first), scaled(factor, last), velocities[node]
+        put(first, force, 0)
+        put(last, force, 3)
+        put(first, step, 0)
+        put(last, step, 3)
+        rate += dot(first, triple(v, 0)) + dot(last, triple(v, 3))
     return rate
 
 

@@ -4,22 +4,19 @@
 from flexfem._types import FloatArray
 from flexfem.constraints.terms.vectors import (
     add_block,
-    cross_into,
-    dot,
     force_gradient,
     mean,
     multiply,
     product,
     put,
     rotate_back_into,
-    rotate_into,
     skew,
     skew_into,
 )
-from flexfem.core.nodes.step_kernels import add
+from flexfem.core.nodes.step_kernels import add, turn, turn_back
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import on_demand, subroutine
-from flexfem.lie._blocks import cross, triple
+from flexfem.lie._blocks import cross, dot, triple
 from flexfem.lie._coefficients import Triple
 
 __all__ = ["KIND", "hessian", "step_change", "step_gradient", "value"]
@@ -28,15 +25,13 @@ KIND = int(RowKind.ALONG)
 
 
 @subroutine
-def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: FloatArray) -> float:
+def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray) -> float:
     """Value, and gradient in ``g``."""
-    for i in range(3):
-        s[0, i] = Hb[i] - Ha[i]
-    rotate_back_into(Ha, s[0], s[1], 0)  # p = R_a^T (x_b - x_a)
-    cross_into(d[0], s[1], g, 3)
-    rotate_into(Ha, d[0], s[2], 0)
-    force_gradient(Ha, Hb, s[2], g)
-    return dot(d[0], s[1])
+    u = triple(d[0], 0)
+    p = turn_back(Ha, add(triple(Hb, 0), -1.0, triple(Ha, 0)))  # R_a^T (x_b - x_a)
+    put(cross(u, p), g, 3)
+    force_gradient(Ha, Hb, turn(Ha, u), g)
+    return dot(u, p)
 
 
 @on_demand

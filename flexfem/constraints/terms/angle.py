@@ -6,21 +6,11 @@ from math import atan2, floor, pi
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.constraints.terms.vectors import (
-    cross_into,
-    dot,
-    mean,
-    put,
-    rotate_back_into,
-    rotate_into,
-    scaled,
-    turned,
-)
-from flexfem.core.nodes.step_kernels import add, unit
+from flexfem.constraints.terms.vectors import mean, put, scaled, turned
+from flexfem.core.nodes.step_kernels import add, turn, turn_back, unit
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import inlined, on_demand, subroutine
-from flexfem.lie._blocks import cross, triple
-from flexfem.lie._blocks import dot as dot_of
+from flexfem.lie._blocks import cross, dot, triple
 from flexfem.lie._coefficients import Triple
 
 __all__ = ["KIND", "hessian", "step_change", "step_gradient", "value", "wrapped"]
@@ -31,22 +21,15 @@ _TURN = 2.0 * pi
 
 
 @subroutine
-def value(
-    Ha: FloatArray, Hb: FloatArray, d: FloatArray, memory: float, g: FloatArray, s: FloatArray
-) -> float:
+def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, memory: float, g: FloatArray) -> float:
     """Value, and gradient in ``g``."""
-    u, v, p = d[0], d[1], d[2]
-    rotate_into(Hb, v, s[0], 0)
-    rotate_back_into(Ha, s[0], s[1], 0)  # y
-    cross_into(u, p, s[2], 0)
-    cosine, sine = dot(p, s[1]), dot(s[2], s[1])
-    square = cosine * cosine + sine * sine
-    for i in range(3):
-        s[3, i] = (cosine * s[2, i] - sine * p[i]) / square
-    cross_into(s[3], s[1], g, 3)
-    rotate_into(Ha, s[3], s[4], 0)
-    rotate_back_into(Hb, s[4], s[0], 0)
-    cross_into(v, s[0], g, 9)
+    u, v, p = triple(d[0], 0), triple(d[1], 0), triple(d[2], 0)
+    side, y = cross(u, p), turn_back(Ha, turn(Hb, v))
+    cosine, sine = dot(p, y), dot(side, y)
+    over = 1.0 / (cosine * cosine + sine * sine)
+    slope = scaled(over, add(scaled(cosine, side), -sine, p))  # of the angle by y
+    put(cross(slope, y), g, 3)
+    put(cross(v, turn_back(Hb, turn(Ha, slope))), g, 9)
     return wrapped(atan2(sine, cosine), memory)
 
 
@@ -55,7 +38,7 @@ def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray) -> N
     """Derivative of the gradient ``(g x y, v x R_ba g)``: columns for axes of a, then of b."""
     u, v, p = triple(d[0], 0), triple(d[1], 0), triple(d[2], 0)
     side, y = cross(u, p), turned(Rab, v)
-    cosine, sine = dot_of(p, y), dot_of(side, y)
+    cosine, sine = dot(p, y), dot(side, y)
     over = 1.0 / (cosine * cosine + sine * sine)
     g = scaled(over, add(scaled(cosine, side), -sine, p))
     other = turned(Rba, g)
@@ -65,7 +48,7 @@ def hessian(Rab: FloatArray, Rba: FloatArray, d: FloatArray, h: FloatArray) -> N
             dy, by_turn = cross(y, axis), turned(Rba, cross(axis, g))
         else:
             dy, by_turn = turned(Rab, cross(axis, v)), cross(other, axis)
-        dc, ds = dot_of(p, dy), dot_of(side, dy)
+        dc, ds = dot(p, dy), dot(side, dy)
         dg = add(scaled(dc, side), -ds, p)
         dg = scaled(over, add(dg, -2.0 * (cosine * dc + sine * ds), g))
         on_a = add(cross(dg, y), 1.0, cross(g, dy))
@@ -98,8 +81,8 @@ def _angle_parts(
     s0: FloatArray, s1: FloatArray, change: float
 ) -> tuple[float, float, float, float, float, float, Triple, Triple]:
     """Cosine and sine at the end and on average, factor and slope; mean vectors."""
-    c0, c1 = dot_of(triple(s0[2], 0), triple(s0[4], 0)), dot_of(triple(s1[2], 0), triple(s1[4], 0))
-    d0, d1 = dot_of(triple(s0[3], 0), triple(s0[4], 0)), dot_of(triple(s1[3], 0), triple(s1[4], 0))
+    c0, c1 = dot(triple(s0[2], 0), triple(s0[4], 0)), dot(triple(s1[2], 0), triple(s1[4], 0))
+    d0, d1 = dot(triple(s0[3], 0), triple(s0[4], 0)), dot(triple(s1[3], 0), triple(s1[4], 0))
     size = np.sqrt((c0 * c0 + d0 * d0) * (c1 * c1 + d1 * d1))
     value, slope = _sinc_inverse(change)
     c, d = 0.5 * (c0 + c1), 0.5 * (d0 + d1)
@@ -127,7 +110,7 @@ def step_change(
     p1, q1, w1 = triple(s1[2], 0), triple(s1[3], 0), triple(s1[4], 0)
     p, w = mean(triple(s0[2], 0), p1), mean(triple(s0[4], 0), w1)
     dp, dq, dw = cross(ta, p1), cross(ta, q1), cross(tb, w1)
-    dc, dd = dot_of(dp, w1) + dot_of(p1, dw), dot_of(dq, w1) + dot_of(q1, dw)
+    dc, dd = dot(dp, w1) + dot(p1, dw), dot(dq, w1) + dot(q1, dw)
     square = c1 * c1 + d1 * d1
     turned, grown = (c1 * dd - d1 * dc) / square, (c1 * dc + d1 * dd) / square
     dfactor = slope * turned - factor * grown

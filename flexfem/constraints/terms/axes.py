@@ -4,20 +4,16 @@
 from flexfem._types import FloatArray
 from flexfem.constraints.terms.vectors import (
     add_block,
-    cross_into,
-    dot,
     mean,
     multiply,
     product,
     put,
-    rotate_back_into,
-    rotate_into,
     skew,
 )
-from flexfem.core.nodes.step_kernels import add
+from flexfem.core.nodes.step_kernels import add, turn, turn_back
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import on_demand, subroutine
-from flexfem.lie._blocks import cross, triple
+from flexfem.lie._blocks import cross, dot, triple
 from flexfem.lie._coefficients import Triple
 
 __all__ = ["KIND", "hessian", "step_change", "step_gradient", "value"]
@@ -26,15 +22,13 @@ KIND = int(RowKind.AXES)
 
 
 @subroutine
-def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: FloatArray) -> float:
+def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray) -> float:
     """Value, and gradient in ``g``."""
-    rotate_into(Hb, d[1], s[0], 0)
-    rotate_back_into(Ha, s[0], s[1], 0)  # R_ab v
-    cross_into(d[0], s[1], g, 3)
-    rotate_into(Ha, d[0], s[2], 0)
-    rotate_back_into(Hb, s[2], s[3], 0)
-    cross_into(d[1], s[3], g, 9)
-    return dot(s[2], s[0])
+    u, v = triple(d[0], 0), triple(d[1], 0)
+    axis, other = turn(Ha, u), turn(Hb, v)
+    put(cross(u, turn_back(Ha, other)), g, 3)
+    put(cross(v, turn_back(Hb, axis)), g, 9)
+    return dot(axis, other)
 
 
 @on_demand

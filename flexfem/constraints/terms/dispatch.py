@@ -60,14 +60,14 @@ def term(
         value: float = s[0, 0]
         return value
     if kind == _AXES:
-        return axes.value(Ha, Hb, d, g, s)
+        return axes.value(Ha, Hb, d, g)
     if kind == _ANGLE:
-        return angle.value(Ha, Hb, d, memory, g, s)
+        return angle.value(Ha, Hb, d, memory, g)
     if kind == _ALONG:
-        return along.value(Ha, Hb, d, g, s)
+        return along.value(Ha, Hb, d, g)
     if kind == _DISTANCE:
-        return distance.value(Ha, Hb, g, s)
-    return inertial.value(Ha, Hb, d, g, s)
+        return distance.value(Ha, Hb, g)
+    return inertial.value(Ha, Hb, d, g)
 
 
 @subroutine

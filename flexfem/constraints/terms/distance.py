@@ -6,12 +6,12 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.constraints.terms.vectors import (
     add_block,
-    dot,
     force_gradient,
     force_hessian,
     mean,
     product,
     put,
+    scaled,
 )
 from flexfem.core.nodes.step_kernels import add
 from flexfem.core.row import RowKind
@@ -26,14 +26,11 @@ KIND = int(RowKind.DISTANCE)
 
 
 @subroutine
-def value(Ha: FloatArray, Hb: FloatArray, g: FloatArray, s: FloatArray) -> float:
+def value(Ha: FloatArray, Hb: FloatArray, g: FloatArray) -> float:
     """Value, and gradient in ``g``."""
-    for i in range(3):
-        s[0, i] = Hb[i] - Ha[i]
-    length: float = np.sqrt(dot(s[0], s[0]))
-    for i in range(3):
-        s[2, i] = s[0, i] / length
-    force_gradient(Ha, Hb, s[2], g)
+    arm = add(triple(Hb, 0), -1.0, triple(Ha, 0))
+    length: float = np.sqrt(dot_of(arm, arm))
+    force_gradient(Ha, Hb, scaled(1.0 / length, arm), g)
     return length
 
 

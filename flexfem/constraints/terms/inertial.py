@@ -2,10 +2,11 @@
 """``u . (x_b - x_a)``, u in inertial axes."""
 
 from flexfem._types import FloatArray
-from flexfem.constraints.terms.vectors import dot, force_gradient, force_hessian, mean, put
+from flexfem.constraints.terms.vectors import force_gradient, force_hessian, mean, put
+from flexfem.core.nodes.step_kernels import add
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import on_demand, subroutine
-from flexfem.lie._blocks import triple
+from flexfem.lie._blocks import dot, triple
 
 __all__ = ["KIND", "hessian", "step_gradient", "value"]
 
@@ -13,12 +14,11 @@ KIND = int(RowKind.INERTIAL)
 
 
 @subroutine
-def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray, s: FloatArray) -> float:
+def value(Ha: FloatArray, Hb: FloatArray, d: FloatArray, g: FloatArray) -> float:
     """Value, and gradient in ``g``."""
-    for i in range(3):
-        s[0, i] = Hb[i] - Ha[i]
-    force_gradient(Ha, Hb, d[0], g)
-    return dot(d[0], s[0])
+    u, arm = triple(d[0], 0), add(triple(Hb, 0), -1.0, triple(Ha, 0))
+    force_gradient(Ha, Hb, u, g)
+    return dot(u, arm)
 
 
 @on_demand

@@ -4,6 +4,7 @@
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.nodes.step_kernels import turn_back
 from flexfem.kernels.compiled import inlined, subroutine
 from flexfem.lie._coefficients import Triple
 
@@ -80,16 +81,10 @@ def skew(v: FloatArray) -> FloatArray:
 def product(A: FloatArray, B: FloatArray) -> FloatArray:
     """``A B`` of matrices (3, 3)."""
     C = np.empty((3, 3))
-    product_into(A, B, C)
-    return C
-
-
-@subroutine
-def product_into(A: FloatArray, B: FloatArray, C: FloatArray) -> None:
-    """``C = A B`` of matrices (3, 3)."""
     for i in range(3):
         for j in range(3):
             C[i, j] = A[i, 0] * B[0, j] + A[i, 1] * B[1, j] + A[i, 2] * B[2, j]
+    return C
 
 
 @subroutine
@@ -136,12 +131,10 @@ def put(v: Triple, out: FloatArray, at: int) -> None:
 
 
 @subroutine
-def force_gradient(Ha: FloatArray, Hb: FloatArray, direction: FloatArray, g: FloatArray) -> None:
+def force_gradient(Ha: FloatArray, Hb: FloatArray, direction: Triple, g: FloatArray) -> None:
     """Gradient, by both positions, of a function with the change ``direction . (dx_b - dx_a)``."""
-    rotate_back_into(Ha, direction, g, 0)
-    for i in range(3):
-        g[i] = -g[i]
-    rotate_back_into(Hb, direction, g, 6)
+    put(scaled(-1.0, turn_back(Ha, direction)), g, 0)
+    put(turn_back(Hb, direction), g, 6)
 
 
 @subroutine
