@@ -3,6 +3,7 @@
 
 import subprocess
 import sys
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.interpolate import BSpline
 import flexfem as ff
 from flexfem.lie import so3
 from flexfem.mesh.nurbs import fit
+from flexfem.mesh.nurbs import frames as frames_of
 from flexfem.mesh.nurbs.basis import greville
 from flexfem.mesh.nurbs.elements import shape_functions
 from flexfem.mesh.nurbs.frames import control_frames, interpolated_rotations, section_rotations
@@ -475,3 +477,26 @@ def test_continuity_is_lowered_and_the_curve_kept():
         curve.with_continuity(4)
     with pytest.raises(TypeError, match=r"continuity must be a whole number, got 1\.5"):
         curve.with_continuity(1.5)
+
+
+@pytest.mark.parametrize("end", [(3.0, -1.0, 0.5), (0.0, 0.0, 2.0)])
+@pytest.mark.parametrize("orientation", [None, (0.3, 2.0, 0.1)])
+def test_frames_of_straight_curves_are_one_frame(end, orientation, monkeypatch):
+    """Members of trusses: nothing is carried along them or solved for."""
+    start = np.array([100.0, 50.0, -7.0])
+    slow, fast = (ff.NurbsCurve.line(start, start + end, elements=4) for _ in range(2))
+    with monkeypatch.context() as patched:
+        patched.setattr(frames_of, "_straight", lambda _: None)
+        expected = control_frames(slow, orientation)
+    monkeypatch.setattr(ff.NurbsCurve, "places", None)
+    # frames that start elsewhere or turn differ by order 1; points differ by nothing
+    np.testing.assert_allclose(control_frames(fast, orientation), expected, rtol=0, atol=1e-12)
+
+
+def test_curves_that_turn_back_or_bend_are_not_straight():
+    """They, and those with a bend that is small, take the general way."""
+    back = [[0, 0, 0], [2, 0, 0], [1, 0, 0], [3, 0, 0]]
+    assert frames_of._straight(ff.NurbsCurve.line([0, 0, 0], [3, 0, 0])) is not None
+    bent = ff.NurbsCurve.through([[0, 0, 0], [1, 1e-9, 0], [2, 0, 0], [3, 0, 0]])
+    assert frames_of._straight(bent) is None
+    assert frames_of._straight(SimpleNamespace(points=np.array(back, dtype=float))) is None

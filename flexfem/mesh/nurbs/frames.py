@@ -25,6 +25,9 @@ _KINK = np.deg2rad(1.0)
 _STEPS = 32
 # Chords shorter than this, relative to the curve's size, have no direction but round-off's
 _SHORT = 1e-6
+# Distances of control points from a straight line, relative to their coordinates, that are taken
+# for rounding errors
+_ROUND_OFF = 1e-14
 # The frames of the control points are found when the rotations differ by less, radians
 _TOLERANCE = 1e-13
 _ITERATIONS = 60
@@ -58,18 +61,39 @@ def section_rotations(
             or is parallel to the tangent somewhere.
     """
     places = np.asarray(u, dtype=np.float64)
+    if not callable(orientation) and (axis := _straight(curve)) is not None:
+        return np.repeat(_axes(curve.points[:1], axis, orientation), len(places), axis=0)
     refuse_corners(curve)
     if orientation is None:
         e1, e2 = _carried(curve, places)
+        return np.stack([e1, e2, np.cross(e1, e2)], axis=-1)
+    return _axes(curve.position(places), _tangents(curve, places), orientation)
+
+
+def _straight(curve: "NurbsCurve") -> FloatArray | None:
+    """Direction (1, 3) of a straight curve that never turns back; None for all others."""
+    points = curve.points
+    steps, chord = np.diff(points, axis=0), points[-1] - points[0]
+    length = np.linalg.norm(chord)
+    if length == 0.0:
+        return None
+    axis = chord / length
+    forth = steps @ axis
+    beside = np.abs(points - points[0] - np.outer((points - points[0]) @ axis, axis)).max()
+    straight = forth.min() > 0.0 and beside <= _ROUND_OFF * np.abs(points).max()
+    return axis[np.newaxis] if straight else None
+
+
+def _axes(x: FloatArray, e1: FloatArray, orientation: Orientation) -> FloatArray:
+    """Frames (n, 3, 3) of tangents at points, e2 near the orientation, horizontal without one."""
+    if orientation is None:
+        e2 = any_normal(e1)
+    elif callable(orientation):
+        what = "result of the function"
+        e2 = projected(_checks.array("orientation", what, orientation(x), (len(x), 3)), e1, x)
     else:
-        x, e1 = curve.position(places), _tangents(curve, places)
-        if callable(orientation):
-            what = "result of the function"
-            vectors = _checks.array("orientation", what, orientation(x), (len(x), 3))
-        else:
-            vector = _checks.vector("orientation", "vector", orientation, nonzero=True)
-            vectors = np.broadcast_to(vector, x.shape)
-        e2 = projected(vectors, e1, x)
+        vector = _checks.vector("orientation", "vector", orientation, nonzero=True)
+        e2 = projected(np.broadcast_to(vector, x.shape), e1, x)
     return np.stack([e1, e2, np.cross(e1, e2)], axis=-1)
 
 
@@ -209,6 +233,8 @@ def _control_points(curve: "NurbsCurve", wanted: FloatArray, vectors: bool) -> F
 
     from flexfem.lie import so3
 
+    if (wanted == wanted[0]).all():
+        return wanted  # those of straight curves
     index, xi = curve.places(greville(curve.degree, curve.knots))
     nodes = curve.elements.nodes[index]
     rows = np.repeat(np.arange(len(nodes)), nodes.shape[1])
