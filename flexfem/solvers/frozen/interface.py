@@ -7,13 +7,13 @@ nodes, its columns.
 
 from collections.abc import Sequence
 from itertools import pairwise
-from typing import Protocol
+from typing import NamedTuple, Protocol
 
 from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
+from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.kernels.sequence import Call, Step
 from flexfem.solvers.frozen.pieces import Bodies
@@ -24,6 +24,7 @@ from flexfem.solvers.linear.schur_kernels import (
     add_diagonal,
     row_products,
     schur,
+    schur_of_pairs,
     steps_beyond,
 )
 from flexfem.system.system import BlockPart, System
@@ -48,6 +49,13 @@ class Sequenced(Protocol):
     def response(self, y: FloatArray) -> Step:
         """Step of a sequence that does the same."""
         ...
+
+
+class _Pairs(NamedTuple):
+    """Pairs of sides between nodes that their body couples: (k, 2), and the first of each body."""
+
+    sides: IndexArray
+    start: IntArray
 
 
 class MultiplierSystem:
@@ -79,11 +87,14 @@ class MultiplierSystem:
         self._response, self._beyond = np.zeros((2, len(face.keys), 6))
         active = rows.active_components()
         self.groups = [self._describe(part, active) for part in system.parts]
-        self._share_values()
+        # of each part; None for all pairs of sides, and before the couplings are known
+        self._pairs: list[_Pairs | None] = [None] * len(self.groups)
+        self._found = not constant
+        if self._found:
+            self._share_values()
         self._factors: InterfaceSystem | None = None
         self._solver: InterfaceSystem | KeptFactors | None = None
         self._direct = constant or transposed  # their solutions are results as they are
-        self._coupled: BoolArray | None = None
         linear = bool((rows.linear | rows.of_elements).all())
         self.keepable = bool(system.comm.allreduce(linear, op=MPI.LAND))
         self._version = rows.lines.version
@@ -132,7 +143,7 @@ class MultiplierSystem:
             response_start=starts(lengths),
             compliances=np.zeros(int((widths**2).sum())),
             compliance_start=starts(widths**2),
-            entries=np.zeros(int((per_body**2).sum())),
+            entries=np.zeros(0),
         )
         return Bodies(part, own)
 
@@ -165,8 +176,11 @@ class MultiplierSystem:
 
     def _share_values(self) -> None:
         """Entries of the Schur complement on this rank in one array: of bodies, then of rows."""
-        rows = self._system.constraints
-        ends = np.cumsum([*(len(group.own.entries) for group in self.groups), rows.size])
+        rows, counts = self._system.constraints, []
+        for group, pairs in zip(self.groups, self._pairs, strict=True):
+            every = (np.diff(group.own.side_start) ** 2).sum()
+            counts.append(int(every) if pairs is None else len(pairs.sides))
+        ends = np.cumsum([*counts, rows.size])
         self._values = np.zeros(ends[-1] + len(rows.coupled))
         self._correction = np.zeros(rows.size)
         *parts, self._diagonal, self._coupling = np.split(self._values, ends)
@@ -181,10 +195,13 @@ class MultiplierSystem:
         end = found.shape[1] - len(row)
         found[:, end - rows.size : end], found[:, end:] = np.arange(rows.size), (row, column)
         at = 0
-        for group in self.groups:
+        for group, pairs in zip(self.groups, self._pairs, strict=True):
             own = group.own
-            pairs = found[:, at : at + len(own.entries)]
-            _write_pairs(rows.row_of_term[own.sides[:, 0]], own.side_start, pairs)
+            out, of_side = found[:, at : at + len(own.entries)], rows.row_of_term[own.sides[:, 0]]
+            if pairs is None:
+                _write_pairs(of_side, own.side_start, out)
+            else:
+                out[:] = of_side[pairs.sides.T]
             at += len(own.entries)
         return found[0], found[1]
 
@@ -194,9 +211,6 @@ class MultiplierSystem:
             return self._solver
         rows = self._system.constraints
         i, j = self._pattern()
-        if self._constant:
-            self._coupled = self._find_coupled()
-            i, j = i[self._coupled], j[self._coupled]
         self._factors = InterfaceSystem(
             self._system.comm, i, j, rows.interior, rows.shared_numbers, rows.holders,
             rows.grounded,
@@ -209,25 +223,14 @@ class MultiplierSystem:
             self._solver = with_kept_factors(self._system.comm, self._factors, i, j)
         return self._solver
 
-    def _find_coupled(self) -> BoolArray:
-        """True for every entry between nodes that are coupled by their body, and all others."""
-        coupled = np.ones(len(self._values), dtype=np.bool_)
-        at = 0
-        for group in self.groups:
-            own = group.own
-            for b, (start, end) in enumerate(pairwise(own.side_start)):
-                count = (end - start) ** 2
-                flexible = group.part.elements is not None
-                if count and flexible and not group.part.block.has_ghosts:
-                    nodes = own.sides[start:end, 2]
-                    first, number = np.unique(self._node_column[nodes], return_inverse=True)
-                    width = own.column_start[b + 1] - own.column_start[b]
-                    matrix = own.compliances[own.compliance_start[b] :][: width**2] != 0.0
-                    blocks = np.logical_or.reduceat(matrix.reshape(width, width), first)
-                    pairs = np.logical_or.reduceat(blocks, first, axis=1)
-                    coupled[at : at + count] = pairs[np.ix_(number, number)].ravel()
-                at += count
-        return coupled
+    def _find_pairs(self) -> list[_Pairs | None]:
+        """Pairs of sides between nodes that are coupled by their body; None for all of a part."""
+        return [
+            _coupled_pairs(group.own)
+            if group.part.elements is not None and not group.part.block.has_ghosts
+            else None
+            for group in self.groups
+        ]
 
     def follow_sliders(self) -> None:
         """Update the nodes on which sliders act; the bodies are the same."""
@@ -239,8 +242,9 @@ class MultiplierSystem:
             own = group.own
             own.sides[:, 2] = rows.term_nodes[own.sides[:, 0], own.sides[:, 1]]
             own.ranges, own.range_start = self._ranges(own.sides, own.side_start)
-        if self._coupled is not None and not np.array_equal(self._coupled, self._find_coupled()):
+        if self._constant and self._found and not _equal(self._pairs, self._find_pairs()):
             self._factors = self._solver = None
+            self._found = False
 
     def factor(self, regular: bool) -> bool:
         """Assemble and factorise; False on all ranks if it is singular on one (collective).
@@ -249,16 +253,21 @@ class MultiplierSystem:
             regular: False if a rigid body of this rank has a singular matrix.
         """
         rows = self._system.constraints
-        for group in self.groups:
-            schur(group.own.memory, rows.own.memory)
+        if not self._found:
+            self._pairs, self._found = self._find_pairs(), True
+            self._share_values()
+        for group, pairs in zip(self.groups, self._pairs, strict=True):
+            if pairs is None:
+                schur(group.own.memory, rows.own.memory)
+            else:
+                schur_of_pairs(group.own.memory, rows.own.memory, pairs.sides, pairs.start)
         np.multiply(rows.owned, rows.compliance, out=self._diagonal)
         if len(rows.coupling):
             self._coupling[:] = rows.owned[rows.coupled[:, 0]] * rows.coupling
         if not rows.size_global:
             return regular
         factors = self._eliminate()
-        values = self._values if self._coupled is None else self._values[self._coupled]
-        return factors.factor(values, regular)
+        return factors.factor(self._values, regular)
 
     @property
     def correction(self) -> FloatArray:
@@ -268,8 +277,8 @@ class MultiplierSystem:
     @property
     def banded(self) -> bool:
         """True if the system of this rank alone is a band, known after a factorisation."""
-        made = self._factors is not None and self._coupled is None
-        return made and self._factors is not None and self._factors.band is not None
+        factors = None if self._constant else self._factors
+        return factors is not None and factors.band is not None
 
     def factorisation(self) -> tuple[list[Step], list[Call]]:
         """What :meth:`factor` does if the system is ``banded``, and the calls that test it."""
@@ -328,6 +337,33 @@ class MultiplierSystem:
     def forget_responses(self) -> None:
         """Set the responses of bodies without right-hand sides to zero."""
         self._response[:] = 0.0
+
+
+def _coupled_pairs(own: BodyColumns) -> _Pairs | None:
+    """Pairs of sides between coupled nodes, in the order of :func:`schur`; None if all are."""
+    found, counts = [np.zeros((0, 2), dtype=np.int32)], [0] * (len(own.side_start) - 1)
+    for b, (start, end) in enumerate(pairwise(own.side_start.tolist())):
+        if start == end:
+            continue
+        first, number = np.unique(own.node_column[own.sides[start:end, 2]], return_inverse=True)
+        width = own.column_start[b + 1] - own.column_start[b]
+        matrix = own.compliances[own.compliance_start[b] :][: width**2] != 0.0
+        blocks = np.logical_or.reduceat(matrix.reshape(width, width), first)
+        blocks = np.logical_or.reduceat(blocks, first, axis=1)
+        second, side = np.nonzero(blocks[np.ix_(number, number)])
+        found.append(start + np.column_stack([side, second]).astype(np.int32))
+        counts[b] = len(side)
+    if np.array_equal(counts, np.diff(own.side_start) ** 2):
+        return None
+    return _Pairs(np.concatenate(found), starts(np.array(counts)))
+
+
+def _equal(some: list[_Pairs | None], others: list[_Pairs | None]) -> bool:
+    """True if these are the same pairs."""
+    return all(
+        (one is None) == (other is None) and all(map(np.array_equal, one or (), other or ()))
+        for one, other in zip(some, others, strict=True)
+    )
 
 
 def _write_pairs(rows: IntArray, start: IntArray, out: IndexArray) -> None:

@@ -8,7 +8,7 @@ compliance.
 
 import numpy as np
 
-from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.constraints.rows.data import RowArrays
 from flexfem.kernels.compiled import inlined, kernel
 from flexfem.kernels.records import Float1D, Float2D, Int1D, Int2D, Memory, Record, unpack
@@ -22,6 +22,7 @@ __all__ = [
     "rigid_responses",
     "row_products",
     "schur",
+    "schur_of_pairs",
     "steps_beyond",
 ]
 
@@ -49,7 +50,8 @@ class BodyColumns(Record):
         response_start: (bodies + 1,).
         compliances: matrices ``J A^-1 J^T``, transposed: forces of a side take consecutive entries.
         compliance_start: (bodies + 1,).
-        entries: of the Schur complement, pairs in the order (body, second side, first side).
+        entries: of the Schur complement, pairs in the order (body, second side, first side); of all
+            pairs, or of those for which :func:`schur_of_pairs` is called.
     """
 
     width: int
@@ -159,6 +161,31 @@ def schur(memory: Memory, rows: Memory) -> None:
                         + G[3, n] * u + G[4, n] * v + G[5, n] * w
                     )  # fmt: skip
                 at += i - run
+
+
+@kernel
+def schur_of_pairs(memory: Memory, rows: Memory, pairs: IndexArray, pair_start: IntArray) -> None:
+    """The same entries for pairs (k, 2) of first and second sides, given the first of each body.
+
+    Others are zero where a body does not couple their nodes, as one with lumped masses.
+    """
+    own, terms = unpack(BodyColumns, memory), unpack(RowArrays, rows)
+    sides, compliances = own.sides, own.compliances
+    for b in range(pair_start.size - 1):
+        count = own.column_start[b + 1] - own.column_start[b]
+        for at in range(pair_start[b], pair_start[b + 1]):
+            i, j = pairs[at]
+            step = terms.step_jacobian[sides[i, 0], sides[i, 1]]
+            force = terms.force_jacobian[sides[j, 0], sides[j, 1]]
+            node, other = sides[i, 2], sides[j, 2]
+            first = own.compliance_start[b] + own.node_column[other] * count + own.node_column[node]
+            total = 0.0
+            for k in range(own.node_active[node]):
+                moved = 0.0
+                for m in range(own.node_active[other]):
+                    moved += compliances[first + m * count + k] * force[m]
+                total += step[k] * moved
+            own.entries[at] = total
 
 
 @kernel
