@@ -44,6 +44,7 @@ class LineJoints:
         """Collect lines, markers and rows; ``rows`` are those of all joints of the table."""
         self._table = table
         self.joints = [i for i, joint in enumerate(table.joints) if joint.on_lines]
+        self._number = {joint: c for c, joint in enumerate(self.joints)}
         self.version = 0
         found = {
             id(point.rail): point.rail
@@ -145,7 +146,7 @@ class LineJoints:
 
         Rows locked at the start are locked at the initial place of their slider.
         """
-        c = self.joints.index(joint)
+        c = self._number[joint]
         own = self.own
         t = int(own.first_term[own.first_row[c]])
         for number, row in enumerate(rows, start=int(self._table.start[joint])):
@@ -193,7 +194,7 @@ class LineJoints:
 
     def angles_of(self, joint: int) -> FloatArray:
         """Those of one joint, by its number in the table."""
-        c, own = self.joints.index(joint), self.own
+        c, own = self._number[joint], self.own
         terms = own.first_term[own.first_row[c : c + 2]]
         return own.angles[terms[0] : terms[1]]
 
@@ -229,12 +230,24 @@ class LineJoints:
         """True if a marker slides."""
         return bool(self.own.slides.any())
 
-    def arc(self, joint: int) -> float:
-        """Arc length (m) of the slider of a joint at the last evaluation.
+    def numbers(self, joints: Sequence[int]) -> IntArray:
+        """Numbers (n,) among the joints on lines of joints of the table."""
+        return np.array([self._number[joint] for joint in joints], dtype=np.int64)
 
-        ``joint`` is its number in the table.
+    def arcs(self, numbers: IntArray) -> FloatArray:
+        """Arc lengths (n,) of the sliders of joints at the last evaluation, m.
+
+        Args:
+            numbers: (n,) of the joints, see :meth:`numbers`.
         """
-        return self._zeta(self.places[self.own.first_marker[self.joints.index(joint)]])
+        own = self.own
+        element, xi = own.places[own.first_marker[numbers]].T
+        line = element.astype(np.int64)
+        along = np.zeros(len(numbers))
+        for coefficients in own.arc[line].T[::-1]:
+            along = along * xi + coefficients
+        along += own.start[line]
+        return along
 
     def motions(
         self, joints: Sequence[int], frames: FloatArray, velocities: FloatArray
@@ -252,7 +265,7 @@ class LineJoints:
         out = np.empty((len(joints), 20))
         if len(joints):
             places, poses = self.places.copy(), np.zeros((len(self._table.marker_node), 12))
-            numbers = np.array([self.joints.index(joint) for joint in joints])
+            numbers = self.numbers(joints)
             for c in numbers.tolist():
                 place_lines(self.own.memory, c, c + 1, frames, poses, places)
             slider_motions(self.own.memory, numbers, velocities, poses, places, out)

@@ -80,7 +80,8 @@ class NurbsLines:
         curves = [model.curve(beam) for beam in beams]
         along = [CurveSection(b, c.length) for b, c in zip(beams, curves, strict=True)]
         frames = [_frames(beam, curve) for beam, curve in zip(beams, curves, strict=True)]
-        numbers = np.array([model.beams.index(beam) for beam in beams], dtype=np.int64)
+        places = {id(beam): number for number, beam in enumerate(model.beams)}
+        numbers = np.array([places[id(beam)] for beam in beams], dtype=np.int64)
         parts = [curve.elements for curve in curves]
         nodes = [len(f) for f in frames]
         sections, section = _numbered(along)
