@@ -23,7 +23,6 @@ from flexfem.constraints.lines.kernels import (
 )
 from flexfem.constraints.rows.placed_joint import RowLayout
 from flexfem.constraints.terms.compiled_functions import kind_number
-from flexfem.core.places.line_points import arc_length
 from flexfem.core.row import Row, RowKind
 from flexfem.core.runs import starts
 from flexfem.layout.lines import Line, Rail
@@ -155,18 +154,24 @@ class LineJoints:
                 own.directions[t] = term.data
                 t += 1
                 if row.switchable and term.kind is RowKind.ARC:
-                    place = own.accepted[own.first_marker[c] + term.a]
-                    self._table.targets[number] += term.factor * self._zeta(place)
+                    at = int(own.first_marker[c]) + term.a
+                    zeta = float(self._arcs(own.accepted[at : at + 1])[0])
+                    self._table.targets[number] += term.factor * zeta
 
     @property
     def directions(self) -> FloatArray:
         """(t, 3, 3) directions of the terms of these joints, see ``RowTable``."""
         return self.own.directions
 
-    def _zeta(self, place: FloatArray) -> float:
-        """Arc length (m) from the start of a line to a place (2,) on it."""
-        e, xi = int(place[0]), float(place[1])
-        return float(self.own.start[e] + arc_length(self.own.arc[e], xi)[0])
+    def _arcs(self, places: FloatArray) -> FloatArray:
+        """Arc lengths (n,) from the starts of lines to places (n, 2) on them, m."""
+        element, xi = places.T
+        line = element.astype(np.int64)
+        along = np.zeros(len(places))
+        for coefficients in self.own.arc[line].T[::-1]:
+            along = along * xi + coefficients
+        along += self.own.start[line]
+        return along
 
     def accepted_places(self) -> FloatArray:
         """(m, 2) accepted places of all markers: element counted on its line, and xi in it."""
@@ -240,14 +245,7 @@ class LineJoints:
         Args:
             numbers: (n,) of the joints, see :meth:`numbers`.
         """
-        own = self.own
-        element, xi = own.places[own.first_marker[numbers]].T
-        line = element.astype(np.int64)
-        along = np.zeros(len(numbers))
-        for coefficients in own.arc[line].T[::-1]:
-            along = along * xi + coefficients
-        along += own.start[line]
-        return along
+        return self._arcs(self.own.places[self.own.first_marker[numbers]])
 
     def motions(
         self, joints: Sequence[int], frames: FloatArray, velocities: FloatArray

@@ -7,10 +7,12 @@ from flexfem._types import FloatArray
 from flexfem.constraints.rows.data import InterfaceNodes, RowArrays
 from flexfem.constraints.rows.kernels import ON_LINES, TWIST, to_node
 from flexfem.constraints.terms.dispatch import term_hessian
+from flexfem.constraints.terms.vectors import put
 from flexfem.core.nodes.frame_kernels import along_velocity_into, step_rates_into
+from flexfem.core.nodes.step_kernels import add, turn_back
 from flexfem.kernels.compiled import inlined, kernel, subroutine
 from flexfem.kernels.records import Memory, unpack
-from flexfem.lie._blocks import cross, dot, triple
+from flexfem.lie._blocks import cross, triple
 
 __all__ = [
     "add_dampers",
@@ -77,12 +79,10 @@ def add_hessians(memory: Memory, factor: FloatArray, out: FloatArray) -> None:
 @subroutine
 def _to_marker(offset: FloatArray, twist: FloatArray, v: FloatArray, at: int) -> None:
     """Local twist ``v[at : at + 6]`` of a marker from that of its node."""
-    o, omega = triple(offset, 0), triple(twist, 3)
-    turned = cross(omega, o)
-    x = (twist[0] + turned[0], twist[1] + turned[1], twist[2] + turned[2])
-    for i in range(3):
-        column = (offset[3 + i], offset[6 + i], offset[9 + i])  # R_o^T
-        v[at + i], v[at + 3 + i] = dot(column, x), dot(column, omega)
+    omega = triple(twist, 3)
+    moved = add(triple(twist, 0), 1.0, cross(omega, triple(offset, 0)))
+    put(turn_back(offset, moved), v, at)
+    put(turn_back(offset, omega), v, at + 3)
 
 
 @subroutine

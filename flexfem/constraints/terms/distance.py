@@ -16,8 +16,7 @@ from flexfem.constraints.terms.vectors import (
 from flexfem.core.nodes.step_kernels import add
 from flexfem.core.row import RowKind
 from flexfem.kernels.compiled import on_demand, subroutine
-from flexfem.lie._blocks import dot as dot_of
-from flexfem.lie._blocks import triple
+from flexfem.lie._blocks import dot, triple
 from flexfem.lie._coefficients import Triple
 
 __all__ = ["KIND", "hessian", "step_change", "step_gradient", "value"]
@@ -29,7 +28,7 @@ KIND = int(RowKind.DISTANCE)
 def value(Ha: FloatArray, Hb: FloatArray, g: FloatArray) -> float:
     """Value, and gradient in ``g``."""
     arm = add(triple(Hb, 0), -1.0, triple(Ha, 0))
-    length: float = np.sqrt(dot_of(arm, arm))
+    length: float = np.sqrt(dot(arm, arm))
     force_gradient(Ha, Hb, scaled(1.0 / length, arm), g)
     return length
 
@@ -74,6 +73,6 @@ def step_change(
 ) -> None:
     """Derivative of the discrete gradient."""
     arm, total = mean(triple(s0[0], 0), triple(s1[0], 0)), value0 + value1
-    grown = dot_of(triple(s1[0], 0), shift) / value1
+    grown = dot(triple(s1[0], 0), shift) / value1
     f = add(shift, -2.0 * grown / total, arm)
     put((f[0] / total, f[1] / total, f[2] / total), out, 0)
