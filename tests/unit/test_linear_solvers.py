@@ -7,12 +7,14 @@ from petsc4py import PETSc
 import numpy as np
 import pytest
 
+from flexfem._types import FloatArray, IntArray
 from flexfem.la import factor as factors_of_bodies
 from flexfem.la import whole
 from flexfem.la.dense import inverted
 from flexfem.la.direct import CountingFactors, DirectSolver, factorise, lu_solver
 from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix, create_nest_matrix, create_nest_vector
+from flexfem.solvers.linear.condensed import CondensedFactor, Solves
 from flexfem.solvers.linear.gmres import minimal_residual
 from flexfem.solvers.linear.multifrontal import Fronts
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem, _ground_first
@@ -262,12 +264,95 @@ def test_fronts_of_nodes(left, rng):
     expected = np.linalg.inv(np.linalg.inv(dense)[np.ix_(last, last)])
     # round-off; an entry that goes to the wrong place of a front is missing by order 1
     np.testing.assert_allclose(fronts.complement, expected, atol=1e-11)
-    right, x = rng.normal(size=(size // 3, 3)), np.zeros((size // 3, 3))
-    fronts.complete(np.linalg.solve(fronts.complement, fronts.reduce(right)), x)
-    np.testing.assert_allclose(x.ravel(), np.linalg.solve(dense, right.ravel()), atol=1e-13)
+    for count in (1, 3):
+        right, moved = rng.normal(size=(count, size // 3, 3)), fronts.room(count)
+        x = np.zeros_like(right)
+        reduced = fronts.reduce(right, moved)
+        fronts.complete(np.linalg.solve(fronts.complement, reduced.T).T, moved, x)
+        solved = np.linalg.solve(dense, right.reshape(count, -1).T).T
+        # round-off; a right-hand side in the place of another one is wrong by order 1e-2
+        np.testing.assert_allclose(x.reshape(count, -1), solved, atol=1e-13)
     dense[100, 100] = -1.0
     with pytest.raises(ArithmeticError, match="positive definite"):
         SymmetricFronts(tree, dense[rows, columns])
+
+
+def _grid_matrix(rng) -> tuple[NodeTree, FloatArray, IntArray]:
+    """Tree, entries and pairs of components of a grid of nodes, of which an edge is left."""
+    nodes = np.arange(48).reshape(6, 8)
+    edges = [*zip(nodes[:, :-1].ravel(), nodes[:, 1:].ravel(), strict=True)]
+    edges += zip(nodes[:-1].ravel(), nodes[1:].ravel(), strict=True)
+    pattern = np.eye(48)
+    for a, b in edges:
+        pattern[a, b] = pattern[b, a] = 1.0
+    dense = rng.normal(size=(144, 144))
+    # components 0 and 2 are coupled through 1 alone
+    uncoupled = np.array([[1.0, 1.0, 0.0], [1.0, 1.0, 1.0], [0.0, 1.0, 1.0]])
+    dense = (dense + dense.T) * np.kron(pattern, uncoupled) + 40.0 * np.eye(144)
+    rows, columns = np.nonzero(np.kron(pattern, np.ones((3, 3))))
+    tree = NodeTree(np.searchsorted(rows, np.arange(145)), columns, 3, nodes[0])
+    return tree, dense[rows, columns], np.column_stack([rows, columns])
+
+
+@pytest.mark.parametrize("mirrored", [(1, 1, 1), (1, -1, 1), (1, -1, -1), (1, 1, -1)])
+def test_matrices_that_are_equal_but_for_signs(mirrored, rng):
+    """And others, of which each differs in a pair of entries alone, or in a sign."""
+    tree, values, pairs = _grid_matrix(rng)
+    signs = np.array(mirrored)[pairs % 3].prod(axis=1)
+    others = signs * values * (1.0 + 1e-15 * rng.normal(size=len(values)))
+    np.testing.assert_array_equal(tree.signs(values, others), mirrored)
+    coupled = np.flatnonzero((values != 0.0) & (pairs[:, 0] != pairs[:, 1]))
+    for k in rng.choice(coupled, 20):
+        pair = (np.sort(pairs, axis=1) == np.sort(pairs[k])).all(axis=1)
+        # shared factors would be those of a matrix that is wrong by 1e-10, or in one sign
+        assert tree.signs(values, others + 1e-10 * 40.0 * pair) is None
+        assert tree.signs(values, np.where(pair, -others, others)) is None
+    assert tree.signs(values, np.full_like(values, np.nan)) is None
+
+
+def test_congruent_bodies_share_factors(rng):
+    """Solutions are those of their own factors, at the interface and after forces are added."""
+    tree, values, pairs = _grid_matrix(rng)
+    mirrored = np.array([1, -1, 1])[pairs % 3].prod(axis=1) * values
+    nearly = values * (1.0 + 1e-9 * (pairs == 100).all(axis=1))
+    rows = pairs[:, 0]
+    trees, latest, factors = [], {}, []
+    for entries in (values, mirrored, values, nearly, nearly):
+        matrix = PETSc.Mat().createAIJ(
+            (144, 144), comm=PETSc.COMM_SELF,
+            csr=(np.searchsorted(rows, np.arange(145)).astype(PETSc.IntType),
+                 pairs[:, 1].astype(PETSc.IntType), entries),
+        )  # fmt: skip
+        factors.append(CondensedFactor.of(matrix, 3, tree.left, trees, latest))
+    # those of a matrix that is nearly the same would be wrong by 1e-9 at one node
+    shared = [factor.fronts is factors[0].fronts for factor in factors]
+    assert shared == [True, True, True, False, False]
+    assert factors[4].fronts is factors[3].fronts
+    right = list(rng.normal(size=(3, 48, 3)))
+    found = [np.zeros((48, 3)) for _ in right]
+    solves = Solves(factors[:3], right, found)
+    inverses = []
+    for entries in (values, mirrored, values):
+        dense = np.zeros((144, 144))
+        dense[rows, pairs[:, 1]] = entries
+        inverses.append(np.linalg.inv(dense))
+    last = (3 * tree.left[:, np.newaxis] + np.arange(3)).ravel()
+    solves.respond()
+    for factor, one, x, inverse in zip(factors, right, found, inverses, strict=False):
+        # round-off; without the signs by order 1e-2
+        np.testing.assert_allclose(x[tree.left].ravel(), (inverse @ one.ravel())[last], atol=1e-14)
+        np.testing.assert_allclose(
+            factor.compliance(np.array([4, 0, 20])),
+            inverse[np.ix_(last, last)][np.ix_([4, 0, 20], [4, 0, 20])], atol=1e-14,
+        )  # fmt: skip
+        one[tree.left] += rng.normal(size=(len(tree.left), 3))
+    solves.complete()
+    for factor, one, x, inverse in zip(factors, right, found, inverses, strict=False):
+        expected = (inverse @ one.ravel()).reshape(48, 3)
+        np.testing.assert_allclose(x, expected, atol=1e-14)
+        x[:] = 0.0
+        factor.solver(one, x)()
+        np.testing.assert_allclose(x, expected, atol=1e-14)
 
 
 @pytest.mark.three_ranks

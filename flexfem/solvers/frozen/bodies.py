@@ -17,7 +17,7 @@ from flexfem.la.factor import Factor
 from flexfem.la.nest import CoordinateMatrix
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.solvers.frozen.pieces import AnyFactor, Bodies, KeptFactor, Piece
-from flexfem.solvers.linear.condensed import CondensedFactor
+from flexfem.solvers.linear.condensed import CondensedFactor, Latest, Solves
 from flexfem.solvers.linear.iterative import is_mass, iterates, krylov_factor
 from flexfem.solvers.linear.mass_operator import mass_operator
 from flexfem.solvers.linear.schur_kernels import (
@@ -26,7 +26,7 @@ from flexfem.solvers.linear.schur_kernels import (
     multiply_blocks,
     rigid_responses,
 )
-from flexfem.solvers.linear.symmetric_fronts import NodeTree
+from flexfem.solvers.linear.symmetric_fronts import NodeTree, SymmetricFronts
 from flexfem.solvers.linear.tangent import part_pattern, part_values
 from flexfem.system.mechanics import EndPoint, Mechanics
 from flexfem.system.system import MASS, Shifts, System
@@ -197,7 +197,9 @@ class FlexibleBodies:
             self._matrix.assemble(part_values(system, part, shifts, request, self._mechanics))
         destroy_dropped(system.comm)  # older factors
         numbers = self.every if chosen is None else chosen
-        factors = {k: self._factor(self.pieces[k], shifts) for k in numbers}
+        latest: Latest = {}
+        factors = {k: self._factor(self.pieces[k], shifts, latest) for k in numbers}
+        latest.clear()
         self._forget_matrix()
         origin = self._mechanics.origin(system, part)[0]
         if chosen is None:
@@ -252,10 +254,10 @@ class FlexibleBodies:
         self._kept.transposed.clear()
         for k, factor in factors.items():
             self._kept.factors[k], self._kept.solvers[k] = factor, self._solver(k, factor)
-            self._kept.halves[k] = self._halves(k, factor, self._kept.solvers[k])
             self._kept.products[k] = self._product(k, factor)
             for name, values in origin.items():
                 self._kept.nodes[name][self.pieces[k].nodes] = values[self.pieces[k].nodes]
+        self._kept.halves[:] = self._halves(self._kept.factors, self._kept.solvers)
 
     def _keep(
         self, factors: list[AnyFactor], origin: Mapping[str, FloatArray], lumped: bool
@@ -273,9 +275,7 @@ class FlexibleBodies:
         solvers = [self._solver(k, factor) for k, factor in enumerate(factors)]
         compliances = np.zeros(len(group.own.compliances))
         products = [self._product(k, factor) for k, factor in enumerate(factors)]
-        halves = [
-            self._halves(k, *both) for k, both in enumerate(zip(factors, solvers, strict=True))
-        ]
+        halves = self._halves(factors, solvers)
         return KeptFactor(
             factors, solvers, halves, products, direct, responses, compliances, nodes, [], []
         )
@@ -291,12 +291,20 @@ class FlexibleBodies:
         return self.pieces[k].right, self.pieces[k].solution
 
     def _halves(
-        self, k: int, factor: AnyFactor, solve: Callable[[], None]
-    ) -> tuple[Callable[[], None], Callable[[], None]]:
-        """See :class:`KeptFactor`; other factors solve twice."""
-        if isinstance(factor, CondensedFactor):
-            return factor.halves(*self._arrays(k))
-        return solve, solve
+        self, factors: Sequence[AnyFactor], solvers: Sequence[Callable[[], None]]
+    ) -> list[tuple[Callable[[], None], Callable[[], None]]]:
+        """See :class:`KeptFactor`; factors that are not condensed solve twice."""
+        halves = []
+        alike = dict[SymmetricFronts, list[tuple[CondensedFactor, FloatArray, FloatArray]]]()
+        for k, (factor, solve) in enumerate(zip(factors, solvers, strict=True)):
+            if isinstance(factor, CondensedFactor):
+                alike.setdefault(factor.fronts, []).append((factor, *self._arrays(k)))
+            else:
+                halves.append((solve, solve))
+        for group in alike.values():
+            solves = Solves(*zip(*group, strict=True))
+            halves.append((solves.respond, solves.complete))
+        return halves
 
     def _transposed_solvers(self) -> list[Callable[[], None]]:
         """Solvers of all pieces with the transposed matrices."""
@@ -314,8 +322,11 @@ class FlexibleBodies:
         right, solution = self._arrays(k)
         return factor.multiplier(solution, right)
 
-    def _factor(self, piece: Piece, shifts: Shifts) -> AnyFactor:
-        """Factors of a piece of the matrix, or what takes their place."""
+    def _factor(self, piece: Piece, shifts: Shifts, latest: Latest) -> AnyFactor:
+        """Factors of a piece of the matrix, or what takes their place.
+
+        ``latest`` has those of other pieces, which congruent bodies share.
+        """
         block = self.group.part.block
         if self._free(shifts):
             matrix = mass_operator(self._system, self.group.part, self._mechanics)
@@ -339,7 +350,7 @@ class FlexibleBodies:
         if self._thin and alone and rows >= _CONDENSED:
             face = self._place[np.unique(self._ends[0][self._of_piece(piece)])]
             own = matrix.getDiagonalBlock()
-            made = CondensedFactor.of(own, block.width, face, self._trees)
+            made = CondensedFactor.of(own, block.width, face, self._trees, latest)
             if made is not None:
                 return made
         nodes = np.diff(self.group.own.node_start)[piece.bodies]
@@ -387,7 +398,7 @@ class FlexibleBodies:
             columns = own.columns[own.column_start[b] : own.column_start[b + 1]]
             local = self.group.part.interface_nodes[columns[:, 0]]
             rows = at[self._place[local]] * block.width + columns[:, 1]
-            matrix = factor.compliance[np.ix_(rows, rows)]
+            matrix = factor.compliance(rows)
             if block.dirichlet is not None:
                 free = ~block.dirichlet[local, columns[:, 1]]
                 matrix *= free[:, np.newaxis] & free
@@ -472,16 +483,18 @@ class FlexibleBodies:
         self._solve([complete for _, complete in kept.halves] if kept.direct else kept.solvers)
 
     def _solve(self, solvers: Sequence[Callable[[], None]]) -> None:
-        """Call the solvers of all pieces for the right-hand sides."""
+        """Call the solvers of all pieces, some of several ones, for the right-hand sides."""
         block = self.group.part.block
         right = block.hold(self._right)
         if self._whole:
             solvers[0]()
             return
         step = block.owned_step
-        for piece, solve in zip(self.pieces, solvers, strict=True):
+        for piece in self.pieces:
             piece.right[:] = right[piece.nodes]
+        for solve in solvers:
             solve()
+        for piece in self.pieces:
             step[piece.nodes] = piece.solution
 
     def solution(self) -> list[Step]:

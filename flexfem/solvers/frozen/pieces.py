@@ -58,12 +58,13 @@ class Piece:
 class KeptFactor:
     """Factors of the flexible bodies of a part for one step size, one for each piece.
 
-    ``solvers`` solve with them for the steps, ``halves`` in two parts: the first makes the steps of
-    the interface right, the second all of them after forces were added there; ``nodes`` are the
-    arrays of ``Mechanics.origin`` from which they were computed; ``products`` multiply with the
-    matrices, where these are kept, from steps to right-hand sides; ``direct`` is True if there are
-    no responses, see :class:`Bodies`; ``near`` has the compliances of nodes once they are found,
-    and ``transposed`` the solvers with the transposed matrices once they are used.
+    ``solvers`` solve with them for the steps, ``halves`` in two parts, with shared factors for
+    several pieces at once: the first makes the steps of the interface right, the second all of them
+    after forces were added there; ``nodes`` are the arrays of ``Mechanics.origin`` from which they
+    were computed; ``products`` multiply with the matrices, where these are kept, from steps to
+    right-hand sides; ``direct`` is True if there are no responses, see :class:`Bodies`; ``near``
+    has the compliances of nodes once they are found, and ``transposed`` the solvers with the
+    transposed matrices once they are used.
     """
 
     factors: list[AnyFactor]

@@ -4,7 +4,7 @@
 Rows of a node are eliminated together; some nodes are left, as the interface of a body, and get
 their Schur complement. Forward and backward substitution are calls of their own, so that what is
 between them, the interface, may be solved for with other bodies. They read each number of the
-factors once, in the order in which these lie in memory.
+factors once for all of their right-hand sides, in the order in which these lie in memory.
 """
 
 import numpy as np
@@ -25,6 +25,8 @@ _ZERO = 1e-14
 #: Rows that are eliminated before the others are updated by a product of matrices, and columns of
 #: the complement of a front in such a product.
 _BLOCK, _COLUMNS = 48, 192
+#: Difference of entries, relative to the diagonal, of matrices that are the same up to round-off.
+_SAME = 1e-12
 #: Entries of a block of factors from which BLAS multiplies with it: a call costs as much as some.
 _CALL = 256
 
@@ -125,6 +127,25 @@ class NodeTree:
             and np.array_equal(left, self.left)
         )
 
+    def signs(self, values: FloatArray, others: FloatArray) -> FloatArray | None:
+        """Signs (width,) of components by which a matrix becomes another one; None if by none.
+
+        Args:
+            values: entries of the matrix.
+            others: those of the other one, the same up to round-off relative to the diagonal.
+        """
+        width = self.tree.width
+        scales, products = np.empty(len(self._start) - 1), np.zeros((width, width))
+        _compare(self.tree.memory, values, others, scales, products)
+        found = np.zeros(width)
+        found[0] = 1.0
+        while not found.all():  # by the largest products: others are those of round-off
+            new = np.outer(found != 0.0, found == 0.0)
+            weights = np.where(new, np.abs(products), -1.0)
+            i, j = np.unravel_index(weights.argmax(), weights.shape)
+            found[j] = found[i] * (-1.0 if products[i, j] < 0.0 else 1.0)
+        return found if _same(self.tree.memory, values, others, scales, found) else None
+
     def room(self) -> tuple[FloatArray, FloatArray]:
         """Memory for a factorisation: the largest front, and complements that wait for theirs."""
         return np.empty(self._largest**2), np.empty(self._deepest)
@@ -152,21 +173,24 @@ class SymmetricFronts:
             raise ArithmeticError("the matrix is not positive definite")
         lower = np.tril_indices(rows, -1)
         self.complement[lower] = self.complement.T[lower]
-        self._moved = np.empty(len(nodes.tree.order) * nodes.tree.width)
-        self._left = self._moved[len(self._moved) - rows :]
 
-    def reduce(self, right: FloatArray) -> FloatArray:
-        """Eliminate from a right-hand side (n, width); (k width,) that of the complement.
+    def room(self, count: int) -> FloatArray:
+        """Memory for so many right-hand sides that are solved for together: (count, n width)."""
+        return np.empty((count, len(self.nodes.tree.order) * self.nodes.tree.width))
 
-        The rest is kept for :meth:`complete`.
+    def reduce(self, right: FloatArray, moved: FloatArray) -> FloatArray:
+        """Eliminate from right-hand sides (s, n, width), in memory of :meth:`room`.
+
+        Returns:
+            Right-hand sides (s, k width) of the complement.
         """
-        _reduce(self._memory, self._factors, right, self._moved)
-        return self._left.copy()
+        _reduce(self._memory, self._factors, right, moved)
+        return moved[:, moved.shape[1] - self.nodes.tree.width * len(self.nodes.left) :].copy()
 
-    def complete(self, left: FloatArray, solution: FloatArray) -> None:
-        """Solution (n, width) for the last right-hand side, given that (k width,) of the others."""
-        self._left[:] = left
-        _complete(self._memory, self._factors, self._moved, solution)
+    def complete(self, left: FloatArray, moved: FloatArray, solution: FloatArray) -> None:
+        """Solutions (s, n, width) after :meth:`reduce`, given those (s, k width) of the others."""
+        moved[:, moved.shape[1] - left.shape[1] :] = left
+        _complete(self._memory, self._factors, moved, solution)
 
 
 def _dissection(i: IntArray, j: IntArray, inner: IntArray, count: int) -> IntArray:
@@ -304,69 +328,133 @@ def _complement(F: FloatArray, rows: FloatArray, out: FloatArray) -> None:
 
 
 @kernel
-def _reduce(memory: Memory, factors: FloatArray, right: FloatArray, x: FloatArray) -> None:
-    """Forward substitution: ``x`` becomes the reduced right-hand side, in the order of places."""
+def _compare(
+    memory: Memory, values: FloatArray, others: FloatArray, scales: FloatArray, products: FloatArray
+) -> None:
+    """Scales of rows, and sums of products of the entries of two matrices by their components."""
     tree = unpack(Tree, memory)
-    width = tree.width
-    for k in range(tree.order.size):
-        for c in range(width):
-            x[width * k + c] = right[tree.order[k], c]
-    work = np.empty(x.size)
+    for row in range(scales.size):
+        for q in range(tree.entry_start[row], tree.entry_start[row + 1]):
+            if tree.columns[q] == row:
+                scales[row] = 1.0 / np.sqrt(values[q])
+    for row in range(scales.size):
+        for q in range(tree.entry_start[row], tree.entry_start[row + 1]):
+            scale = scales[row] * scales[tree.columns[q]]
+            product = (values[q] * scale) * (others[q] * scale)
+            products[row % tree.width, tree.columns[q] % tree.width] += product
+
+
+@kernel
+def _same(
+    memory: Memory, values: FloatArray, others: FloatArray, scales: FloatArray, signs: FloatArray
+) -> bool:
+    """True if two matrices are the same but for signs of components."""
+    tree = unpack(Tree, memory)
+    for row in range(scales.size):
+        for q in range(tree.entry_start[row], tree.entry_start[row + 1]):
+            column = tree.columns[q]
+            sign = signs[row % tree.width] * signs[column % tree.width]
+            missed = abs(others[q] - sign * values[q]) * scales[row] * scales[column]
+            if not missed <= _SAME:
+                return False
+    return True
+
+
+@kernel
+def _reduce(memory: Memory, factors: FloatArray, right: FloatArray, x: FloatArray) -> None:
+    """Forward substitution: ``x`` becomes the reduced right-hand sides, in the order of places."""
+    tree = unpack(Tree, memory)
+    width, sides = tree.width, x.shape[0]
+    for s in range(sides):
+        for k in range(tree.order.size):
+            for c in range(width):
+                x[s, width * k + c] = right[s, tree.order[k], c]
+    pivots, others = np.empty(x.size), np.empty(x.size)
     for f in range(tree.parents.size):
         a = tree.first[f]
         if a == tree.eliminated:
             break
         rest = tree.rows[tree.row_start[f] : tree.row_start[f + 1]]
         m, r, at = width * (tree.first[f + 1] - a), width * rest.size, tree.at[f]
-        y, t = x[width * a : width * a + m], work[:r]
+        y, t = pivots[: sides * m].reshape(sides, m), others[: sides * r].reshape(sides, r)
+        for s in range(sides):
+            for p in range(m):
+                y[s, p] = x[s, width * a + p]
         for p in range(m):
-            y[p] /= factors[at + p * m + p]
-            value = y[p]
-            for i in range(p + 1, m):
-                y[i] -= factors[at + p * m + i] * value
-        others = factors[at + m * m : at + m * (m + r)]
-        if m * r < _CALL:
-            for j in range(r):
-                t[j] = 0.0
+            row = factors[at + p * m : at + (p + 1) * m]
+            for s in range(sides):
+                y[s, p] /= row[p]
+                value = y[s, p]
+                for i in range(p + 1, m):
+                    y[s, i] -= row[i] * value
+        _multiply(y, factors[at + m * m : at + m * (m + r)].reshape(m, r), t)
+        for s in range(sides):
+            for p in range(m):
+                x[s, width * a + p] = y[s, p]
+            for k in range(rest.size):
+                for c in range(width):
+                    x[s, width * rest[k] + c] -= t[s, width * k + c]
+
+
+@subroutine
+def _multiply(left: FloatArray, matrix: FloatArray, out: FloatArray) -> None:
+    """Write ``left matrix`` for rows (s, m)."""
+    m, r = matrix.shape
+    if m * r < _CALL:
+        out[:] = 0.0
+        for s in range(left.shape[0]):
             for p in range(m):
                 for j in range(r):
-                    t[j] += others[p * r + j] * y[p]
-        else:
-            np.dot(y, others.reshape(m, r), t)
-        for k in range(rest.size):
-            for c in range(width):
-                x[width * rest[k] + c] -= t[width * k + c]
+                    out[s, j] += matrix[p, j] * left[s, p]
+    elif left.shape[0] == 1:
+        np.dot(left[0], matrix, out[0])
+    else:
+        np.dot(left, matrix, out)
 
 
 @kernel
 def _complete(memory: Memory, factors: FloatArray, x: FloatArray, solution: FloatArray) -> None:
-    """Backward substitution in ``x``, and the solution in the order of nodes."""
+    """Backward substitution in ``x``, and the solutions in the order of nodes."""
     tree = unpack(Tree, memory)
-    width = tree.width
-    work, products = np.empty(x.size), np.empty(x.size)
+    width, sides = tree.width, x.shape[0]
+    pivots, others = np.empty(x.size), np.empty(x.size)
     for f in range(tree.parents.size - 1, -1, -1):
         a = tree.first[f]
         if a == tree.eliminated:
             continue
         rest = tree.rows[tree.row_start[f] : tree.row_start[f + 1]]
         m, r, at = width * (tree.first[f + 1] - a), width * rest.size, tree.at[f]
-        y, t = x[width * a : width * a + m], work[:r]
-        for k in range(rest.size):
-            for c in range(width):
-                t[width * k + c] = x[width * rest[k] + c]
-        others = factors[at + m * m : at + m * (m + r)]
-        if m * r < _CALL:
-            for p in range(m):
-                for j in range(r):
-                    y[p] -= others[p * r + j] * t[j]
-        else:
-            np.dot(others.reshape(m, r), t, products[:m])
-            for p in range(m):
-                y[p] -= products[p]
+        y, t = pivots[: sides * m].reshape(sides, m), others[: sides * r].reshape(sides, r)
+        for s in range(sides):
+            for k in range(rest.size):
+                for c in range(width):
+                    t[s, width * k + c] = x[s, width * rest[k] + c]
+        _multiply_transposed(t, factors[at + m * m : at + m * (m + r)].reshape(m, r), y)
         for p in range(m - 1, -1, -1):
-            for i in range(p + 1, m):
-                y[p] -= factors[at + p * m + i] * y[i]
-            y[p] /= factors[at + p * m + p]
-    for k in range(tree.order.size):
-        for c in range(width):
-            solution[tree.order[k], c] = x[width * k + c]
+            row = factors[at + p * m : at + (p + 1) * m]
+            for s in range(sides):
+                value = x[s, width * a + p] - y[s, p]
+                for i in range(p + 1, m):
+                    value -= row[i] * x[s, width * a + i]
+                x[s, width * a + p] = value / row[p]
+    for s in range(sides):
+        for k in range(tree.order.size):
+            for c in range(width):
+                solution[s, tree.order[k], c] = x[s, width * k + c]
+
+
+@subroutine
+def _multiply_transposed(left: FloatArray, matrix: FloatArray, out: FloatArray) -> None:
+    """Write ``left matrix^T`` for rows (s, r)."""
+    m, r = matrix.shape
+    if m * r < _CALL:
+        for s in range(left.shape[0]):
+            for p in range(m):
+                total = 0.0
+                for j in range(r):
+                    total += matrix[p, j] * left[s, j]
+                out[s, p] = total
+    elif left.shape[0] == 1:
+        np.dot(matrix, left[0], out[0])
+    else:
+        np.dot(left, matrix.T, out)
