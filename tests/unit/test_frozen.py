@@ -15,10 +15,11 @@ from flexfem.simulation.dynamics import simulate
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.solvers.frozen import bodies as frozen_bodies
 from flexfem.solvers.frozen import interface
-from flexfem.solvers.frozen.solver import FrozenSolver
+from flexfem.solvers.frozen.solver import FrozenSolver, Worst
 from flexfem.solvers.linear.condensed import CondensedFactor
 from flexfem.solvers.linear.multiplier_system import InterfaceSystem
 from flexfem.solvers.linear.schur_kernels import BodyColumns
+from flexfem.solvers.linear.symmetric_fronts import NodeTree
 from flexfem.system.system import BlockPart, Shifts, System
 
 COMM = MPI.COMM_WORLD
@@ -70,6 +71,66 @@ def test_bodies_respond_by_kept_rows_or_by_another_solve(monkeypatch):
         for name in history:
             # all converge to 1e-6; a force of a joint left out moves the bar by 1e-2
             np.testing.assert_allclose(histories[0][name], history[name], rtol=0.0, atol=1e-9)
+
+
+def _accordion(panels: int = 6) -> ff.Model:
+    """Hinged panels folded this way and that, the mirror images of one another."""
+    x, y = np.linspace(0, 1, 5), np.linspace(0, 0.4, 4)
+    meshes = [
+        ff.SurfaceMesh.grid(
+            f"p{k}", x, y + 0.4 * k,
+            lambda p, k=k: np.column_stack([p, 0.5 * (p[:, 1] - 0.4 * k if k % 2 else
+                                                      0.4 * (k + 1) - p[:, 1])]),
+        ) for k in range(panels)
+    ]  # fmt: skip
+    section = ff.ShellSection.isotropic(2e-3, ff.Material(7e9, 0.3, 2000.0))
+    model = ff.Model("accordion", surface=ff.SurfaceMesh.join(meshes))
+    model.add(ff.Gravity((0.0, 0.0, -9.81)))
+    for k in range(panels):
+        edges = {"p0_bottom": "hinged"} if k == 0 else {}
+        model.add(ff.Shell(f"p{k}", section, edges=edges))
+    for k in range(1, panels):
+        model.add(
+            ff.HingeLine(
+                f"h{k}", ff.ShellLine(f"p{k - 1}", f"p{k - 1}_top"),
+                ff.ShellLine(f"p{k}", f"p{k}_bottom"),
+            )
+        )  # fmt: skip
+    model.add(ff.PositionProbe("tip", ff.Marker(f"p{panels - 1}", (0.5, 0.4 * panels, 0.2))))
+    return model
+
+
+@pytest.mark.three_ranks
+def test_congruent_panels_share_factors_until_one_is_factorised_again(monkeypatch):
+    """The motion and the iterations are those of panels with factors of their own."""
+    for name in ("_ALONE", "_CONDENSED"):
+        monkeypatch.setattr(frozen_bodies, name, 1)
+    begin, fronts, found = FrozenSolver.begin_step, [], []
+
+    def begin_step(solver: FrozenSolver) -> None:
+        begin(solver)
+        (panels,) = solver._flexible
+        if len(fronts) == 4:
+            solver.renew(Worst([[1]], 0.3))
+        if panels._kept is not None:
+            fronts.append(COMM.allreduce(len({one.fronts for one in panels._kept.factors})))
+
+    monkeypatch.setattr(FrozenSolver, "begin_step", begin_step)
+    for shared in (True, False):
+        if not shared:
+            monkeypatch.setattr(NodeTree, "signs", lambda *args: None)
+        fronts.clear()
+        outcome = _run(_accordion(), "frozen", 8)
+        found.append((outcome.history, outcome.summary["newton_iterations"], list(fronts)))
+    (history, count, some), (others, iterations, every) = found
+    assert set(every) == {6}
+    assert max(some[:4]) < 6  # all but the first and the last panel have the same matrix
+    assert min(some[4:]) > max(some[:4])  # one that shared on a rank does not any more
+    # factors that are those of another panel would contract more slowly
+    assert count == iterations
+    for name in history:
+        # round-off; steps themselves are below 1e-6
+        np.testing.assert_allclose(history[name], others[name], rtol=0.0, atol=1e-11)
 
 
 def test_multipliers_keep_their_factors_within_a_refined_step(monkeypatch):

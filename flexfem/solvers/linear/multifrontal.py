@@ -29,7 +29,13 @@ _ZERO = 1e-14
 #: Limits for merging fronts: difference of their other rows, number of eliminated rows, and the
 #: part of these in the others: zeros cost less than further passes over the rest, until the pivots'
 #: rows cost more.
-_MORE, _MOST, _PART = 8, 18, 0.2
+_MORE, _MOST, _PART = 8, 18, 0.4
+#: Rows that are eliminated before the others are updated by a product of matrices.
+_BLOCK = 32
+#: Rows of the complement of a symmetric front that are computed together, from the diagonal on.
+_ROWS = 96
+#: Difference of entries of a symmetric front, relative to their diagonals.
+_ALIKE = 1e-13
 #: Entries of a matrix whose places are found at once.
 _AT_ONCE = 1_000_000
 
@@ -356,28 +362,67 @@ def _eliminate(F: FloatArray, upper: FloatArray, lower: FloatArray) -> bool:
     """
     m, n = upper.shape
     _copy(F[:m], upper)
+    symmetric = _is_symmetric(F)
+    if not symmetric:
+        _copy(F[m:, :m].T, lower)
+    largest = np.zeros(m)
     for i in range(m):
-        largest = 0.0
         for j in range(n):
-            largest = max(largest, abs(upper[i, j]))
-        for p in range(i):
-            upper[i, p] /= upper[p, p]
-            factor = upper[i, p]
-            for j in range(p + 1, n):
-                upper[i, j] -= factor * upper[p, j]
-        if not abs(upper[i, i]) > _ZERO * largest:
-            return False
-    _copy(F[m:, :m].T, lower)
-    for p in range(m):
-        for q in range(p):
-            factor = upper[q, p]
+            largest[i] = max(largest[i], abs(upper[i, j]))
+    for first in range(0, m, _BLOCK):
+        end = min(first + _BLOCK, m)
+        for i in range(first, end):
+            for p in range(first, i):
+                upper[i, p] /= upper[p, p]
+                factor = upper[i, p]
+                for j in range(p + 1, n):
+                    upper[i, j] -= factor * upper[p, j]
+            if not abs(upper[i, i]) > _ZERO * largest[i]:
+                return False
+        for i in range(end, m):
+            for p in range(first, end):
+                upper[i, p] /= upper[p, p]
+                for j in range(p + 1, end):
+                    upper[i, j] -= upper[i, p] * upper[p, j]
+        if end < m:
+            rows = np.ascontiguousarray(upper[first:end, end:])
+            upper[end:, end:] -= np.ascontiguousarray(upper[end:, first:end]) @ rows
+        if not symmetric:
+            for p in range(first, end):
+                for q in range(first, p):
+                    factor = upper[q, p]
+                    for i in range(n - m):
+                        lower[p, i] -= factor * lower[q, i]
+                factor = 1.0 / upper[p, p]
+                for i in range(n - m):
+                    lower[p, i] *= factor
+            if end < m:
+                columns = np.ascontiguousarray(upper[first:end, end:m].T)
+                lower[end:] -= columns @ lower[first:end]
+    if symmetric:
+        for p in range(m):
+            factor = 1.0 / upper[p, p]
             for i in range(n - m):
-                lower[p, i] -= factor * lower[q, i]
-        factor = 1.0 / upper[p, p]
-        for i in range(n - m):
-            lower[p, i] *= factor
-    if 0 < m < n:
-        F[m:, m:] -= lower.T @ np.ascontiguousarray(upper[:, m:])
+                lower[p, i] = factor * upper[p, m + i]
+    step = _ROWS if symmetric else n
+    for first in range(m, n if m else m, step):
+        end = min(first + step, n)
+        begin = first if symmetric else m
+        rows = np.ascontiguousarray(upper[:, begin:])
+        F[first:end, begin:] -= np.ascontiguousarray(lower[:, first - m : end - m].T) @ rows
+        if symmetric:
+            _copy(F[first:end, end:].T, F[end:, first:end])
+    return True
+
+
+@subroutine
+def _is_symmetric(F: FloatArray) -> bool:
+    """True if a matrix is symmetric up to round-off."""
+    scales = np.sqrt(np.abs(np.diag(F)))
+    for i in range(F.shape[0]):
+        for j in range(i):
+            if abs(F[i, j] - F[j, i]) > _ALIKE * scales[i] * scales[j]:
+                return False
     return True
 
 
