@@ -29,7 +29,8 @@ __all__ = [
 PROGRAM, LINE_NODE = 3e8, 1.56e4
 #: The same for an unknown of a shell with directors or a solid, whose factors fill in, and of a
 #: rotation-free shell, 12.9 kB of 3e4, 12.3 kB of 1.1e5 and 10.2 kB of 1e6 unknowns on two ranks.
-#: One of a solid that is solved iteratively takes less, and as much from 1e5 to 1e6.
+#: Congruent panels that share factors take less. One of a solid that is solved iteratively takes
+#: less, and as much from 1e5 to 1e6.
 UNKNOWN, SHEET, ITERATED = 1.6e4, 1.1e4, 5.5e3
 #: Factor by which these may be too large, but for rotation-free shells, which it would let begin
 #: without room.

@@ -145,7 +145,8 @@ def test_estimates_grow_as_memory_does() -> None:
     sheet = ff.Model("sheet", surface=grid)
     sheet.add(ff.Shell("s", ff.ShellSection.isotropic(2e-3, ff.Material(5e6, 0.45, 1100.0))))
     assert memory.memory_of_run(sheet) == pytest.approx(0.61e9, rel=0.33)  # measured
-    # 20 panels of solar_array on two ranks: 0.99 and 1.95 GB, and 11.8 GB with 75x223 nodes
+    # 20 panels of solar_array on two ranks: 0.99 and 1.95 GB, and 11.8 GB with 75x223 nodes,
+    # each with its own factors, as when they are strained
     for nodes, measured in (((13, 38), 0.99e9), ((25, 73), 1.95e9)):
         grid = ff.SurfaceMesh.grid(
             "s", np.linspace(0, 1, 20 * nodes[0]), np.linspace(0, 1, nodes[1])

@@ -5,10 +5,12 @@ Rows that are eliminated together, and the rows to which they are coupled, form 
 front. The Schur complement of its other rows is added to the front that eliminates the first of
 them. Rows that are not to be eliminated form the last front, which becomes their Schur complement.
 
+Symmetric fronts are eliminated by half of the products.
+
 Rows shared between ranks need this complement. PETSc's LU computes none, and petsc4py has no call
-for that of MUMPS. Where no rows are shared, a factorisation and two solves take 71, 252, 1040 and
-4010 us for 108, 300, 768 and 1728 rows of grids, in PETSc's LU 30, 185, 1060 and 4480 us, and in
-MUMPS 147, 440, 1460 and 3540 us (``tests/benchmarks/fronts_against_petsc.py``).
+for that of MUMPS. Where no rows are shared, a factorisation and two solves take 56, 215, 796 and
+2730 us for 108, 300, 768 and 1728 rows of grids, in PETSc's LU 27, 161, 869 and 3690 us, and in
+MUMPS 140, 376, 1130 and 2800 us (``tests/benchmarks/fronts_against_petsc.py``).
 """
 
 from typing import NamedTuple
