@@ -17,7 +17,11 @@ from flexfem.la.nest import CoordinateMatrix, create_nest_matrix, create_nest_ve
 from flexfem.solvers.linear.condensed import CondensedFactor, Solves
 from flexfem.solvers.linear.gmres import minimal_residual
 from flexfem.solvers.linear.multifrontal import _BLOCK, _ROWS, Fronts
-from flexfem.solvers.linear.multiplier_system import InterfaceSystem, _ground_first
+from flexfem.solvers.linear.multiplier_system import (
+    InterfaceSystem,
+    _directed,
+    _elimination,
+)
 from flexfem.solvers.linear.rank_dissection import RankDissection
 from flexfem.solvers.linear.symmetric_fronts import NodeTree, SymmetricFronts
 
@@ -193,14 +197,42 @@ def test_interface_system_reports_singular_shared_rows(scale):
 
 
 @pytest.mark.serial
-def test_each_chain_is_eliminated_from_its_ground():
-    """Three chains of three rows: held at their first row, at the last one, and nowhere."""
-    chain = np.arange(9).reshape(3, 3)
+def test_each_chain_is_eliminated_from_its_ground_or_towards_other_ranks():
+    """Chains of three rows: held at the first or last row or nowhere, coupled or not."""
+    chain = np.arange(15).reshape(5, 3)
     i, j = np.concatenate([chain[:, :-1].ravel(), chain[:, 1:].ravel()]), chain[:, 1:].ravel()
     j = np.concatenate([j, chain[:, :-1].ravel()])
-    order = np.array([2, 1, 0, 6, 7, 8, 3, 4, 5])
-    found = _ground_first(order, i, j, np.isin(np.arange(9), (0, 5)))
-    assert found.tolist() == [0, 1, 2, 6, 7, 8, 5, 4, 3]
+    order = np.array([2, 1, 0, 6, 7, 8, 3, 4, 5, 9, 10, 11, 14, 13, 12])
+    grounded, coupled = np.isin(np.arange(15), (0, 5)), np.isin(np.arange(15), (0, 3, 9, 12))
+    found = _directed(order, i, j, grounded, coupled)
+    assert found.tolist() == [0, 1, 2, 6, 7, 8, 5, 4, 3, 11, 10, 9, 14, 13, 12]
+
+
+@pytest.mark.parametrize("ends", [(0,), (59,), (0, 59), (30,), ()], ids=str)
+def test_bands_with_rows_that_are_left(ends, rng):
+    """A chain of small blocks, with rows left that are coupled to some of them."""
+    count, left, half = 180, 7, 5
+    size = count + left
+    dense = np.triu(np.tril(rng.normal(size=(size, size)), half), -half)
+    dense[count:], dense[:, count:] = 0.0, 0.0
+    for end in ends:
+        dense[count:, 3 * end : 3 * end + 3] = rng.normal(size=(left, 3))
+        dense[3 * end : 3 * end + 3, count:] = rng.normal(size=(3, left))
+    dense[count:, count:] = rng.normal(size=(left, left))
+    dense += 20.0 * np.eye(size)
+    i, j = np.nonzero(dense)
+    band = _elimination(i, j, count, size, np.zeros(size, dtype=np.bool_))
+    assert band.kind == "banded"
+    assert band.factor(dense[i, j])
+    expected = np.linalg.inv(np.linalg.inv(dense)[count:, count:])
+    # round-off; a row that the chain does not reach changes it by order 1e-2
+    np.testing.assert_allclose(band.complement, expected, atol=1e-12)
+    right = rng.normal(size=size)
+    x = right.copy()
+    band.reduce(x)
+    x[count:] = np.linalg.solve(expected, x[count:])
+    band.complete(x)
+    np.testing.assert_allclose(x, np.linalg.solve(dense, right), atol=1e-13)
 
 
 @pytest.mark.serial

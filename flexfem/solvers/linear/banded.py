@@ -11,9 +11,9 @@ rows and b = 60 it is 0.55 against 0.62 ms (``tests/benchmarks/banded_against_la
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
-from flexfem.kernels.compiled import kernel
+from flexfem.kernels.compiled import kernel, subroutine
 
-__all__ = ["band_factor", "band_solve"]
+__all__ = ["band_backward", "band_eliminate", "band_factor", "band_forward", "band_solve"]
 
 #: Pivot relative to the largest entry of its row before elimination that counts as zero.
 _ZERO = 1e-14
@@ -55,6 +55,28 @@ def band_factor(index: IntArray, values: FloatArray, band: FloatArray) -> bool:
 @kernel
 def band_solve(band: FloatArray, order: IntArray, work: FloatArray, x: FloatArray) -> None:
     """Solve in place with the factors; row i of the band is entry ``order[i]`` of ``x``."""
+    _forward(band, order, work, x)
+    _backward(band, order, work, x)
+
+
+@kernel
+def band_forward(band: FloatArray, order: IntArray, work: FloatArray, x: FloatArray) -> None:
+    """The first half of :func:`band_solve`, with the lower factor."""
+    _forward(band, order, work, x)
+    for i in range(order.size):
+        x[order[i]] = work[i]
+
+
+@kernel
+def band_backward(band: FloatArray, order: IntArray, work: FloatArray, x: FloatArray) -> None:
+    """The second half, with the upper factor."""
+    for i in range(order.size):
+        work[i] = x[order[i]]
+    _backward(band, order, work, x)
+
+
+@subroutine
+def _forward(band: FloatArray, order: IntArray, work: FloatArray, x: FloatArray) -> None:
     n, width = band.shape
     b = width // 2
     for i in range(n):
@@ -62,9 +84,37 @@ def band_solve(band: FloatArray, order: IntArray, work: FloatArray, x: FloatArra
         for k in range(max(0, i - b), i):
             total -= band[i, k - i + b] * work[k]
         work[i] = total
+
+
+@subroutine
+def _backward(band: FloatArray, order: IntArray, work: FloatArray, x: FloatArray) -> None:
+    n, width = band.shape
+    b = width // 2
     for i in range(n - 1, -1, -1):
         total = work[i]
         for k in range(i + 1, min(i + b + 1, n)):
             total -= band[i, k - i + b] * work[k]
         work[i] = total / band[i, b]
         x[order[i]] = work[i]
+
+
+@kernel
+def band_eliminate(band: FloatArray, begin: int, right: FloatArray, below: FloatArray) -> None:
+    """Eliminate the rows of the band from the couplings with other rows.
+
+    Args:
+        band: factors ``L U``.
+        begin: first row that is coupled.
+        right: (n - begin, k) columns of the other rows from there on; L^-1 of them afterwards.
+        below: transposed rows likewise; U^-T of them afterwards.
+    """
+    n, width = band.shape
+    b = width // 2
+    for i in range(begin, n):
+        for k in range(max(begin, i - b), i):
+            lower, upper = band[i, k - i + b], band[k, i - k + b]
+            for c in range(right.shape[1]):
+                right[i - begin, c] -= lower * right[k - begin, c]
+                below[i - begin, c] -= upper * below[k - begin, c]
+        for c in range(right.shape[1]):
+            below[i - begin, c] /= band[i, b]

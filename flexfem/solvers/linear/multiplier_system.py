@@ -15,7 +15,13 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.kernels.compiled import kernel
 from flexfem.kernels.sequence import Call
-from flexfem.solvers.linear.banded import band_factor, band_solve
+from flexfem.solvers.linear.banded import (
+    band_backward,
+    band_eliminate,
+    band_factor,
+    band_forward,
+    band_solve,
+)
 from flexfem.solvers.linear.dense_elimination import DenseElimination
 from flexfem.solvers.linear.multifrontal import Fronts, distinct_pairs, ordering
 from flexfem.solvers.linear.rank_dissection import RankDissection
@@ -89,17 +95,24 @@ class Band:
         self._order, self._work, self._left = order, np.empty(count), left
         self._band = np.zeros((count, 2 * half + 1))
         self._index = (rank[i] * (2 * half + 1) + rank[j] - rank[i] + half)[inner]
+        right, below = first & ~last, ~first & last
+        coupled = np.concatenate([rank[i[right]], rank[j[below]]])
+        self._begin = begin = int(coupled.min(initial=count))
         self._blocks = []
-        for rows, columns, shape in (
-            (first, ~last, (count, left)), (~first, last, (left, count)),
-            (~first, ~last, (left, left)),
-        ):  # fmt: skip
-            select = np.flatnonzero(rows & columns)
-            index = np.where(first, i, i - count) * shape[1] + np.where(last, j, j - count)
-            self._blocks.append((index[select], select, np.zeros(shape)))
-        self._to_left, self._from_first, self.complement = (b[2] for b in self._blocks)
-        solve = 4.0 * count * half
-        self.operations = solve * (half + left) + 2.0 * count * left**2, solve + 4.0 * count * left
+        for rows, row, column, shape in (
+            (right, rank[i] - begin, rank[j], (count - begin, left)),
+            (below, rank[j] - begin, rank[i], (count - begin, left)),
+            (~first & ~last, rank[i], rank[j], (left, left)),
+        ):
+            select = np.flatnonzero(rows)
+            index = row[select] * left + column[select]
+            self._blocks.append((index, select, np.zeros(shape)))
+        self._right, self._below, self.complement = (block[2] for block in self._blocks)
+        tail = float(count - begin)
+        self.operations = (
+            4.0 * count * half**2 + tail * left * (4.0 * half + 2.0 * left),
+            4.0 * count * half + 4.0 * tail * left,
+        )
 
     def factor_call(self, values: FloatArray) -> Call:
         """Call of the loop of :meth:`factor`, if all rows are eliminated."""
@@ -122,22 +135,23 @@ class Band:
             for index, select, out in self._blocks:
                 out[:] = 0.0
                 _scatter_add(index, select, values, out.reshape(-1))
-            self._columns = np.ascontiguousarray(self._to_left.T)
-            for column in self._columns:
-                band_solve(self._band, self._order, self._work, column)
-            self.complement -= self._from_first @ self._columns.T
+            band_eliminate(self._band, self._begin, self._right, self._below)
+            self.complement -= self._below.T @ self._right
         return regular
 
     def reduce(self, x: FloatArray) -> None:
         """See :class:`_Elimination`."""
-        band_solve(self._band, self._order, self._work, x)
-        if self._left:
-            x[len(self._order) :] -= self._from_first @ x[: len(self._order)]
+        if not self._left:
+            band_solve(self._band, self._order, self._work, x)
+            return
+        band_forward(self._band, self._order, self._work, x)
+        x[len(self._order) :] -= x[self._order[self._begin :]] @ self._below
 
     def complete(self, x: FloatArray) -> None:
         """See :class:`_Elimination`."""
         if self._left:
-            x[: len(self._order)] -= self._columns.T @ x[len(self._order) :]
+            x[self._order[self._begin :]] -= self._right @ x[len(self._order) :]
+            band_backward(self._band, self._order, self._work, x)
 
 
 class _Dense(DenseElimination):
@@ -165,19 +179,23 @@ def _is_full(first: IndexArray, second: IndexArray, count: int) -> bool:
     return bool(filled.mean() >= _FULL)
 
 
-def _ground_first(order: IntArray, i: IndexArray, j: IndexArray, grounded: BoolArray) -> IntArray:
-    """Turn an order round, in each connected component whose rows at the ground would come late.
+def _directed(
+    order: IntArray, i: IndexArray, j: IndexArray, grounded: BoolArray, coupled: BoolArray
+) -> IntArray:
+    """Turn an order round in some of its connected components.
 
     The pivot of a joint is the mobility of what it connects, as far as it has been eliminated. From
     the ground outwards it is that of the next body at least. Towards the ground it is in the end
     that of a free chain of n bodies alone, 1 / n^3 of a body's, which is left of terms of a body's:
-    round-off beyond some 100,000 of them.
+    round-off beyond some 100,000 of them. Components that the ground does not hold end at the rows
+    that are coupled to those left: what is eliminated before is then not.
 
     Args:
         order: of the rows, in which the components follow one another.
         i: row of every entry.
         j: its column.
         grounded: True for the rows at the ground.
+        coupled: True for those that are coupled to rows which are not in the order.
     """
     place = np.arange(len(order))
     rank = np.empty_like(order)
@@ -186,14 +204,21 @@ def _ground_first(order: IntArray, i: IndexArray, j: IndexArray, grounded: BoolA
     np.maximum.at(reach, rank[i], rank[j])
     last = np.flatnonzero(np.maximum.accumulate(reach) == place)
     begin = np.append(0, last + 1)[:-1]
-    at = rank[grounded]
-    component = np.searchsorted(last, at)
-    before, after = np.full((2, len(last)), len(order))
-    np.minimum.at(before, component, at - begin[component])
-    np.minimum.at(after, component, last[component] - at)
+
+    def distances(chosen: BoolArray) -> IntArray:
+        """From the ends of each component to the next of some rows, len(order) without one."""
+        at = rank[chosen]
+        component = np.searchsorted(last, at)
+        found = np.full((2, len(last)), len(order))
+        np.minimum.at(found[0], component, at - begin[component])
+        np.minimum.at(found[1], component, last[component] - at)
+        return found
+
+    ground, others = distances(grounded), distances(coupled)
+    held = ground[0] < len(order)
+    turned = np.where(held, ground[1] < ground[0], others[0] < others[1])
     component = np.searchsorted(last, place)
-    turned = (after < before)[component]
-    return order[np.where(turned, (begin + last)[component] - place, place)]
+    return order[np.where(turned[component], (begin + last)[component] - place, place)]
 
 
 def _elimination(
@@ -210,7 +235,9 @@ def _elimination(
     rank[order] = np.arange(count)
     half = int(np.abs(rank[first] - rank[second]).max(initial=0))
     if half <= _WIDEST:
-        order = _ground_first(order, first, second, grounded[:count])
+        coupled = np.zeros(count, dtype=np.bool_)
+        coupled[rows[(rows < count) & (columns >= count)]] = True
+        order = _directed(order, first, second, grounded[:count], coupled)
         return Band(i.astype(np.int64), j.astype(np.int64), order, half, size)
     del first, second, inner  # there may be very many
     # minimum degree: for some thousand rows of trees, lattices and grids less fill than dissection;
