@@ -274,6 +274,29 @@ def test_fronts_of_several_trees(left, rng):
     assert not fronts.factor(singular)
 
 
+@pytest.mark.serial
+def test_fronts_end_at_rows_that_are_left():
+    """Wide chains with rows left at one of their ends or the other cost the same, and little."""
+    blocks, width, left = 24, 40, 30
+    count = blocks * width
+    number = np.arange(count) // width
+    operations = []
+    for end in (0, blocks - 1):
+        near = np.abs(number[:, np.newaxis] - number) <= 1
+        pattern = np.zeros((count + left, count + left), dtype=np.bool_)
+        pattern[:count, :count] = near
+        pattern[count:, count:] = True
+        pattern[count:, :count] = number == end
+        pattern |= pattern.T
+        i, j = np.nonzero(pattern)
+        every = np.zeros(count + left, dtype=np.bool_)
+        fronts = _elimination(i, j, count, count + left, every)
+        assert fronts.kind == "multifrontal"
+        operations.append(fronts.operations[0])
+    # a front of a block and the next one each; with the rows left in all of them twice as many
+    np.testing.assert_allclose(operations, blocks * (2.0 / 3.0 + 4.0) * width**3, rtol=0.05)
+
+
 @pytest.mark.parametrize("difference", [0.0, 1e-8, 1.0], ids=["symmetric", "nearly", "not"])
 def test_fronts_of_many_rows(difference, rng):
     """Several blocks of pivots; rows of the complement beyond those of one product."""

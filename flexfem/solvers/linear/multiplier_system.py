@@ -30,6 +30,8 @@ __all__ = ["InterfaceSystem"]
 
 #: Part of all entries from which LAPACK's dense factors are faster than any sparse ones.
 _FULL = 0.4
+#: Rows that are added in the order of elimination, to which those left are coupled.
+_ADDED = 300
 #: Half bandwidth up to which a banded factorisation is faster than a multifrontal one.
 _WIDEST = 64
 
@@ -241,11 +243,13 @@ def _elimination(
         return Band(i.astype(np.int64), j.astype(np.int64), order, half, size)
     del first, second, inner  # there may be very many
     # minimum degree: for some thousand rows of trees, lattices and grids less fill than dissection;
-    # the other rows form a full matrix, so that rows coupled to them come late
-    others = np.arange(count, size)
+    # the other rows are coupled to each other and to more rows than most of the first ones, so that
+    # they come late, and what is coupled to them
+    others = np.arange(count, size + (_ADDED if size > count else 0))
     full = np.repeat(others, len(others)), np.tile(others, len(others))
     rows, columns = np.concatenate([rows, full[0]]), np.concatenate([columns, full[1]])
-    order = ordering("qmd", *distinct_pairs(rows, columns, size), size)
+    number = count + len(others)
+    order = ordering("qmd", *distinct_pairs(rows, columns, number), number)
     del rows, columns
     return Fronts(i, j, order[order < count], size)
 
