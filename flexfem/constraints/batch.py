@@ -100,11 +100,11 @@ class Constraints(NumberedRows):
             else np.diff(self.term_start[self.start[i] : self.start[i + 1] + 1]).tolist()
             for i, joint in self._driven
         }
-        parts = [slice(*self.start[i : i + 2]) for i, _ in self._driven]
+        self._parts = {i: slice(*self.start[i : i + 2].tolist()) for i, _ in self._driven}
         self._prescribed = [
-            driven
-            for driven, own in zip(self._driven, parts, strict=True)
-            if (self.elastic[own, 0] == LawKind.RIGID).any()
+            (i, joint)
+            for i, joint in self._driven
+            if (self.elastic[self._parts[i], 0] == LawKind.RIGID).any()
         ]
         self.multipliers, self.forces = np.zeros(total), np.zeros(total)
         self.values, self.compliance = np.zeros(total), np.zeros(total)
@@ -361,7 +361,7 @@ class Constraints(NumberedRows):
         self.instant = t
         self.function_data[:, 0] = t
         for i, joint in self._driven:
-            if not self.held[self.start[i]]:
+            if not self.held[self._parts[i].start]:
                 self._drive(i, joint, t)
 
     def _drive(self, i: int, joint: PlacedJoint, t: float) -> None:
@@ -371,20 +371,21 @@ class Constraints(NumberedRows):
         except FAILURES as error:
             functions = filter(callable, vars(joint.joint).values())
             noted(joint.joint.owner, next(functions, joint.joint.rows), error)
-            self.targets[self.start[i] : self.start[i + 1]] = np.nan
+            self.targets[self._parts[i]] = np.nan
 
     def _write_drive(self, i: int, joint: PlacedJoint, t: float) -> None:
-        own = slice(self.start[i], self.start[i + 1])
-        targets, forces = joint.targets(t), joint.joint.applied(t)
+        forces = joint.joint.applied(t)
+        if forces is not None:
+            self.elastic[self._parts[i], APPLIED] = forces
+            return
+        targets = joint.targets(t)
         if targets is not None:
-            self.targets[own] = targets
-        elif forces is not None:
-            self.elastic[own, APPLIED] = forces
-        else:
-            rows = joint.rows(t)
-            if not self._fit(i, rows):
-                raise ReturnError("rows must be as many, of as many terms, at all times")
-            self.write(i, rows)
+            self.targets[self._parts[i]] = targets
+            return
+        rows = joint.rows(t)
+        if not self._fit(i, rows):
+            raise ReturnError("rows must be as many, of as many terms, at all times")
+        self.write(i, rows)
 
     def _fit(self, i: int, rows: Sequence[Row]) -> bool:
         """True if there is room for these rows of a joint, as there was for the first ones."""
@@ -404,7 +405,7 @@ class Constraints(NumberedRows):
         targets[:] = self.targets
         differing: BoolArray = np.zeros(self.size, dtype=np.bool_)
         for i, joint in self._drives():
-            own = slice(self.start[i], self.start[i + 1])
+            own = self._parts[i]
             alone = [joint.targets(t) for t in times]
             if alone[0] is not None:
                 targets[:, own] = alone
@@ -419,7 +420,7 @@ class Constraints(NumberedRows):
     def _drives(self) -> Iterator[tuple[int, PlacedJoint]]:
         """Driven joints with constraint equations, with their numbers."""
         for i, joint in self._prescribed:
-            if not self.held[self.start[i]]:
+            if not self.held[self._parts[i].start]:
                 yield i, joint
 
     def evaluate(self, dynamics: FloatArray, *, elements: bool = True) -> None:

@@ -52,27 +52,35 @@ class MarkerState:
 
     @classmethod
     def of_motions(
-        cls, motions: FloatArray, starts: FloatArray, arcs: Sequence[Sequence[float]]
+        cls, motions: FloatArray, starts: Sequence[FloatArray], arcs: Sequence[Sequence[float]]
     ) -> list[Self]:
         """States of several markers, whose arrays are parts of the given one.
 
         Args:
             motions: shape (n, 33), of each marker position, rotation row by row, velocity, spin,
                 their rates, and :attr:`turn` row by row.
-            starts: shape (n, 3, 3), see the attribute.
+            starts: n of shape (3, 3), see the attribute.
             arcs: arc length and its rate of each marker.
         """
         found = []
         rotations, turns = motions[:, 3:12].reshape(-1, 3, 3), motions[:, 24:].reshape(-1, 3, 3)
-        vectors = (motions[:, k : k + 3] for k in (0, 12, 15, 18, 21))
-        for x, v, w, a, b, R, turn, start, arc in zip(
-            *vectors, rotations, turns, starts, arcs, strict=True
-        ):
+        # to compare lengths, each array would be asked for more, which raises an error inside
+        for start, (arc, rate), x, R, v, w, a, b, turn in zip(
+            starts, arcs, motions[:, :3], rotations, motions[:, 12:15], motions[:, 15:18],
+            motions[:, 18:21], motions[:, 21:24], turns, strict=False,
+        ):  # fmt: skip
             state = object.__new__(cls)  # the constructor of frozen attributes takes longer
-            state.__dict__.update(
-                position=x, rotation=R, velocity=v, angular_velocity=w, arc=arc[0],
-                arc_rate=arc[1], start=start, acceleration=a, angular_acceleration=b, turn=turn,
-            )  # fmt: skip
+            own = state.__dict__
+            own["position"] = x
+            own["rotation"] = R
+            own["velocity"] = v
+            own["angular_velocity"] = w
+            own["arc"] = arc
+            own["arc_rate"] = rate
+            own["start"] = start
+            own["acceleration"] = a
+            own["angular_acceleration"] = b
+            own["turn"] = turn
             found.append(state)
         return found
 

@@ -94,6 +94,7 @@ class MarkerStates:
         self._offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
         starts = [serial.marker_pose(m).rotation for m in markers]
         self._starts = np.array(starts).reshape(-1, 3, 3)
+        self._start_of_each = list(self._starts)
         self._bare = without_spin(serial, markers)
         self._ground = np.zeros((len(markers), _WIDTH))
         # a marker on the ground is its offset from a fixed node at the origin
@@ -130,7 +131,7 @@ class MarkerStates:
             self._comm.Allreduce(MPI.IN_PLACE, nodes, op=MPI.SUM)
         motions = np.empty((len(nodes), 33))
         _marker_motions(nodes, self._offsets, self._starts, self._bare, motions)
-        return MarkerState.of_motions(motions, self._starts, nodes[:, 18:20].tolist())
+        return MarkerState.of_motions(motions, self._start_of_each, nodes[:, 18:20].tolist())
 
 
 def without_spin(serial: NumberedModel, markers: Sequence[Observed]) -> BoolArray:
