@@ -641,9 +641,10 @@ class Constraints(NumberedRows):
         update_angles(self.own.memory, self.interface.frames)
         if len(self.wrapped_rows):
             update_wraps(self.own.memory)
-        self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
-        self.hold_gradient(self.force_jacobian)
-        self.lines.accept()
+        if self.lines.joints:
+            self.lines.evaluate(self.interface.frames, self.poses, self.force_jacobian)
+            self.hold_gradient(self.force_jacobian)
+            self.lines.accept()
         if self.elements.groups:
             evaluate_rows(self.own.memory, self.interface.interface_nodes.memory, _UNSCALED)
             self.elements.accept(self)

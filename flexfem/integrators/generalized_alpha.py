@@ -48,6 +48,7 @@ class StepLaws:
 
     Attributes:
         shifts: factors of the iteration matrix.
+        scale: () their ``scale``; NumPy takes an array in half the time of a number.
         predict: (7,) laws, one for each ``Prediction``.
         rates: (2,) derivatives of velocity and acceleration by the increment.
         accept: (3,) law of acceptance, see ``core.nodes.frame_kernels``.
@@ -55,6 +56,7 @@ class StepLaws:
     """
 
     shifts: Shifts
+    scale: FloatArray
     predict: tuple[FloatArray, FloatArray, FloatArray]
     rates: FloatArray
     accept: FloatArray
@@ -200,7 +202,7 @@ class GeneralizedAlpha(Integrator):
         """See :meth:`Integrator.accept`."""
         rows, laws = system.constraints, step_laws(self.rho_inf, h)
         if self.split is None:
-            np.divide(rows.multipliers, laws.shifts.scale, out=rows.forces)
+            np.divide(rows.multipliers, laws.scale, out=rows.forces)
         else:
             self.split.accept(laws.shifts)
         system.accept(laws.accept, h)
@@ -241,7 +243,7 @@ def predict_step(
 
     predict_apart(system, predict)
     if split is None:
-        np.multiply(rows.forces, laws.shifts.scale, out=rows.multipliers)
+        np.multiply(rows.forces, laws.scale, out=rows.multipliers)
     else:
         split.predict(laws.shifts)
     rows.elements.begin(laws.states)
@@ -283,4 +285,4 @@ def step_laws(rho_inf: float, h: float) -> StepLaws:
     shifts = Shifts(gamma / (beta * h), weight / scale, scale)
     rates = np.array([shifts.velocity, shifts.acceleration])
     states = state_step(h, alpha_m, alpha_f, gamma)
-    return StepLaws(shifts, (rest, plain, curved), rates, accept, states)
+    return StepLaws(shifts, np.array(scale), (rest, plain, curved), rates, accept, states)

@@ -28,7 +28,8 @@ from flexfem._types import FloatArray
 from flexfem.core.differences import STENCIL
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha
 from flexfem.solvers.newton.iteration import Equations
-from flexfem.system.mechanics import END_POINT, Correction, EndPoint, SolveAgain
+from flexfem.system.mechanics import END_POINT, EndPoint, SolveAgain
+from flexfem.system.moving_apart import Moved
 from flexfem.system.system import Shifts, System
 
 __all__ = ["Rates", "StabilizedIndex2"]
@@ -117,10 +118,10 @@ class _PositionsAndRates:
         self._gaps = self._rates.use(system, shifts, self._mechanics)
         self._shifts = shifts
 
-    def correct(self, system: System, again: SolveAgain | None) -> Correction:
+    def correct(self, system: System, again: SolveAgain | None) -> Moved:
         """See :class:`Equations`."""
         assert again is not None
-        moved = END_POINT.correct(system, again).moved
+        moved = END_POINT.correct(system, again)
         system.interface.update_steps()
         rows = system.constraints
         gaps = self._gaps - rows.rigid * rows.changes(system.interface.steps)
@@ -129,7 +130,7 @@ class _PositionsAndRates:
         shift = system.shift(-1.0)
         self._way += shift
         largest = float(np.max([moved.largest, shift]))
-        return Correction(success, moved._replace(largest=largest))
+        return moved._replace(largest=largest, success=success)
 
     def _put_defects(self, system: System) -> FloatArray:
         """Set the residuals to those of the equation of p (collective).

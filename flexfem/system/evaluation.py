@@ -12,6 +12,7 @@ from flexfem.constraints.batch import Constraints
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.nodes.frame_kernels import accept, correct
 from flexfem.core.nodes.prediction import Misses
+from flexfem.kernels.compiled import kernel
 from flexfem.kernels.sequence import (
     Call,
     Number,
@@ -21,7 +22,7 @@ from flexfem.kernels.sequence import (
     sequence,
 )
 
-__all__ = ["Evaluation"]
+__all__ = ["Evaluation", "largest_misses"]
 
 
 class Evaluation:
@@ -54,11 +55,14 @@ class Evaluation:
         moves = [Call(correct, block.nodes.memory, -1.0) for block in blocks]
         self._largest = Call(largest_entry, in_one_array(moves))
         self._move = sequence([*spread, *moves, self._largest])
-        self._h, self._law = Number(0.0), np.zeros(3)
-        self._ends = [
+        self._h, self._law, misses = Number(0.0), np.zeros(3), np.zeros((len(blocks), 3))
+        ends = [
             Call(accept, block.nodes.memory, self._law, self._h, block.owned) for block in blocks
         ]
-        self._accept = sequence(self._ends)
+        for end, own in zip(ends, misses, strict=True):
+            end.write_to(own)
+        self._misses = Call(largest_misses, misses)
+        self._accept = sequence([*ends, self._misses])
 
     def use(self, scale: float, dynamics: FloatArray) -> None:
         """Use the factors of a scheme from now on, see ``Shifts``."""
@@ -70,11 +74,25 @@ class Evaluation:
         self._move()
         return float(self._largest.result[0])
 
-    def accept(self, law: FloatArray, h: float) -> list[Misses]:
-        """Accept the trial state of all blocks, see ``FrameBlock.accept``."""
+    def accept(self, law: FloatArray, h: float) -> Misses:
+        """Accept the trial state of all blocks, see ``core.nodes.frame_kernels.accept``.
+
+        Returns:
+            Largest errors of the predictions on this rank.
+        """
         for block in self._blocks:
             block.settle()
         self._law[:] = law
         self._h.set(h)
         self._accept()
-        return [tuple(call.result.tolist()) for call in self._ends]
+        misses: Misses = tuple(self._misses.result.tolist())
+        return misses
+
+
+@kernel
+def largest_misses(misses: FloatArray) -> Misses:
+    """Largest ones of the blocks (n, 3), which are not negative."""
+    rest, plain, curved = 0.0, 0.0, 0.0
+    for own in misses:
+        rest, plain, curved = max(rest, own[0]), max(plain, own[1]), max(curved, own[2])
+    return rest, plain, curved

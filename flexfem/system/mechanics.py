@@ -10,7 +10,6 @@ from collections.abc import Callable, Iterator, Mapping
 from contextlib import contextmanager
 from dataclasses import replace
 from math import isnan, nan
-from typing import NamedTuple
 
 import numpy as np
 
@@ -21,7 +20,7 @@ from flexfem.system.moving_apart import Moved, move_apart
 from flexfem.system.system import MASS, BlockPart, PartStrains, Shifts, System
 
 __all__ = [
-    "END_POINT", "VISCOUS", "Correction", "EndPoint", "KeptAction", "Mechanics", "SolveAgain",
+    "END_POINT", "VISCOUS", "EndPoint", "KeptAction", "Mechanics", "SolveAgain",
 ]  # fmt: skip
 
 #: Adds a factor times a kept matrix of a part times its steps to its residual; False without one.
@@ -29,18 +28,6 @@ KeptAction = Callable[[BlockPart, float], bool]
 #: Solves for the steps of blocks (stored there) and multipliers (returned, with success) with the
 #: matrix of the last iteration, given the blocks' residuals (stored there) and values of rows (r,).
 SolveAgain = Callable[[FloatArray], tuple[bool, FloatArray]]
-
-
-class Correction(NamedTuple):
-    """Result of a correction of the trial state.
-
-    Attributes:
-        success: False if it could not be found.
-        moved: its motion.
-    """
-
-    success: bool
-    moved: Moved
 
 
 class Mechanics(ABC):
@@ -59,9 +46,9 @@ class Mechanics(ABC):
             strains: strains of each part whose stresses are used; None for the present ones.
         """
 
-    def correct(self, system: System, again: SolveAgain | None) -> Correction:
+    def correct(self, system: System, again: SolveAgain | None) -> Moved:
         """Subtract the blocks' steps (collective)."""
-        return Correction(True, Moved(self.move(system, -1.0)))
+        return Moved(self.move(system, -1.0))
 
     def subtract_tangent(
         self, system: System, shifts: Shifts, hessians: FloatArray,
@@ -205,11 +192,11 @@ class EndPoint(Mechanics):
         """Equations and gradients of all rows at the interface's state."""
         system.constraints.evaluate(shifts.dynamics)
 
-    def correct(self, system: System, again: SolveAgain | None) -> Correction:
+    def correct(self, system: System, again: SolveAgain | None) -> Moved:
         """See :class:`Mechanics`."""
         if not system.contacts:
-            return Correction(True, Moved(self.move(system, -1.0)))
-        return Correction(True, move_apart(system, lambda: self.move(system, -1.0)))
+            return Moved(self.move(system, -1.0))
+        return move_apart(system, lambda: self.move(system, -1.0))
 
     def move(self, system: System, sign: float) -> float:
         """See :class:`Mechanics`."""

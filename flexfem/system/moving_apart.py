@@ -28,11 +28,13 @@ class Moved(NamedTuple):
         largest: largest entry of the whole steps on this rank, m or rad.
         part: part of them that has been taken, the same on all ranks.
         unsettled: how much contact forces have changed on this rank, over what ends an iteration.
+        success: False if a further equation of the motion could not be solved.
     """
 
     largest: float
     part: float = 1.0
     unsettled: float = 0.0
+    success: bool = True
 
 
 def move_apart(system: System, move: Callable[[], float]) -> Moved:

@@ -549,17 +549,16 @@ class System:
             if isinstance(part.elements, HistoryElements):
                 part.elements.advance(part.block)
 
-    def choose_prediction(self, misses: Sequence[Misses]) -> None:
-        """Set ``prediction`` by the errors of all kinds in each block (collective).
+    def choose_prediction(self, misses: Misses) -> None:
+        """Set ``prediction`` by the largest errors of all kinds on this rank (collective).
 
         If the errors are equal, velocities are used: a motion that begins continues.
         """
-        largest = [max(each) for each in zip(*misses, strict=True)]
+        rest, plain, curved = misses
         if self.comm.size > 1:
-            buffer = np.array(largest)
+            buffer = np.array(misses)
             self.comm.Allreduce(MPI.IN_PLACE, buffer, op=MPI.MAX)
-            largest = buffer.tolist()
-        rest, plain, curved = largest
+            rest, plain, curved = buffer.tolist()
         better = Prediction.ACCELERATION if curved < _BETTER * plain else Prediction.VELOCITY
         self.prediction = Prediction.REST if rest < _BETTER * min(plain, curved) else better
 

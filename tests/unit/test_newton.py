@@ -11,7 +11,6 @@ import pytest
 
 from flexfem.core.status import Status
 from flexfem.solvers.newton.iteration import NewtonOptions, iterate
-from flexfem.system.mechanics import Correction
 from flexfem.system.moving_apart import Moved
 from flexfem.system.system import Shifts
 
@@ -32,7 +31,7 @@ def _end(*sizes: float, parts: tuple[float, ...] = ()) -> tuple[Status, int]:
     )
     equations = SimpleNamespace(
         evaluate=lambda system, shifts: None,
-        correct=lambda system, again: Correction(True, next(steps)),
+        correct=lambda system, again: next(steps),
     )
     options = NewtonOptions(tolerance=1e-6, max_iterations=len(sizes))
     shifts = Shifts(1.0, 1.0, 1.0, 1.0, False)

@@ -5,9 +5,11 @@ from types import SimpleNamespace
 
 from mpi4py import MPI
 
+import numpy as np
 import pytest
 
 from flexfem.core.nodes.prediction import Prediction
+from flexfem.system.evaluation import largest_misses
 from flexfem.system.system import System
 
 
@@ -27,9 +29,16 @@ from flexfem.system.system import System
 def test_the_best_prediction_is_chosen(
     misses: tuple[float, float, float], chosen: Prediction
 ) -> None:
-    """The largest error of any block on any rank counts; velocities decide between equal ones."""
+    """The largest error on any rank counts; velocities decide between equal ones."""
     comm = MPI.COMM_WORLD
     own = misses if comm.rank == comm.size - 1 else (0.0, 0.0, 0.0)
     system = SimpleNamespace(comm=comm)
-    System.choose_prediction(system, [(0.0, 0.0, 0.0), own])  # type: ignore[arg-type]
+    System.choose_prediction(system, own)  # type: ignore[arg-type]
     assert system.prediction is chosen
+
+
+def test_the_largest_errors_of_all_blocks_count() -> None:
+    """Each kind of prediction has its own block that misses most."""
+    misses = np.array([[1.0, 5.0, 0.0], [4.0, 2.0, 0.0], [3.0, 3.0, 6.0]])
+    assert largest_misses(misses) == (4.0, 5.0, 6.0)
+    assert largest_misses(np.zeros((0, 3))) == (0.0, 0.0, 0.0)

@@ -33,8 +33,8 @@ from flexfem.layout.elements import StepForces, SteppedElements
 from flexfem.layout.node_loads import NodeForces
 from flexfem.layout.tangent_request import TangentRequest
 from flexfem.lie import se3
-from flexfem.system.mechanics import Correction, Mechanics, SolveAgain
-from flexfem.system.moving_apart import move_apart, predict_apart
+from flexfem.system.mechanics import Mechanics, SolveAgain
+from flexfem.system.moving_apart import Moved, move_apart, predict_apart
 from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 
 __all__ = ["StepMechanics", "StepPart"]
@@ -382,7 +382,9 @@ class StepMechanics(Mechanics):
         """Accept the trial state (collective)."""
         for contacts in system.contacts:
             contacts.evaluate()
-        system.choose_prediction([part.accept(self.h) for part in self._parts.values()])
+        misses = [part.accept(self.h) for part in self._parts.values()]
+        rest, plain, curved = (max(each) for each in zip(*misses, strict=True))
+        system.choose_prediction((rest, plain, curved))
         for own in system.parts:
             if own.elements is not None:
                 own.elements.accept(own.block)
@@ -429,9 +431,9 @@ class StepMechanics(Mechanics):
         self._rows.evaluate()
         system.add_constraint_forces(system.constraints.multipliers)
 
-    def correct(self, system: System, again: SolveAgain | None) -> Correction:
+    def correct(self, system: System, again: SolveAgain | None) -> Moved:
         """See :class:`flexfem.system.mechanics.Mechanics`."""
-        return Correction(True, move_apart(system, lambda: self.move(system, -1.0)))
+        return move_apart(system, lambda: self.move(system, -1.0))
 
     def move(self, system: System, sign: float) -> float:
         """See :class:`flexfem.system.mechanics.Mechanics`."""

@@ -368,6 +368,8 @@ class Controls:
 
         If a law fails, the outputs are kept and the sample remains due: the run ends here.
         """
+        if not self.loops:
+            return
         t, comm = self._system.time, self._system.comm
         due = [
             (loop, inputs)

@@ -216,24 +216,25 @@ class Simulation:
             h: largest step; factors are kept for equal step sizes, so pass the same number.
             t: time at the end, if the caller knows it without accumulated rounding.
         """
-        begin, start, control = time.perf_counter(), self.time, self._control
+        begin, system, control = time.perf_counter(), self.system, self._control
+        start = system.time
         control.begin()
-        self.system.begin_row()
+        system.begin_row()
         status, self._limit = Status.OK, len(self.events.fired) + _MOST_EVENTS
         while not control.done and self.events.stopped_by is None:
             size, end = h * control.part, start + h * control.end
-            if self._behind_jump or self.breakpoints.within(self.time, end):
+            if self._behind_jump or self.breakpoints.within(system.time, end):
                 status = self._through_breakpoints(size, end)
             else:
-                before = self.time
+                before = system.time
                 self._aim(before + size)
-                status = self._scheme.solve(self.system, self._policy, size)
+                status = self._scheme.solve(system, self._policy, size)
                 status = self._arrive(before, size, end, status)
             if status is Status.OK:
                 control.accepted(self._error)
                 if control.done and self.events.stopped_by is None:
                     if t is not None:
-                        self.system.time = t
+                        system.time = t
                     self.controls.sample()
                 elif not control.done:
                     self.observe()

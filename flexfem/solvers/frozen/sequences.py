@@ -44,6 +44,7 @@ class FrozenSequences:
         """Write down the calls of all loops; the multipliers' system has been factorised once."""
         self._system, self._multipliers = system, multipliers
         self._rates, self._scale = np.zeros(3), Number(1.0)
+        self._shifts: Shifts | None = None  # those written there
         self._values = np.zeros(system.constraints.size)
         self._bodies: list[RigidBodies | FlexibleBodies] = [*rigid, *flexible]
         self.correction = multipliers.correction
@@ -67,8 +68,10 @@ class FrozenSequences:
 
     def prepare(self, shifts: Shifts) -> bool:
         """See ``FrozenSolver.prepare``."""
-        self._rates[:] = shifts.array
-        self._scale.set(shifts.scale)
+        if shifts is not self._shifts:
+            self._shifts = shifts
+            self._rates[:] = shifts.array
+            self._scale.set(shifts.scale)
         self._prepare()
         return bool(self._regular.result[0])
 

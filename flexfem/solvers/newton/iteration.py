@@ -13,7 +13,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.core.status import Status
 from flexfem.kernels.sequence import largest_entry
-from flexfem.system.mechanics import END_POINT, Correction, SolveAgain
+from flexfem.system.mechanics import END_POINT, SolveAgain
 from flexfem.system.moving_apart import Moved
 from flexfem.system.system import PartStrains, Shifts, System
 
@@ -75,7 +75,7 @@ class Equations(Protocol):
         """Residuals of blocks and constraints at the trial state (collective)."""
         ...
 
-    def correct(self, system: System, again: SolveAgain | None) -> Correction:
+    def correct(self, system: System, again: SolveAgain | None) -> Moved:
         """Subtract the blocks' steps (collective)."""
         ...
 
@@ -115,11 +115,9 @@ def iterate(
         failed = linear.failed
         success, change = linear_step(shifts, strains)
         strains = system.continued_strains(thin=thin)
-        done = equations.correct(system, again)
-        moved = done.moved
+        moved = equations.correct(system, again)
         rows.multipliers -= change if moved.part == 1.0 else moved.part * change
-        failure = _failure(success and done.success, linear.failed > failed)
-        sizes = _largest(comm, moved, change, failure)
+        sizes = _largest(comm, moved, change, success and moved.success, linear.failed > failed)
         if sent is not None:
             system.traffic.add(comm.sent, sent)
         if sizes[2] > 0.0:
@@ -150,20 +148,15 @@ def iterate(
     return Status.NOT_CONVERGED
 
 
-def _failure(success: bool, unsolved: bool) -> float:
-    """Failure of linear solves on this rank, a number of which the largest one counts."""
-    if unsolved:
-        return 2.0 * _SINGULAR
-    return 0.0 if success else _SINGULAR
-
-
 def _largest(
-    comm: MPI.Intracomm, moved: Moved, change: FloatArray, failure: float
+    comm: MPI.Intracomm, moved: Moved, change: FloatArray, success: bool, unsolved: bool
 ) -> tuple[float, float, float, float]:
-    """Largest steps of blocks and multipliers, failures, and changes of contacts on all ranks."""
-    values = (
-        moved.largest, largest_entry(change), failure, moved.unsettled
-    )  # fmt: skip
+    """Largest steps of blocks and multipliers, failures, and changes of contacts on all ranks.
+
+    Failures of linear solves are numbers, of which the largest one counts.
+    """
+    failure = 2.0 * _SINGULAR if unsolved else 0.0 if success else _SINGULAR
+    values = moved.largest, largest_entry(change), failure, moved.unsettled
     if comm.size == 1:
         return values
     # MPI's maximum does not order NaN
