@@ -199,7 +199,6 @@ class FlexibleBodies:
         numbers = self.every if chosen is None else chosen
         latest: Latest = {}
         factors = {k: self._factor(self.pieces[k], shifts, latest) for k in numbers}
-        latest.clear()
         self._forget_matrix()
         origin = self._mechanics.origin(system, part)[0]
         if chosen is None:

@@ -108,8 +108,7 @@ class CondensedFactor:
         self, right: FloatArray, solution: FloatArray, *, transposed: bool = False
     ) -> None:
         """See :class:`flexfem.la.factor.Factor`."""
-        for one, found in zip(right, solution, strict=True):
-            self.solver(one, found)()
+        Solves([self] * len(right), list(right), list(solution)).solve()
 
 
 class Solves:

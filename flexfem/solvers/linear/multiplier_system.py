@@ -190,7 +190,7 @@ def _directed(
     the ground outwards it is that of the next body at least. Towards the ground it is in the end
     that of a free chain of n bodies alone, 1 / n^3 of a body's, which is left of terms of a body's:
     round-off beyond some 100,000 of them. Components that the ground does not hold end at the rows
-    that are coupled to those left: what is eliminated before is then not.
+    that are coupled to rows outside of the order, so that these meet the last pivots alone.
 
     Args:
         order: of the rows, in which the components follow one another.
