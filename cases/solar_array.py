@@ -20,8 +20,8 @@ have none.
 
 Contact of all panels with one another and with the floor of the container, a pitch below them
 (``--no-contact`` leaves it out), has the automatic stiffness unless ``--contact-stiffness`` gives
-one. At the start panels touch only where they are closer than their thickness, two edges of the
-mesh from a fold on: 78 points with 4 panels of 11x13 nodes and a pitch of 2 mm, none with 10 mm.
+one. Neighbours are closer than their thickness beside a fold; there, and wherever they are closer
+than twice that, they touch once half of their distance at the start is left.
 ``--mesh`` counts nodes of a panel along its short and long side.
 
 History: ``lift`` of the beam, m;

@@ -7,9 +7,13 @@ import numpy as np
 
 from flexfem._types import IntArray
 from flexfem.contact.detection.neighbours import rings
-from flexfem.contact.obstacles.overlaps import deepest_start, first_crossing, winding_numbers
+from flexfem.contact.obstacles.overlaps import (
+    contact_at_start,
+    deepest_start,
+    first_crossing,
+    winding_numbers,
+)
 from flexfem.contact.obstacles.rigid_surface import RigidContact
-from flexfem.contact.obstacles.triangles import TriangleContact
 from flexfem.contact.pairs import ContactPass, ContactSurfaces
 from flexfem.contact.points import RINGS, ContactPoints
 from flexfem.model.rigid_surface import RigidMesh
@@ -39,10 +43,9 @@ def _check_depth(
     points: ContactPoints, owner: str, one: ContactSurfaces, each: ContactPass
 ) -> None:
     """Raise if slaves of a pass penetrate too deeply."""
-    made = TriangleContact(each.slaves, each.masters, one.skin, each.excluded)
-    made.search(points.start, each.chosen)
-    made.settle(points.start)
-    made.evaluate(points.start)
+    made = contact_at_start(
+        points.start, each.slaves, each.masters, each.chosen, each.excluded, one.skin
+    )
     part, node, triangle = deepest_start(made)
     if part > each.deep:
         raise ValueError(

@@ -9,8 +9,9 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.contact.detection.neighbours import Rows, rings
-from flexfem.contact.law.data import Masters, Slaves
+from flexfem.contact.law.data import DISTANCE, Masters, Slaves
 from flexfem.contact.law.stiffening import STIFFER
+from flexfem.contact.obstacles.overlaps import contact_at_start
 from flexfem.contact.obstacles.rigid_surface import Shape
 from flexfem.contact.obstacles.shapes import ShapeKind
 from flexfem.contact.obstacles.surface_data import automatic_stiffness, mean_edge, node_areas
@@ -33,6 +34,8 @@ __all__ = ["ContactPass", "ContactSurfaces", "RigidPlace", "contact_surfaces"]
 
 #: Skin in mean lengths of edges.
 _SKIN = 0.4
+#: Part of their distance at the start at which bodies that a joint connects touch at the latest.
+_NEARER = 0.5
 
 
 @dataclass(frozen=True)
@@ -190,9 +193,35 @@ def _pass(
 ) -> ContactPass:  # fmt: skip
     """One pass, with its own stiffness of the slaves."""
     one, areas = slaves
-    own = _without_stiffness(one.nodes, one.offsets)
-    excluded = rings(points.masters.triangles, own.nodes, RINGS, points.joined)
+    excluded = rings(points.masters.triangles, one.nodes, RINGS, points.joined)
+    offsets = _offsets_at_folds(points, one, master, excluded)
+    own = _without_stiffness(one.nodes, offsets)
     return ContactPass(own, share * areas, points.masters, master, excluded, sign, deep)
+
+
+def _offsets_at_folds(
+    points: ContactPoints, slaves: Slaves, master: IntArray, excluded: Rows
+) -> FloatArray:
+    """Contact distances (s,) with which bodies that a joint connects are apart at the start.
+
+    Panels that are folded at a hinge are nearer beside it than their thickness, at as many nodes as
+    the mesh has there. Half of the distance at the start counts if that is less.
+    """
+    bodies = points.owner[points.joined]
+    if not len(bodies):
+        return slaves.offsets
+    joined = np.unique(np.sort(bodies, axis=1), axis=0)
+    thickness = points.masters.thickness
+    wide = (slaves.offsets + thickness[master].max(initial=0.0)) / _NEARER
+    made = contact_at_start(
+        points.start, _without_stiffness(slaves.nodes, wide), points.masters, master, excluded
+    )
+    at, triangles = made.ends.T
+    pairs = np.column_stack([points.owner[slaves.nodes[at]], points.body[triangles]])
+    held = (np.sort(pairs, axis=1)[:, np.newaxis] == joined).all(axis=2).any(axis=1)
+    distances, offsets = made.contacts[held, DISTANCE], slaves.offsets.copy()
+    np.minimum.at(offsets, at[held], _NEARER * distances - thickness[triangles[held]])
+    return offsets
 
 
 def _without_stiffness(nodes: IntArray, offsets: FloatArray) -> Slaves:

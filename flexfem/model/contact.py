@@ -119,7 +119,9 @@ class Contact:
     With the penalty the nodes of ``bodies`` touch the triangles of ``against``, in a second pass
     also the other way round, and rigid surfaces: the normal force per area is the stiffness times
     the penetration. Beams touch by points along the chords of their elements, with the area of
-    their length times their diameter; forces act at the centre line.
+    their length times their diameter; forces act at the centre line. Shells that a joint connects
+    touch at half of their distance at the start where that is less than their thickness: panels
+    that are folded at a hinge overlap beside it.
 
     Attributes:
         name: Unique name in the model.

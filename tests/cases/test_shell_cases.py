@@ -18,11 +18,11 @@ def built(name: str, **given: object) -> ff.Model:
 
 @pytest.mark.serial
 def test_contacts_of_the_pile_are_counted() -> None:
-    """Panels that lie closer than their thickness touch from the start, others do not."""
+    """A pile on a floor that is nearer than half of the thickness touches it from the start."""
     case = load_case("solar_array")
     small = {"panels": 2, "mesh": "5x9", "wire_elements": 2, "t_end": 0.01}
     assert case.results is not None
-    near, apart = (case.run(**small, **more).history for more in ({"pitch": 7e-4}, {}))
+    near, apart = (case.run(**small, **more).history for more in ({"pitch": 3e-4}, {}))
     counted = case.results(near)
     assert near["contact_closed"][0] == counted["contacts_at_start"] > 0
     assert counted["first_contact"] == 0.0

@@ -6,18 +6,29 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.detection.broad_phase import overlaps, triangle_boxes
 from flexfem.contact.detection.neighbours import Rows
-from flexfem.contact.law.data import GAP, REACH
+from flexfem.contact.law.data import GAP, REACH, Masters, Slaves
 from flexfem.contact.obstacles.triangles import TriangleContact
 from flexfem.kernels.compiled import kernel, subroutine
 
-__all__ = ["deepest_start", "first_crossing", "winding_numbers"]
+__all__ = ["contact_at_start", "deepest_start", "first_crossing", "winding_numbers"]
+
+
+def contact_at_start(
+    points: FloatArray, slaves: Slaves, masters: Masters, chosen: IntArray, excluded: Rows,
+    skin: float = 0.0,
+) -> TriangleContact:  # fmt: skip
+    """Return the contact of slaves with the ``chosen`` triangles, evaluated at positions (n, 3)."""
+    made = TriangleContact(slaves, masters, skin, excluded)
+    made.search(points, chosen)
+    made.settle(points)
+    made.evaluate(points)
+    return made
 
 
 def deepest_start(contact: TriangleContact) -> tuple[float, int, int]:
     """Return the largest penetration over the sum of half thicknesses, its node and triangle.
 
-    The contact must have been updated and evaluated with the positions at the start; 0 and -1
-    without contact.
+    They are 0 and -1 without contact. ``contact`` is that of :func:`contact_at_start`.
     """
     if contact.count == 0:
         return 0.0, -1, -1
