@@ -7,6 +7,7 @@ up for pairs of nodes at once: those of single triangles would fill the memory o
 
 from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import overload
 
 from mpi4py import MPI
 
@@ -36,6 +37,38 @@ from flexfem.layout.elements import one_width
 from flexfem.layout.tangent_request import EXACT, Strains, TangentRequest
 
 __all__ = ["RotationFreeShells", "ShellCells"]
+
+
+class _ContinuedStrains(Sequence[FloatArray]):
+    """Strains (m, 6) of each group at points, continued along steps.
+
+    They are computed where they are asked for: iterations with kept factors rarely do.
+    """
+
+    def __init__(
+        self, groups: list[RotationFreeTriangles], points: FloatArray, steps: FloatArray
+    ) -> None:
+        """Store positions (n, 3) and steps (n, 3), inertial axes."""
+        self._groups, self._points, self._steps = groups, points, steps
+        self._found: dict[int, FloatArray] = {}
+
+    def __len__(self) -> int:
+        return len(self._groups)
+
+    @overload
+    def __getitem__(self, k: int) -> FloatArray: ...
+
+    @overload
+    def __getitem__(self, k: slice) -> list[FloatArray]: ...
+
+    def __getitem__(self, k: int | slice) -> FloatArray | list[FloatArray]:
+        if isinstance(k, slice):
+            return [self[i] for i in range(*k.indices(len(self)))]
+        if k not in self._found:
+            group = self._groups[k]
+            self._found[k] = group.strains(self._points)
+            self._found[k] += group.strain_rates(self._points, self._steps)
+        return self._found[k]
 
 
 @dataclass(frozen=True)
@@ -251,13 +284,10 @@ class RotationFreeShells:
         leave no membrane stress of second order in the tangent (Magisano, Leonetti, Garcea, Int.
         J. Numer. Methods Eng. 109 (2017) 1237-1262).
         """
-        positions_into(frames, self._points)
-        inertial_into(frames, steps, self._vectors)
-        return [
-            group.triangles.strains(self._points)
-            + group.triangles.strain_rates(self._points, self._vectors)
-            for group in self.groups
-        ]
+        points, vectors = np.empty_like(self._points), np.empty_like(self._vectors)
+        positions_into(frames, points)
+        inertial_into(frames, steps, vectors)
+        return _ContinuedStrains([group.triangles for group in self.groups], points, vectors)
 
     def strain_products(self, strains: Strains, chosen: BoolArray) -> tuple[Strains, Strains]:
         """See :class:`flexfem.layout.elements.DampedElements`."""
