@@ -12,6 +12,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.carriers import Carriers
+from flexfem.contact.detection.narrow_phase import MOST
 from flexfem.contact.frames import SurfaceFrames
 from flexfem.contact.law.data import AREAS, NORMAL, PLACE, SLOPE
 from flexfem.contact.obstacles.rigid_surface import RigidContact
@@ -28,7 +29,7 @@ class NormalRows:
     Attributes:
         slopes: derivative of the normal force of each by its gap, (c,), N/m.
         rub: False: friction is explicit.
-        keys: None: rows are not known again.
+        keys: numbers (c,) of slave, surface and place among the slave's contacts with it.
     """
 
     def __init__(self, carriers: Carriers, frames: SurfaceFrames) -> None:
@@ -36,12 +37,12 @@ class NormalRows:
         self._carriers, self._frames = carriers, frames
         self._steps, self._forces = np.zeros((2, len(carriers.serial.start), 3))
         self.rub = False
-        self.keys: IntArray | None = None
         self.clear()
 
     def clear(self) -> None:
         """Forget all rows."""
-        self.slopes = np.zeros(0)
+        self.slopes, self.keys = np.zeros(0), np.zeros(0, np.int64)
+        self._after = 0  # number after those of the surfaces that have been added
         self._nodes, self._weights = np.zeros((0, 4), np.int64), np.zeros((0, 4))
         self._normals = np.zeros((0, 3))
         self._surfaces, self._twists = np.zeros(0, np.int64), np.zeros((0, 6))
@@ -54,6 +55,7 @@ class NormalRows:
         weights = np.column_stack([np.ones(made.count), -numbers[:, AREAS : AREAS + 3]])
         nodes = np.column_stack([made.slaves.nodes[slaves], masters])
         slopes = made.slaves.stiffness[slaves] * numbers[:, SLOPE]
+        self._add_keys(slaves, len(made.slaves.nodes))
         self._add(nodes, weights, numbers[:, NORMAL : NORMAL + 3], slopes, -1, None)
 
     def add_surface(self, made: RigidContact, surface: int) -> None:
@@ -65,7 +67,14 @@ class NormalRows:
         weights = np.tile([1.0, 0.0, 0.0, 0.0], (made.count, 1))
         twists = -np.column_stack([normals, np.cross(arms, normals)])
         slopes = made.slaves.stiffness[slaves] * numbers[:, SLOPE]
+        self._add_keys(slaves, len(made.slaves.nodes))
         self._add(nodes, weights, normals @ R.T, slopes, surface, twists)
+
+    def _add_keys(self, slaves: IntArray, count: int) -> None:
+        """Append keys of contacts of slaves (c,), ascending, of which a surface has ``count``."""
+        place = np.arange(len(slaves)) - np.searchsorted(slaves, slaves)
+        self.keys = np.concatenate([self.keys, self._after + MOST * slaves + place])
+        self._after += MOST * count
 
     def _add(
         self, nodes: IntArray, weights: FloatArray, normals: FloatArray, slopes: FloatArray,

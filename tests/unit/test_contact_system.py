@@ -116,6 +116,28 @@ def test_impact_keeps_the_momenta_and_loses_what_is_reported():
 
 
 @pytest.mark.serial
+def test_springs_are_known_again_by_node_and_surface():
+    """Whatever touches beside them: forces of the last iteration serve the next one."""
+    model = impact(speed=(0.5, 0.2, -1.0))
+    floor = ff.RigidPlane(ff.Ground((0.0, 0.0, 5e-4)))
+    model.add(ff.Contact("floor", "up", surfaces=floor))
+    simulation, _ = moved(model, 3)
+    contacts = simulation.system.contacts[0]
+    contacts.evaluate()
+    every = contacts.rows()
+    known = dict(zip(every.keys.tolist(), every.slopes.tolist(), strict=True))
+    assert len(known) == len(every.keys) > 20
+    made = contacts.triangles()[0][0]
+    made.slaves.offsets[::2] = -1.0
+    contacts.evaluate()
+    less = contacts.rows()
+    # if keys counted contacts, those that are left would have keys of others
+    assert 10 < len(less.keys) < len(known)
+    found = [known[key] for key in less.keys.tolist()]
+    np.testing.assert_allclose(less.slopes, found, rtol=1e-12)
+
+
+@pytest.mark.serial
 def test_policies_find_the_same_motion():
     ends = []
     for policy in ("updated", "frozen"):

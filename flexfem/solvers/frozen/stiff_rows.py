@@ -317,7 +317,7 @@ class _Forces:
         Args:
             respond: motions (c,) for forces (c,) of the springs alone, a direction by its number.
             recall: motions (c,) of a response that serves again.
-            leave_soft: True for none if the springs are soft.
+            leave_soft: True for no more directions than are known, or one, if the springs are soft.
         """
         motions = self._with_gone(self.rows.motions())
         if self._earlier is not None:
@@ -325,11 +325,11 @@ class _Forces:
             self._earlier = None
         if self._direct is None and not self._count and not self._begin(respond, motions):
             return np.zeros(0)
-        if leave_soft and self.soft:
-            return np.zeros(0)
         while True:
             found = self._sum(self._basis @ (self._scaling * motions))
             parts = self._inverse @ found
+            if leave_soft and self.soft:
+                return parts
             left = motions - (found @ self._basis) / self._scaling
             # springs' forces for the motions that are left, beside all
             error, size = self._norms(self._slopes * left, parts @ self._directions)
