@@ -210,7 +210,6 @@ def _offsets_at_folds(
     bodies = points.owner[points.joined]
     if not len(bodies):
         return slaves.offsets
-    joined = np.unique(np.sort(bodies, axis=1), axis=0)
     thickness = points.masters.thickness
     wide = (slaves.offsets + thickness[master].max(initial=0.0)) / _NEARER
     made = contact_at_start(
@@ -218,7 +217,8 @@ def _offsets_at_folds(
     )
     at, triangles = made.ends.T
     pairs = np.column_stack([points.owner[slaves.nodes[at]], points.body[triangles]])
-    held = (np.sort(pairs, axis=1)[:, np.newaxis] == joined).all(axis=2).any(axis=1)
+    joined, found = (np.sort(one, axis=1) @ [len(points.names), 1] for one in (bodies, pairs))
+    held = np.isin(found, joined)
     distances, offsets = made.contacts[held, DISTANCE], slaves.offsets.copy()
     np.minimum.at(offsets, at[held], _NEARER * distances - thickness[triangles[held]])
     return offsets
