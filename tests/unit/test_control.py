@@ -98,6 +98,27 @@ def test_continuous_law_is_of_second_order():
 
 
 @pytest.mark.serial
+def test_continuous_law_is_called_by_iterations_once_at_the_end_and_for_differences():
+    times: list[float] = []
+
+    def noted(t: float, y: np.ndarray) -> float:
+        times.append(t)
+        return pd(t, y)
+
+    model, steps, surplus = pendulum(ff.Controller("pd", ["turn"], ["motor"], noted)), 30, []
+    simulation = Simulation(model, ff.RunOptions(dt=0.01, t_end=1.0, quiet=True))
+    for _ in range(steps):
+        calls, iterations = len(times), simulation.system.counters.newton_iterations
+        assert simulation.advance(0.01).name == "OK"
+        surplus.append(
+            len(times) - calls - (simulation.system.counters.newton_iterations - iterations)
+        )
+    # differences of 12 columns of one marker serve 12 steps; a call to accept a step would make 2
+    assert sorted(set(surplus)) == [1, 13]
+    assert surplus.count(13) == 3
+
+
+@pytest.mark.serial
 @pytest.mark.parametrize("integrator", ["generalized_alpha", "energy_momentum"])
 def test_sampled_law_is_held_and_acts_half_a_step_late(integrator):
     span, samples, errors = 0.02, 15, []

@@ -119,11 +119,12 @@ class ElementGroup:
 
     def accept(self, motion: ElementMotion, step: StateStep | None) -> None:
         """Accept a state with this motion at the end of a step."""
-        try:
-            self._settle(motion, step)
-        except FAILURES as error:
-            noted(self.law.owner, self.law.function, error)
-            return
+        if self.law.states or self.law.explicit:  # others carry nothing on: no call of the law
+            try:
+                self._settle(motion, step)
+            except FAILURES as error:
+                noted(self.law.owner, self.law.function, error)
+                return
         if step is None or step is AT_REST:
             self.w0 = self.g.copy()
         else:

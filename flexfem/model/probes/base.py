@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Probes: what is recorded in the history at every step."""
 
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
 from typing import Any, ClassVar, Self
@@ -52,7 +52,7 @@ class MarkerState:
 
     @classmethod
     def of_motions(
-        cls, motions: FloatArray, starts: Sequence[FloatArray], arcs: Sequence[Sequence[float]]
+        cls, motions: FloatArray, starts: Iterable[FloatArray], arcs: Iterable[Sequence[float]]
     ) -> list[Self]:
         """States of several markers, whose arrays are parts of the given one.
 

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
+from itertools import repeat
 from typing import Any
 
 import numpy as np
@@ -28,7 +29,8 @@ from flexfem.model.probes.base import MarkerState, Probe
 
 __all__ = ["DrivenActuator", "FeedbackLaw", "feedback"]
 
-_UNKNOWN = np.full(3, np.nan)
+#: Arc lengths and their rates: no marker slides.
+_NO_ARCS = repeat((0.0, 0.0))
 
 
 class FeedbackLaw:
@@ -74,6 +76,7 @@ class FeedbackLaw:
         ]
         self.previous: FloatArray | None = None
         self._starts = [np.eye(3) for _ in self.markers]
+        self._unturned = np.array(self._starts)  # transposed
         self.follows = True
         # time, poses and twists of the markers, and columns of each probe
         self._last: tuple[float, FloatArray, list[FloatArray]] | None = None
@@ -86,6 +89,7 @@ class FeedbackLaw:
     def begin(self, poses: Sequence[Pose]) -> None:
         """Take the poses of the markers at the start."""
         self._starts = [pose.rotation for pose in poses]
+        self._unturned = np.array([start.T for start in self._starts])
         frames = [np.concatenate([pose.position, pose.rotation.ravel()]) for pose in poses]
         motion = ElementMotion(0.0, np.array([frames]), np.zeros((1, len(poses), 6)))
         # accelerations are not known at an iterate
@@ -132,26 +136,28 @@ class FeedbackLaw:
         last = self._last
         known = last is not None and last[0] == motion.time
         moved = (now != last[1]).any(axis=1) if known and last is not None else None
-        values, at = [], 0
+        values, at, motions = [], 0, self._motions(now)
         for k, probe in enumerate(self._probes):
             own = slice(at, at + len(probe.markers))
             at = own.stop
             if last is not None and moved is not None and not moved[own].any():
                 values.append(last[2][k])
             else:
-                states = [self._state(row, i) for i, row in enumerate(now[own], start=own.start)]
+                states = MarkerState.of_motions(motions[own], self._starts[own], _NO_ARCS)
                 values.append(probe.evaluate(motion.time, states))
         if moved is None or moved.sum() > 1:
             self._last = motion.time, now, values
         return values
 
-    def _state(self, row: FloatArray, marker: int) -> MarkerState:
-        """State of a marker by its pose and twist (18,)."""
-        R = row[3:12].reshape(3, 3)
-        return MarkerState(
-            row[:3], R, R @ row[12:15], R @ row[15:], start=self._starts[marker],
-            acceleration=_UNKNOWN, angular_acceleration=_UNKNOWN,
-        )  # fmt: skip
+    def _motions(self, now: FloatArray) -> FloatArray:
+        """Motions (n, 33), see ``MarkerState.of_motions``, of poses and twists (n, 18)."""
+        R = now[:, 3:12].reshape(-1, 3, 3)
+        motions = np.empty((len(now), 33))
+        motions[:, :12] = now[:, :12]
+        motions[:, 12:18] = (now[:, 12:].reshape(-1, 2, 3) @ R.transpose(0, 2, 1)).reshape(-1, 6)
+        motions[:, 18:24] = np.nan
+        motions[:, 24:] = (R @ self._unturned).reshape(-1, 9)
+        return motions
 
 
 @dataclass(frozen=True, eq=False)
