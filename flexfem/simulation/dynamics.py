@@ -102,6 +102,11 @@ class _TimeSteps(Steps):
         )  # fmt: skip
 
     @property
+    def further_instants(self) -> int:
+        """See :class:`Steps`: those of every so many steps, and of the last one."""
+        return -(-self._count // self._options.every)
+
+    @property
     def at(self) -> str:
         """See :class:`Steps`."""
         return f"t = {self._simulation.time:.6g} s"

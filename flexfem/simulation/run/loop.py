@@ -19,6 +19,7 @@ from flexfem.core.status import Status
 from flexfem.launch import Interrupted, StopSignals
 from flexfem.simulation.run.cautions import Cautions
 from flexfem.simulation.run.checkpoints import Checkpoints, Restart
+from flexfem.simulation.run.disk_room import lack_of_room
 from flexfem.simulation.run.functions_alike import NONE, FunctionsAlike
 from flexfem.simulation.run.guard import guarded, reason_of
 from flexfem.simulation.run.interruption import Agreement, interruption
@@ -55,6 +56,11 @@ class Steps:
     def completed(self) -> int | None:
         """Number of the last completed step for a checkpoint, None if none can be written."""
         raise NotImplementedError
+
+    @property
+    def further_instants(self) -> int:
+        """Number of instants of fields to be written after the start; zero if it is not known."""
+        return 0
 
     @property
     def at(self) -> str:
@@ -179,6 +185,9 @@ class Run:
             return status
         if self._start is None:
             steps.record_start()
+            steps.cautions.say(
+                lack_of_room(self._options.output, steps.further_instants, steps.system.comm)
+            )
             self._look(signals)
         self._setup = self._elapsed()
         steps.begin()
