@@ -27,6 +27,7 @@ class Mechanism(Protocol):
     def set_active(self, joint: str, active: bool, hold: bool = False) -> None:
         """Close or open a joint; ``hold`` keeps the present values of its rows.
 
+        Without it the positions must satisfy the joint as it is defined, see :class:`LockJoint`.
         Velocities jump by the least kinetic energy onto the constraints that hold then.
         """
         ...
@@ -63,7 +64,8 @@ class LockJoint:
     Attributes:
         joint: its name; with ``Model.release`` it is open from the start.
         hold: its rows (distances, angles) keep their present values, those of a drive as well;
-            else they take those of the joint's definition, which the positions must satisfy.
+            else they take those of the joint's definition, which the positions must satisfy: the
+            run ends where they are off by more than 1e-4 m or rad.
     """
 
     joint: str

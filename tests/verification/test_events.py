@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import flexfem as ff
+from flexfem._faults import FunctionError
 from flexfem.analyses.dynamics import RunOptions
 from flexfem.simulation.dynamics import simulate
 
@@ -118,10 +119,11 @@ def test_a_run_stops_after_all_events():
         assert outcome.history["t"][-1] == pytest.approx(np.sqrt(1.6 / G), abs=2e-9)
 
 
-def _catch(where: float, flexible: bool = False) -> ff.Model:
+def _catch(where: float, flexible: bool = False, act=None, plane: float = 0.0) -> ff.Model:
     """A slider with a pendulum at its side that is caught at a position.
 
-    The pendulum's arm carries a small beam in its middle to have a flexible body too.
+    The catch is a joint that holds at another one, ``plane``, m; by default it is held where it
+    is. The pendulum's arm carries a small beam in its middle to have a flexible body too.
     """
     mesh = None
     if flexible:
@@ -134,8 +136,10 @@ def _catch(where: float, flexible: bool = False) -> ff.Model:
         ff.RigidBody("bob", 1.0, (0.01, 0.02, 0.03), position=(0, -1, 0), velocity=(1.0, 0, 0)),
         ff.Prismatic("rail", ff.Ground(), slider, axis=(1, 0, 0)),
         ff.Revolute("pin", slider, ff.Marker("bob", offset=(0, 1, 0)), axis=(0, 0, 1)),
-        ff.PointOnPlane("catch", ff.Ground(), slider, axis=(1, 0, 0)),
-        ff.Event("caught", slider, lambda t, s: s.position[0] - where, ff.LockJoint("catch")),
+        ff.PointOnPlane("catch", ff.Ground((plane, 0, 0)), slider, axis=(1, 0, 0)),
+        ff.Event(
+            "caught", slider, lambda t, s: s.position[0] - where, act or ff.LockJoint("catch")
+        ),
         ff.PositionProbe("at", slider),
         ff.Probe("turn", ff.Marker("bob"), ("spin",), lambda t, s: (s.angular_velocity[2],)),
     )
@@ -242,6 +246,23 @@ def test_a_lock_of_a_joint_is_switched_on_and_off():
         t = outcome.history["t"]
         expected = np.where(t < np.sqrt(0.2), t**2, 0.2 + np.maximum(t - 1.003, 0.0) ** 2)
         np.testing.assert_allclose(outcome.history["at_x"], expected, atol=1e-7)
+
+
+def test_a_joint_that_does_not_hold_is_not_closed_as_it_is_defined():
+    """The catch is defined at x = 0; there it closes, at 0.3 m the slider would jump back."""
+    model = _catch(0.3, act=ff.LockJoint("catch", hold=False))
+    with pytest.raises(FunctionError) as caught:
+        simulate(model, RunOptions(dt=0.03, t_end=0.6))
+    outcome = caught.value.outcome
+    told = 'Event "caught": "catch" does not hold at t = 0.3 s: it is off by 0.3 (m or rad) and'
+    assert outcome.status.startswith(told)
+    if outcome.history:
+        assert outcome.history["t"][-1] == pytest.approx(0.3, abs=1e-8)
+    model = _catch(0.3, act=ff.LockJoint("catch", hold=False), plane=0.3)
+    outcome = simulate(model, RunOptions(dt=0.03, t_end=0.6))
+    assert outcome.status == "ok"
+    if outcome.history:
+        np.testing.assert_allclose(outcome.history["at_x"][-1], 0.3, atol=1e-8)
 
 
 def test_a_function_as_action():

@@ -38,6 +38,8 @@ _ALIKE = 1e-9
 _ROUND_OFF = 1e-15
 #: Number of evaluations after which a bracket must have halved; else it is bisected.
 _PATIENCE = 3
+#: Largest distance (m) or angle (rad) of a joint that closes as it is defined from where that is.
+_CLOSED = 1e-4
 
 
 @dataclass
@@ -235,7 +237,7 @@ class Events:
                 self._sides[i] = -self._sides[i]
             self._armed[i] = not event.once
             mechanism.event = int(i)
-            if not self._act(event, mechanism):
+            if not (self._act(event, mechanism) and self._closes(event, mechanism)):
                 self.restore(before[0])
                 system.constraints.restore(before[1])
                 return Status.EVENT
@@ -268,6 +270,30 @@ class Events:
                 done = False
         comm = self._system.comm
         return done if comm.size == 1 else bool(comm.allreduce(done, op=MPI.LAND))
+
+    def _closes(self, event: Event, mechanism: "_Moving") -> bool:
+        """True if the joints that an event has closed as they are defined hold there (collective).
+
+        The next step would move bodies by what is missing, whatever energy that takes.
+        """
+        rows = self._system.constraints
+        if mechanism.closed:
+            rows.evaluate(np.array([1.0, 1.0]))
+        for joint in mechanism.closed:
+            own = rows.rows_of(joint)
+            own = own[rows.rigid[own]]
+            gap = float(np.abs(rows.values[own]).max(initial=0.0))
+            gap = self._system.comm.allreduce(gap, op=MPI.MAX)
+            if gap > _CLOSED:
+                why = (
+                    f'"{joint}" does not hold at t = {mechanism.time:.6g} s: it is off by '
+                    f"{gap:.6g} (m or rad) and would jump; close it with hold=True where it is, or "
+                    "at a time when it holds"
+                )
+                noted(f'Event "{event.name}"', event.function, ValueError(why))
+                return False
+        mechanism.closed = []
+        return True
 
     def _rebound(self, impact: _Impact) -> Status:
         """Set the velocities after an impact at a released joint, which stays released."""
@@ -321,11 +347,14 @@ class _Moving:
     def __init__(self, system: System, fired: Sequence[tuple[str, float]]) -> None:
         self._rows, self.time, self._fired = system.constraints, system.time, fired
         self.impacts: list[_Impact] = []
+        self.closed: list[str] = []  # as they are defined
         self.changed = self.stopped = False
         self.event = 0
 
     def set_active(self, joint: str, active: bool, hold: bool = False) -> None:
         self._rows.set_active(joint, active, hold)
+        if active and not hold:
+            self.closed.append(joint)
         self.changed = True
 
     def rebound(self, joint: str, restitution: float, rest_speed: float = 0.0) -> None:
