@@ -468,6 +468,18 @@ def test_refusals(change, message):
 
 
 @pytest.mark.serial
+def test_nodes_in_one_place():
+    """Slack cables may begin between them; without a length of their own, and as bars, none do."""
+    mesh = ff.ElementMesh([[0.0, 0, 0], [1.0, 0, 0], [1.0, 0, 0]], [[0, 1], [1, 2]], "interval")
+    same = 'CableNet "net": both nodes of cable 1 coincide'
+    with pytest.raises(ValueError, match=f"{same}, which needs a rest_length"):
+        ff.CableNet("net", mesh, 1.0, mass_per_length=1.0)
+    with pytest.raises(ValueError, match=rf"{same}, a bar without a direction \(tension_only"):
+        ff.CableNet("net", mesh, 1.0, mass_per_length=1.0, rest_length=0.5, tension_only=False)
+    assert ff.CableNet("net", mesh, 1.0, mass_per_length=1.0, rest_length=0.5).elements == 2
+
+
+@pytest.mark.serial
 def test_other_cells_are_refused():
     mesh = ff.ElementMesh(np.eye(3), [[0, 1, 2]], "triangle")
     with pytest.raises(ValueError, match='CableNet "net": mesh must have intervals of degree 1'):

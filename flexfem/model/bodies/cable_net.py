@@ -86,8 +86,9 @@ class CableNet(MeshBody):
     Raises:
         TypeError: An argument has the wrong type.
         ValueError: Other cells than intervals of degree 1, a value that is negative, not positive,
-            or neither one nor one for each cable, rest length and preload, a node without mass,
-            slack damping or a catch of bars, or a set that the mesh does not have.
+            or neither one nor one for each cable, rest length and preload, both nodes of a cable in
+            one place without a rest length, or of a bar, a node without mass, slack damping or a
+            catch of bars, or a set that the mesh does not have.
     """
 
     family = "flexfem.families.cable_net.family:CableNetFamily"
@@ -139,11 +140,23 @@ class CableNet(MeshBody):
             raise ValueError(
                 f"{owner}: dissipating_catch is that of cables, got bars (tension_only=False)"
             )
+        self._check_lengths()
         masses = self.node_mass + np.bincount(
             mesh.cells.ravel(), np.repeat(self.mass_per_length, 2), len(mesh.points)
         )
         if not (masses > 0.0).all():
             raise ValueError(f"{owner}: node {int(np.argmin(masses > 0.0))} has no mass")
+
+    def _check_lengths(self) -> None:
+        """Check that nodes are apart where cables take their rest length from it, or are bars."""
+        short = np.flatnonzero(self.lengths == 0.0)
+        if len(short) == 0:
+            return
+        found = f"{_checks.named(self, self.name)}: both nodes of cable {int(short[0])} coincide"
+        if self.rest_length is None:
+            raise ValueError(f"{found}, which needs a rest_length")
+        if not self.tension_only:
+            raise ValueError(f"{found}, a bar without a direction (tension_only=False)")
 
     def _positive(self, what: str) -> FloatArray:
         """Checked values (m,) of the cables."""
