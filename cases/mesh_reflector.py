@@ -15,8 +15,10 @@ radius. Their plan is that of constant force densities (Schek, Comput. Methods A
 (1974) 115-134); heights of tied nodes are those of the paraboloids, and the ties' forces follow.
 Folded, all of their cables are slack. They become taut when the ring opens. Cables do not touch.
 
-``--bays`` must be a multiple of 6, and ``--rings`` one of bays / 6. Coordinates of the nets are 18
-times rings (rings + 1), and 6; with ``--bays 24 --rings 104`` there are 196,566.
+``--bays`` must be a multiple of 6, and ``--rings`` one of bays / 6, not of bays / 6 alone: an edge
+cable in one piece between two battens would be as long as the longeron beside it, and taut in the
+folded ring. ``--depth`` is less than half of the height, or the nets would cross. Coordinates of
+the nets are 18 times rings (rings + 1), and 6; with ``--bays 24 --rings 104`` there are 196,566.
 
 History: ``radius``, half of the distance of opposite battens, m; ``level``, largest difference of
 the heights of battens, m; ``cable_tension``, ``cable_end_tension`` (N) and ``cable_stretch`` (m) of
@@ -201,8 +203,11 @@ class Nets:
         own = np.where(self.on_edge, self.edge_stiffness, self.stiffness)
         stiffness = np.concatenate([own, own, np.full(len(tied), self.stiffness)])
         forces = np.concatenate([tension, tension, ties])
-        if not (forces > 0.0).all():
-            raise ValueError("depth, net_tension and edge_force press a cable of the nets together")
+        if not (forces > 0.0).all():  # those of cables are positive
+            raise ValueError(
+                f"ties near the edge would have to press with tied {self.tied:g}: take a smaller "
+                "one, of which there are fewer"
+            )
         return pairs, stiffness, lengths / (1.0 + forces / stiffness)
 
     def folded(self, angle: float) -> Array:
@@ -236,7 +241,8 @@ class Nets:
             raise ValueError(
                 "the folded nets do not fit between the battens with edge_force "
                 f"{self.edge_force:g}, depth {self.depth:g} and tied {self.tied:g}: a cable would "
-                f"be stretched by {100.0 * worst:.2g} %; smaller ones leave more room"
+                f"be stretched by {100.0 * worst:.2g} %; smaller ones leave more room, and so do a "
+                "smaller net_tension or start_angle and stiffer nets"
             )
         return places
 
@@ -269,6 +275,16 @@ def build(
         raise ValueError(f"bays must be a multiple of {SECTORS}, got {bays}")
     if rings % (bays // SECTORS):
         raise ValueError(f"rings must be a multiple of bays / {SECTORS}, got {rings}")
+    if rings == bays // SECTORS:
+        raise ValueError(
+            f"rings must be {2 * rings} at least with {bays} bays, got {rings}: edge cables in one "
+            "piece between battens would be taut in the folded ring"
+        )
+    if 2.0 * depth >= height:
+        raise ValueError(
+            f"depth must be less than half of the height, {0.5 * height:g} m, got {depth:g}: the "
+            "nets would cross"
+        )
     if start_angle >= latch_angle:
         raise ValueError(f"start_angle must be less than latch_angle, got {start_angle}")
     if 2.0 * wall >= diameter:

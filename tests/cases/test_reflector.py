@@ -57,6 +57,9 @@ def test_folded_cables_are_slack(given: dict[str, int]) -> None:
     [
         ({"bays": 8}, "bays must be a multiple of 6, got 8"),
         ({"rings": 3}, "rings must be a multiple of bays / 6, got 3"),
+        ({"bays": 12, "rings": 2}, "rings must be 4 at least with 12 bays, got 2"),
+        ({"depth": 0.75}, "depth must be less than half of the height, 0.75 m, got 0.75"),
+        ({"tied": 1.0}, "ties near the edge would have to press with tied 1"),
         ({"start_angle": 90.0}, "start_angle must be less than latch_angle, got 90"),
         ({"wall": 20.0}, "wall must be less than half of diameter, got 20"),
         (
