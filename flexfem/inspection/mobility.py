@@ -65,7 +65,7 @@ def mobility(inspection: Inspection) -> Mobility:
     of_nodes = rows.on_nodes(rigid)
     whole = part_rows(inspection, rows, rigid)
     count = int(_between(rows, rigid).sum())
-    supports = len(rows.supports().row)
+    supports, lines = len(rows.supports().row), len(rows.lines().row)
     bodies = len(inspection.parts)
     facts = inspection.bodies
     return Mobility(
@@ -76,23 +76,25 @@ def mobility(inspection: Inspection) -> Mobility:
         bodies=bodies,
         supports=supports,
         whole_constraints=count,
-        motions=6 * bodies - (count + supports - dependence_count(whole)),
+        motions=6 * bodies - (count + supports + lines - dependence_count(whole)),
     )
 
 
 def part_rows(inspection: Inspection, joints: StartRows, chosen: BoolArray) -> NodeRows:
     """Chosen rows (r,) of joints and the supports of shells, on the rigid-body parts.
 
-    Rotations count as displacements of points one characteristic length away.
+    Behind them are those of rotations that move nothing. Rotations count as displacements of
+    points one characteristic length away.
     """
     of_joints = joints.on_parts(_between(joints, chosen))
-    supports = joints.supports()
+    supports, lines = joints.supports(), joints.lines()
     first = int(of_joints.row.max(initial=-1)) + 1
-    gradient = np.concatenate([of_joints.gradient, supports.gradient])
+    last = first + len(supports.row)
+    gradient = np.concatenate([of_joints.gradient, supports.gradient, lines.gradient])
     gradient[..., 3:] /= inspection.scale
     return NodeRows(
-        np.concatenate([of_joints.row, first + supports.row]),
-        np.concatenate([of_joints.nodes, supports.nodes]),
+        np.concatenate([of_joints.row, first + supports.row, last + lines.row]),
+        np.concatenate([of_joints.nodes, supports.nodes, lines.nodes]),
         gradient,
     )
 

@@ -119,6 +119,19 @@ def body(joint: type[Joint] = ff.Revolute, **options: object) -> ff.Model:
     return model
 
 
+def wire(*held: str) -> ff.Model:
+    """A net that is one taut cable of two pieces along x, with its fixed ends."""
+    ends = {"left": [0], "right": [2]}
+    points = np.outer([0.0, 0.4, 1.0], [1.0, 0.0, 0.0])
+    mesh = ff.ElementMesh(points, [[0, 1], [1, 2]], "interval", nodes=ends)
+    model, fixed = ff.Model("wire"), dict.fromkeys(held, "xyz")
+    model.add(
+        ff.CableNet("wire", mesh, 1e4, preload=100.0, mass_per_length=0.1, fixed=fixed),
+        ff.PointForce("pull", ff.Marker("wire", "right"), (1.0, 0.0, 0.0)),
+    )
+    return model
+
+
 def driven(rate: float, spin: float, **options: object) -> ff.Model:
     """A rotor whose drive and initial velocity may differ."""
     model = ff.Model()
@@ -481,6 +494,10 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     "statics on a spring": (
         "statics", "in one way", lambda: hinged(ff.Revolute("pin", ff.Ground(), START, axis=Y)),
         spring_held, STATICS,
+    ),
+    "statics of a straight wire, which has no rotation about itself": (
+        "statics", '"wire": free rigid-body motion in 2 ways', lambda: wire("left"),
+        lambda: wire("left", "right"), STATICS,
     ),
     "fast": (
         "steps", "1 rad in a step", lambda: driven(1000.0, 1000.0), lambda: driven(100.0, 100.0),
