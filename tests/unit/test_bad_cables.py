@@ -185,6 +185,30 @@ def test_a_cable_that_leaves_its_sheave_is_told() -> None:
     )
 
 
+@pytest.mark.parametrize(
+    ("rest_length", "speed", "told"), [(0.8, 5.0, True), (0.8, 0.0, False), (2.6, 5.0, False)]
+)
+def test_a_load_that_is_pulled_through_its_eyelet_is_told(
+    rest_length: float, speed: float, told: bool
+) -> None:
+    """By a taut cable; one that bounces before it, or flies by a slack cable, is not."""
+    model, load = ff.Model("eyelet"), ff.Marker("load")
+    model.add(
+        ff.RigidBody("load", 1.0, (1.0,) * 3, position=(0, 0, -0.5), velocity=(0, 0, speed)),
+        ff.Prismatic("guide", ff.Ground((0.0, 0.0, -0.5)), load, axis=(0.0, 0.0, 1.0)),
+        ff.Cable(
+            "j",
+            [ff.Ground((-1.0, 0.0, 0.0)), ff.Eyelet(ff.Ground()), load],
+            axial_stiffness=50.0,
+            rest_length=rest_length,
+        ),
+        ff.SpringDamper("weight", ff.Ground((0.0, 0.0, -9.0)), load, 1.0, preload=12.0),
+    )
+    texts = warnings_of(model, 1e-2, 0.16)
+    start = 'Cable "j": from path[1] to path[2] it turns round in the step to t = 0.09, as where'
+    assert [text.startswith(start) for text in texts] == [True] * told
+
+
 def test_a_cable_that_turns_too_far_in_a_step_is_told() -> None:
     """A wheel whose cable goes round more than two radians a step cannot be followed."""
     model = ff.Model("fast")

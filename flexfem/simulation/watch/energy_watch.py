@@ -18,6 +18,7 @@ from flexfem.layout.elements import HistoryElements
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.simulation.watch.brief_contacts import BriefContacts
 from flexfem.simulation.watch.inside_out import InsideOut
+from flexfem.simulation.watch.passages import PassageWatch
 from flexfem.simulation.watch.sagging import SagWatch
 from flexfem.simulation.watch.validity import ValidityWatch
 from flexfem.simulation.watch.wraps import WrapWatch
@@ -71,6 +72,7 @@ class EnergyWatch:
         self._drives = DriveChanges(rows, diagonal(box))
         self._validity, self._wraps = ValidityWatch(serial, system, box), WrapWatch(system)
         self._sags, self._brief = SagWatch(system), BriefContacts(system, model)
+        self._passages = PassageWatch(system)
         mine = len(self._drives.rows) + len(self._drives.wrenches)
         self._driven = bool(system.comm.allreduce(mine))
         self._complete = not system.comm.allreduce(not self._drives.complete, op=MPI.LOR)
@@ -141,6 +143,7 @@ class EnergyWatch:
         self._count += 1
         self._wraps.look()
         self._sags.look()
+        self._passages.look()
         self._brief.look()
         if self._driven:
             self._drives.notice(self._system.time, self._h)
@@ -220,6 +223,7 @@ class EnergyWatch:
             *self._validity.texts(),
             *self._wraps.texts(),
             *self._sags.texts(),
+            *self._passages.texts(),
             *self._brief.texts(),
             *self._turns(),
             *self._jumps(),
