@@ -1,7 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Many objects of one class in one declaration."""
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Any, overload, override
 
@@ -31,7 +31,7 @@ def each(values: Sequence[Any]) -> Each:
         TypeError: They cannot be counted.
     """
     array = isinstance(values, np.ndarray) and values.ndim > 0
-    if isinstance(values, str) or not (array or isinstance(values, Sequence)):
+    if isinstance(values, (str, bytes)) or not (array or isinstance(values, Sequence)):
         raise TypeError(f"each: values must be an array or a list, got {_checks.show(values)}")
     return Each(values)
 
@@ -62,21 +62,22 @@ class Many[Thing](Sequence[Thing]):
 
         Args:
             kind: Their class.
-            names: All names, or a text for NAME_0, NAME_1 and so on; numbers take the place of
-                ``{}`` in it, where there is one.
+            names: All names in a list, or a text for NAME_0, NAME_1 and so on; numbers take the
+                place of ``{}`` in it, where there is one.
             *arguments: Arguments of the class after the name, the same for all objects; those
                 under :func:`each` are different ones.
             count: Number of the objects; only needed where neither names nor values tell it.
             **named: The same by name.
 
         Raises:
-            TypeError: It is no class, or the class refuses an argument.
-            ValueError: There is no object, numbers of names or values differ, or an object of
-                the class refuses a value.
+            TypeError: It is no class, names have no order, or the class refuses an argument.
+            ValueError: There is no object, numbers of names or values differ, a text for names
+                has other braces than one ``{}``, or an object of the class refuses a value.
         """
         if not isinstance(kind, type):
             raise TypeError(f"Many: kind must be a class, got {_checks.show(kind)}")
         owner = f"Many {kind.__name__} {_checks.show(names, 40)}"
+        _check_names(owner, names)
         given = {f"argument {i + 1}": value for i, value in enumerate(arguments)} | named
         told = {what: len(v.values) for what, v in given.items() if isinstance(v, Each)}
         if not isinstance(names, str):
@@ -90,6 +91,7 @@ class Many[Thing](Sequence[Thing]):
             raise ValueError(f"{owner}: needs names, a count or values of each, of one at least")
         (number,) = numbers
         self.names = _names(names, number)
+        self._owner = owner
         places = [_column(value, number) for value in arguments]
         columns = [(what, _column(value, number)) for what, value in named.items()]
         make: Callable[..., Thing] = kind
@@ -120,8 +122,19 @@ class Many[Thing](Sequence[Thing]):
 
     @override
     def __getitem__(self, index: int | slice) -> Thing | Sequence[Thing]:
-        """Return an object by its number, or several."""
-        return self._things[index]
+        """Return an object by its number, or several.
+
+        Raises:
+            TypeError: It is no number.
+            IndexError: There is no object of this number.
+        """
+        try:
+            return self._things[index]
+        except (TypeError, IndexError) as error:
+            raise type(error)(
+                f"{self._owner}: objects have numbers from 0 to {len(self) - 1}, got "
+                f"{_checks.show(index)}"
+            ) from None
 
     @override
     def __len__(self) -> int:
@@ -132,6 +145,29 @@ class Many[Thing](Sequence[Thing]):
     def __iter__(self) -> Iterator[Thing]:
         """Go through the objects."""
         return iter(self._things)
+
+    @override
+    def __repr__(self) -> str:
+        """Return class and names, for messages."""
+        return f"{self._owner} of {len(self)}"
+
+
+def _check_names(owner: str, names: Any) -> None:
+    """Refuse names that have no number or no order, which ranks would see in orders of their own.
+
+    Raises:
+        TypeError: They are neither a text nor a list.
+        ValueError: A text has other braces than one ``{}``.
+    """
+    if isinstance(names, str):
+        if names.count("{}") > 1 or "{:" in names:
+            raise ValueError(
+                f"{owner}: names must have one {{}} for the number at most, and no other form of it"
+            )
+    elif isinstance(names, (bytes, set, frozenset)) or not (
+        names.ndim > 0 if isinstance(names, np.ndarray) else isinstance(names, Collection)
+    ):
+        raise TypeError(f"{owner}: names must be a text or a list, got {_checks.show(names)}")
 
 
 def _column(value: Any, number: int) -> Sequence[Any]:

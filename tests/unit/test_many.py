@@ -5,6 +5,7 @@ import dataclasses
 import sys
 import tracemalloc
 from collections.abc import Callable
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -117,6 +118,8 @@ def test_names_and_numbers() -> None:
     rods = ff.Many(ff.RigidBody, "bay {} rod", 1.0, INERTIA, count=3)
     assert rods.names == ("bay 0 rod", "bay 1 rod", "bay 2 rod")
     assert [rod.name for rod in rods] == list(rods.names)
+    assert repr(rods) == "Many RigidBody 'bay {} rod' of 3"
+    assert ff.Many(ff.RigidBody, {"a": 1, "b": 2}.keys(), 1.0, INERTIA).names == ("a", "b")
     assert rods[-1].name == "bay 2 rod"
     assert len(rods[:2]) == 2
     heavy = ff.Many(ff.RigidBody, ["a", "b"], mass=ff.each([1.0, 2.0]), inertia=(1.0, 1.0, 1.0))
@@ -145,13 +148,32 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
         'RigidBody "rod_1": mass must be positive, got -1.0',
     ),
     (lambda: ff.Many("rod", "rod", count=1), "Many: kind must be a class, got 'rod'"),
+    (lambda: ff.each(b"abc"), "each: values must be an array or a list, got b'abc'"),
+    *(
+        (partial(ff.Many, ff.RigidBody, names, 1.0, INERTIA), "names must be a text or a list, got")
+        for names in (3, None, {"a", "b"}, np.array("a"), ff.each(["a", "b"]), b"ab")
+    ),
+    *(
+        (
+            partial(ff.Many, ff.RigidBody, names, 1.0, INERTIA, count=2),
+            f"Many RigidBody '{names}': names must have one {{}} for the number at most",
+        )
+        for names in ("rod{:03d}", "rod{}{}")
+    ),
+    *(
+        (
+            lambda number=number: ff.Many(ff.RigidBody, "rod", 1.0, INERTIA, count=3)[number],
+            f"Many RigidBody 'rod': objects have numbers from 0 to 2, got {number!r}",
+        )
+        for number in (3, -4, "rod_1")
+    ),
 ]  # fmt: skip
 
 
 @pytest.mark.serial
 @pytest.mark.parametrize(("make", "message"), REFUSED)
 def test_mistakes_are_named(make: Callable[[], object], message: str) -> None:
-    with pytest.raises((ValueError, TypeError), match=message) as raised:
+    with pytest.raises((ValueError, TypeError, IndexError), match=message) as raised:
         make()
     assert "\n" not in str(raised.value)
     assert_on_page(str(raised.value))
