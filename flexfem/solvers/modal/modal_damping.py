@@ -62,7 +62,7 @@ def _elastic_modes(twin: System, dampings: Sequence[ModalDamping]) -> tuple[Floa
     """Frequencies (k,), rad/s, and shapes (k, n) of unit modal mass of the lowest elastic modes."""
     owner = _owner(dampings)
     linearization = _stress_free(twin)
-    pencil = replace(Pencil.of(linearization), damped=False)
+    pencil = Pencil.of(linearization).undamped()
     if not pencil.symmetric:
         raise ValueError(f"{owner}: the model has a stiffness that is not symmetric without stress")
     count = max(damping.count for damping in dampings)

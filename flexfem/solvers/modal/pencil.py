@@ -4,7 +4,7 @@
 ``(lambda^2 M + lambda C + K) u + G^T mu = 0, G u = 0`` with the matrices of ``linearization``.
 """
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from petsc4py import PETSc
 
@@ -61,6 +61,13 @@ class Pencil:
         own = float(np.max(k[held] / m[held], initial=0.0))
         fastest = max(linearization.system.comm.allgather(own)) ** 0.5
         return cls(linearization, matrices, damped, symmetric, gyroscopic, fastest or 1.0)
+
+    def undamped(self) -> "Pencil":
+        """The problem without the term in lambda (collective)."""
+        none = self.matrices.damping.copy()
+        none.zeroEntries()
+        matrices = replace(self.matrices, damping=none)
+        return replace(self, matrices=matrices, damped=False, gyroscopic=False)
 
     @property
     def shift(self) -> float:
