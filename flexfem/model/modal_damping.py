@@ -67,7 +67,8 @@ class ModalDamping:
     Ratios are those of the modes without stress: about a state that is stressed or bent the modes,
     and so the ratios, are others. Modes beyond the last are not damped by this; `damping` of bodies
     adds to it. Modes that store less than half of their strain energy in the bodies (those of
-    springs, of other bodies) are left out.
+    springs, of other bodies) are left out; of several modes of one frequency, such as those of
+    equal bodies, each body's own shapes are taken.
 
     Attributes:
         name: Unique name in the model.

@@ -93,6 +93,34 @@ def test_damping_of_bodies_adds_to_ratios() -> None:
         np.testing.assert_allclose(own[size > 1.0], RATIOS[:2], atol=1e-7)
 
 
+def masts(*dampings: ff.ModalDamping) -> ff.Model:
+    """Three equal masts, whose modes have the same frequencies."""
+    names = ["first", "second", "third"]
+    places = [(0.0, float(i), 0.0) for i in range(3)]
+    lines = {
+        name: [place, np.add(place, (2, 0, 0))] for name, place in zip(names, places, strict=True)
+    }
+    model = ff.Model("masts", mesh=ff.LineMesh.straight(lines, 8))
+    beams = model.add(ff.Many(ff.Beam, names, BAR, orientation=(0, 1, 0)))
+    grounds = ff.each([ff.Ground(place) for place in places])
+    model.add(ff.Many(ff.Rigid, "foot", grounds, ff.each(beams.markers("start"))))
+    model.add(*dampings)
+    return model
+
+
+@pytest.mark.parametrize("modes", [6, pytest.param(12, marks=pytest.mark.serial)])
+def test_one_of_equal_bodies_is_damped(modes: int) -> None:
+    """As if it were alone: shapes of one frequency are found as any mixtures of the bodies."""
+    own = (
+        ff.ModalDamping("weak", 0.1, modes=modes, bodies=("second",)),
+        ff.ModalDamping("strong", 0.3, modes=modes, bodies=("third",)),
+    )
+    found = ff.find_modes(masts(*own), ff.ModeOptions(modes=6, quiet=True)).history
+    if RANK == 0:
+        ratios = np.sort(found["damping_ratio"])
+        np.testing.assert_allclose(ratios, [0.0, 0.0, 0.1, 0.1, 0.3, 0.3], atol=1e-8)
+
+
 def free(
     kind: str, spin: tuple[float, float, float], ratio: float, modes: int, *more: Any
 ) -> ff.Model:

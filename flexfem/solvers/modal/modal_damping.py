@@ -117,23 +117,45 @@ def _dampers(
     """The dampers of the modes that store most of their energy in the damped bodies."""
     last = min(damping.count, len(omega)) - 1
     omega = omega[: int(np.sum(omega <= (1.0 + _EQUAL) * omega[last]))]
-    parts, shares = _strain_modes(twin, damping, shapes[: len(omega)])
-    shares = shares / omega**2
+    parts, energies = _strain_modes(twin, damping, shapes[: len(omega)])
+    ratios = _ratios(damping, omega)
+    # any shapes are found of one frequency; wanted are those of damped and of other bodies
+    turn = twin.comm.bcast(_separated(omega, energies))
+    omega = np.sqrt(turn**2 @ omega**2)
+    shares = np.einsum("ki,ij,kj->k", turn, energies, turn) / omega**2
     kept = np.flatnonzero(shares >= _OWN).tolist()
-    factors = 2.0 * _ratios(damping, omega)[kept] / (omega[kept] ** 3 * shares[kept] ** 2)
-    chosen = {
-        k: replace(own, strains=[own.strains[i] for i in kept], stresses=own.stresses[kept])
-        for k, own in parts.items()
-    }
+    factors = 2.0 * ratios[kept] / (omega[kept] ** 3 * shares[kept] ** 2)
+    chosen = {k: _combined(own, turn[kept]) for k, own in parts.items()}
     return ModalDampers(twin.comm, _owner([damping]), factors, chosen)
+
+
+def _separated(omega: FloatArray, energies: FloatArray) -> FloatArray:
+    """Rotation (k, k) of modes among those of one frequency that makes energies (k, k) diagonal."""
+    turn, first = np.eye(len(omega)), 0
+    for last in range(1, len(omega) + 1):
+        if last == len(omega) or omega[last] > (1.0 + _EQUAL) * omega[last - 1]:
+            if last > first + 1:
+                own = slice(first, last)
+                turn[own, own] = np.linalg.eigh(energies[own, own])[1].T
+            first = last
+    return turn
+
+
+def _combined(modes: StrainModes, turn: FloatArray) -> StrainModes:
+    """Combinations (m, k) of modes."""
+    strains = [
+        [np.tensordot(row, np.array(group), 1) for group in zip(*modes.strains, strict=True)]
+        for row in turn
+    ]
+    return replace(modes, strains=strains, stresses=turn @ modes.stresses)
 
 
 def _strain_modes(
     twin: System, damping: ModalDamping, shapes: FloatArray
 ) -> tuple[dict[int, StrainModes], FloatArray]:
-    """Strains of shapes (k, n) in the damped bodies by part, and twice their energies (k,), J."""
+    """Strains of shapes (k, n) in the damped bodies by part, and twice their energies (k, k), J."""
     parts: dict[int, StrainModes] = {}
-    energies, first = np.zeros(len(shapes)), 0
+    energies, first = np.zeros((len(shapes), len(shapes))), 0
     for number, part in enumerate(twin.parts):
         block, elements, size = part.block, part.elements, part.block.sizes[0]
         own, first = shapes[:, first : first + size], first + size
@@ -141,16 +163,16 @@ def _strain_modes(
             continue
         chosen = _chosen(part, damping)
         strains, stresses = [], []
-        for k, shape in enumerate(own):
+        for shape in own:
             block.owned_step[:] = shape.reshape(-1, block.width)
             block.spread_step()
             whole = strain_of(elements, block.frames, block.step)
             kept, forces = elements.strain_products(whole, chosen)
-            energies[k] += sum(np.vdot(f, e) for f, e in zip(forces, kept, strict=True))
             strains.append(kept)
             stresses.append(row_of(forces))
         shape_of_rows = len(shapes), len(stresses[0])
         rows = np.array(stresses).reshape(shape_of_rows)
+        energies += rows @ np.array([row_of(kept) for kept in strains]).reshape(rows.shape).T
         parts[number] = StrainModes(block, elements, strains, rows)
     return parts, np.asarray(twin.comm.allreduce(energies, op=MPI.SUM))
 
