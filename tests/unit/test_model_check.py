@@ -289,6 +289,14 @@ def railed(axis: list[float]) -> ff.Model:
     return model
 
 
+def rod_between(end: ff.Marker | ff.Ground) -> ff.Model:
+    """A body on a vertical rail, and one beside it on a level rod."""
+    model = railed([0.0, 0.0, 1.0])
+    model.add(ff.RigidBody("weight", 1.0, (0.1, 0.1, 0.1), position=(1.0, 0.0, 0.0)))
+    model.add(ff.Distance("rod", end, ff.Marker("weight")))
+    return model
+
+
 def beside_a_ball(length: float) -> ff.Model:
     """A sheet that is as long and wide, and a ball."""
     model = sheet(length * EVEN, 0.1, length * EVEN)
@@ -344,6 +352,11 @@ FINDINGS: dict[str, tuple[str, str, Callable[[], ff.Model], Callable[[], ff.Mode
     "on a rail": (
         "unconnected", "no joint to the ground supports it", lambda: railed(Z), lambda: railed(X),
         None,
+    ),
+    # the rod between both falls with them
+    "let go from the side": (
+        "unconnected", "no joint to the ground supports it", lambda: rod_between(ff.Marker("bob")),
+        lambda: rod_between(ff.Ground()), None,
     ),
     "lost sheet": (
         "unconnected", 'Shell "sheet": no joint', lambda: falling(False), lambda: falling(True),

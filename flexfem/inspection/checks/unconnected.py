@@ -6,6 +6,7 @@ from collections.abc import Iterator
 import numpy as np
 
 from flexfem.core.marker import Attachment, Ground, Marker
+from flexfem.core.row import RowKind
 from flexfem.inspection.finding import Finding, listed, owner_of
 from flexfem.inspection.inspection import Inspection
 from flexfem.inspection.mobility import part_rows
@@ -15,6 +16,8 @@ from flexfem.kinematics.start_rows import StartRows
 _GROUND = -1
 #: Part of a fall that joints feel which is none.
 _ZERO = 1e-9
+#: Functions of markers whose gradients turn as bodies fall.
+_STRAIGHT = (RowKind.DISTANCE, RowKind.SPAN, RowKind.CATENARY)
 #: Joints to the ground that are looked at before all joints are.
 _FEW = 8
 
@@ -70,7 +73,14 @@ def _falling(inspection: Inspection, held: list[set[int]]) -> Iterator[Finding]:
 
 
 def _holds(inspection: Inspection, joints: StartRows) -> bool:
-    """True if joints or supports resist a fall of all parts together, without rotation."""
+    """True if joints or supports resist a fall of all parts together, without rotation.
+
+    At its start, or later: distances to the ground across the fall, such as a pendulum's that is
+    let go from the side, resist once bodies have fallen.
+    """
+    to_ground = (joints.rows.term_nodes < 0).any(axis=1)
+    if np.isin(joints.rows.kinds[to_ground], _STRAIGHT).any():
+        return True
     gravity = inspection.model.gravity
     assert gravity is not None
     table = part_rows(inspection, joints, joints.rows.rigid)
