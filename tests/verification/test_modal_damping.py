@@ -2,6 +2,7 @@
 """Damping ratios of the modes of models: found again, and without effect on rigid motions."""
 
 from collections.abc import Callable
+from dataclasses import replace
 from typing import Any
 
 from mpi4py import MPI
@@ -12,6 +13,9 @@ import pytest
 import flexfem as ff
 from flexfem.lie import se3
 from flexfem.simulation.motion.stepping import Simulation
+from flexfem.solvers.modal import modal_damping
+from flexfem.solvers.modal.mode_errors import Solution
+from flexfem.solvers.modal.modes import solve_pencil
 from tests.unit.refusals import assert_on_page
 
 RANK = MPI.COMM_WORLD.rank
@@ -288,4 +292,20 @@ def test_bad_input_is_refused(make: Callable[[], object], message: str) -> None:
     text = str(raised.value)
     assert "\n" not in text
     assert text.startswith('ModalDamping "d": ')
+    assert_on_page(text)
+
+
+@pytest.mark.parametrize("what", ["missing", "errors"])
+def test_modes_that_are_not_found_are_told(what: str, monkeypatch: pytest.MonkeyPatch) -> None:
+    """One that is left out would not be damped, and one that is inaccurate by another ratio."""
+
+    def found(*given: Any) -> Solution:
+        solution = solve_pencil(*given)
+        errors = solution.errors + 1e-4 * np.abs(solution.values) ** 2
+        return replace(solution, **({"missing": 4} if what == "missing" else {"errors": errors}))
+
+    monkeypatch.setattr(modal_damping, "solve_pencil", found)
+    text = 'ModalDamping "damping": 4 of 4 modes are inaccurate or were not found, ask for fewer'
+    with pytest.raises(ValueError, match=text):
+        ff.find_modes(cantilever(damping=RATIOS), ff.ModeOptions(modes=1, quiet=True))
     assert_on_page(text)

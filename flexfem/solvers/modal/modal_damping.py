@@ -24,6 +24,8 @@ __all__ = ["attach_modal_damping"]
 
 #: Relative residual of the squared frequencies: forces are equal on ranks as shapes are.
 _ACCURACY = 1e-11
+#: The same above which the ratio of a mode, or its shape, would be another one.
+_WRONG = 1e-6
 #: Modes computed beyond those that are asked for.
 _MORE = 3
 #: Relative difference of frequencies below which modes are one with several shapes.
@@ -81,6 +83,11 @@ def _elastic_modes(twin: System, dampings: Sequence[ModalDamping]) -> tuple[Floa
         raise ValueError(f"{owner}: only {len(elastic)} of {count} modes converged, ask for fewer")
     if not len(elastic):
         raise ValueError(f"{owner}: the model has no elastic modes")
+    wrong = int(solution.doubtful(_WRONG)[elastic[:count]].sum()) + (solution.missing or 0)
+    if wrong:
+        raise ValueError(
+            f"{owner}: {wrong} of {count} modes are inaccurate or were not found, ask for fewer"
+        )
     shapes = np.ascontiguousarray(solution.vectors[elastic].real)
     return solution.values[elastic].imag, _orthonormal(linearization, pencil, shapes)
 
