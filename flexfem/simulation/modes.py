@@ -161,6 +161,11 @@ def doubts(found: Modes, asked: int, accuracy: float | None = None) -> str:
             f"request fewer modes{'' if accuracy is None else ', or a larger accuracy'}",
         )  # fmt: skip
     worst = float(found.residuals.max())
+    if worst == np.inf:
+        return with_hint(
+            "no mode that was found differs from zero",
+            "take a state in which something is stiff, such as one with taut cables",
+        )
     text = f"{int(found.doubtful.sum())} of {asked} modes have residuals up to {worst:.1e}"
     if accuracy is None:
         return with_hint(text, "request fewer modes")

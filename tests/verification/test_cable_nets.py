@@ -467,6 +467,19 @@ def test_refusals(change, message):
     assert str(caught.value).startswith('CableNet "net": ')
 
 
+def test_modes_of_slack_cables_are_told():
+    """Nothing is stiff about a state in which all cables are slack; the advice says so."""
+    mesh = ff.ElementMesh(
+        np.outer(np.linspace(0.0, 1.0, 6), [1.0, 0.0, 0.0]), [[k, k + 1] for k in range(5)],
+        "interval", nodes={"ends": [0, 5]},
+    )  # fmt: skip
+    given = {"mass_per_length": 0.1, "fixed": {"ends": "xyz"}}
+    for length, status in ((0.21, "no mode that was found differs from zero; "), (0.199, "ok")):
+        model = ff.Model("slack")
+        model.add(ff.CableNet("net", mesh, 1e4, rest_length=length, **given))
+        assert ff.find_modes(model, ff.ModeOptions(modes=3, quiet=True)).status.startswith(status)
+
+
 @pytest.mark.serial
 def test_nodes_in_one_place():
     """Slack cables may begin between them; without a length of their own, and as bars, none do."""
