@@ -65,7 +65,7 @@ def mobility(inspection: Inspection) -> Mobility:
     of_nodes = rows.on_nodes(rigid)
     whole = part_rows(inspection, rows, rigid)
     count = int(_between(rows, rigid).sum())
-    supports, lines = len(rows.supports().row), len(rows.lines().row)
+    supports, lines = len(rows.supports().row), len(inspection.parts.lines)
     bodies = len(inspection.parts)
     facts = inspection.bodies
     return Mobility(

@@ -135,7 +135,7 @@ def course(
         for guide, then, now in zip(path, starts, poses, strict=True)
     ]
     points, numbers = [], []
-    for n, pair in enumerate(_neighbours(len(path), closed)):
+    for n, pair in enumerate(neighbours(len(path), closed)):
         span, (i, j) = _Span.between(owner, turned, poses, pair), pair
         ends = [poses[k].position + _size(turned[k]) * span.arms[s] for s, k in ((0, i), (1, j))]
         points += ends
@@ -152,7 +152,7 @@ def course(
     return Course(np.array(points), np.array(numbers[1:], dtype=np.int64))
 
 
-def _neighbours(count: int, closed: bool) -> list[tuple[int, int]]:
+def neighbours(count: int, closed: bool) -> list[tuple[int, int]]:
     """Guides at the ends of the straight parts of a cable of so many guides."""
     return [(i, (i + 1) % count) for i in range(count if closed else count - 1)]
 
@@ -167,7 +167,7 @@ def path_at_start(
         ValueError: neighbours coincide, their sheaves overlap or are not in the plane of the
             cable, or the cable does not touch one.
     """
-    ends = _neighbours(len(path), closed)
+    ends = neighbours(len(path), closed)
     spans = [_Span.between(owner, path, poses, pair) for pair in ends]
     for span in spans:
         for k, axis in zip(span.pair, span.axes, strict=True):

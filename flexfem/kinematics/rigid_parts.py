@@ -17,6 +17,9 @@ from flexfem.model.bodies.shell import Shell
 
 __all__ = ["RigidParts"]
 
+#: Singular values below this part of the largest count as zero.
+_ZERO = 1e-9
+
 
 class RigidParts:
     """Parts that move as one: rigid bodies, flexible ones as unstrained, some with common nodes.
@@ -43,8 +46,7 @@ class RigidParts:
         others: list[Beam | Shell | Body] = [*model.beams, *model.shells, *model.other_bodies]
         for names in _clusters(serial, [body.name for body in others]):
             self.names.append(names)
-            outlines = [serial.family_of(name).outline(model[name]) for name in names]
-            middle = np.concatenate(outlines).mean(axis=0)
+            middle = self._outline(names).mean(axis=0)
             frames.append(se3.frame(middle, np.eye(3))[np.newaxis])
         self.frames: FloatArray = np.concatenate(frames)
         self.number = {name: i for i, names in enumerate(self.names) for name in names}
@@ -68,6 +70,25 @@ class RigidParts:
             i = self.number[mass.marker.body]
             matrices[i] += serial.mass_inertia(mass, self.frames[i])
         return matrices
+
+    @cached_property
+    def lines(self) -> dict[int, FloatArray]:
+        """Directions (3,) of the parts, by number, whose nodes have no axes and are on one line."""
+        found: dict[int, FloatArray] = {}
+        for i in range(len(self._with_axes), len(self)):
+            families = [self._serial.family_of(name) for name in self.names[i]]
+            if any(family.axes for family in families):
+                continue
+            arms = self._outline(self.names[i]) - self.frames[i, :3]
+            _, sizes, axes = np.linalg.svd(arms, full_matrices=False)
+            if len(sizes) > 1 and sizes[1] <= _ZERO * sizes[0]:
+                found[i] = axes[0]
+        return found
+
+    def _outline(self, names: Iterable[str]) -> FloatArray:
+        """Points (k, 3) that outline some bodies, m."""
+        serial = self._serial
+        return np.concatenate([serial.family_of(n).outline(serial.model[n]) for n in names])
 
     def __len__(self) -> int:
         """Number of parts."""

@@ -119,22 +119,12 @@ class StartRows:
 
         A straight net of cables has five rigid motions.
         """
-        serial, model, found = self._serial, self._serial.model, []
-        for part, names in enumerate(self._parts.names):
-            families = [serial.family_of(name) for name in names]
-            if any(family.axes for family in families):
-                continue
-            outlines = [f.outline(model[n]) for f, n in zip(families, names, strict=True)]
-            # frames of such parts are inertial axes in their middle
-            arms = np.concatenate(outlines) - self._parts.frames[part, :3]
-            _, sizes, axes = np.linalg.svd(arms, full_matrices=False)
-            if len(sizes) > 1 and sizes[1] <= _ZERO * sizes[0]:
-                found.append((part, axes[0]))
-        gradient = np.zeros((len(found), 2, 6))
-        ends = np.full((len(found), 2), -1, dtype=np.int64)
-        for row, (part, axis) in enumerate(found):
+        lines = self._parts.lines
+        gradient = np.zeros((len(lines), 2, 6))
+        ends = np.full((len(lines), 2), -1, dtype=np.int64)
+        for row, (part, axis) in enumerate(lines.items()):
             ends[row, 0], gradient[row, 0, 3:] = part, axis
-        return NodeRows(np.arange(len(found)), ends, gradient)
+        return NodeRows(np.arange(len(lines)), ends, gradient)
 
     def _chosen(self, chosen: BoolArray) -> tuple[IntArray, IntArray]:
         """Terms of chosen rows, and their rows numbered from zero."""

@@ -75,8 +75,7 @@ class FeedbackLaw:
             if isinstance(marker, (Marker, Ground))
         ]
         self.previous: FloatArray | None = None
-        self._starts = [np.eye(3) for _ in self.markers]
-        self._unturned = np.array(self._starts)  # transposed
+        self._starts = np.tile(np.eye(3), (len(self.markers), 1, 1))
         self.follows = True
         # time, poses and twists of the markers, and columns of each probe
         self._last: tuple[float, FloatArray, list[FloatArray]] | None = None
@@ -88,8 +87,7 @@ class FeedbackLaw:
 
     def begin(self, poses: Sequence[Pose]) -> None:
         """Take the poses of the markers at the start."""
-        self._starts = [pose.rotation for pose in poses]
-        self._unturned = np.array([start.T for start in self._starts])
+        self._starts = np.array([pose.rotation for pose in poses])
         frames = [np.concatenate([pose.position, pose.rotation.ravel()]) for pose in poses]
         motion = ElementMotion(0.0, np.array([frames]), np.zeros((1, len(poses), 6)))
         # accelerations are not known at an iterate
@@ -156,7 +154,7 @@ class FeedbackLaw:
         motions[:, :12] = now[:, :12]
         motions[:, 12:18] = (now[:, 12:].reshape(-1, 2, 3) @ R.transpose(0, 2, 1)).reshape(-1, 6)
         motions[:, 18:24] = np.nan
-        motions[:, 24:] = (R @ self._unturned).reshape(-1, 9)
+        motions[:, 24:] = (R @ self._starts.transpose(0, 2, 1)).reshape(-1, 9)
         return motions
 
 

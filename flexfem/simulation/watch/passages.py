@@ -11,6 +11,8 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.joints.cable import Cable
 from flexfem.joints.cable_guides import Eyelet, Sheave
+from flexfem.joints.cable_path import neighbours
+from flexfem.simulation.watch.gathering import gathered
 from flexfem.system.system import System
 
 __all__ = ["PassageWatch"]
@@ -32,8 +34,7 @@ class PassageWatch:
             path, first, here = cable.path, int(rows.marker_start[i]), len(self._cables)
             parts = int(rows.start[i]) + np.array(cable.part_rows, dtype=np.int64)
             self._cables.append((placed.index, cable.owner, parts))
-            for k in range(len(path) if cable.closed else len(path) - 1):
-                ends = k, (k + 1) % len(path)
+            for ends in neighbours(len(path), cable.closed):
                 pair = [path[end] for end in ends]
                 points = not any(isinstance(guide, Sheave) for guide in pair)
                 if points and any(isinstance(guide, Eyelet) for guide in pair):
@@ -76,7 +77,4 @@ class PassageWatch:
                 f"t = {t:.6g}, as where a body is pulled through an eyelet, which does not stop "
                 "it; let the winch end before, or use smaller steps"
             )
-        every: dict[int, str] = {}
-        for part in self._system.comm.allgather(own):
-            every |= part
-        return [every[index] for index in sorted(every)]
+        return gathered(self._system.comm, own)

@@ -11,6 +11,7 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.joints.cable import Cable
+from flexfem.simulation.watch.gathering import gathered
 from flexfem.system.system import System
 
 __all__ = ["SagWatch", "sagging_cables"]
@@ -83,10 +84,7 @@ class SagWatch:
     def texts(self) -> list[str]:
         """Warnings, the same on every rank (collective)."""
         own = {one.index: _text(one) for one in self._cables if one.count > _OFTEN * self._looks}
-        every: dict[int, str] = {}
-        for part in self._system.comm.allgather(own):
-            every |= part
-        return [every[index] for index in sorted(every)]
+        return gathered(self._system.comm, own)
 
 
 def _text(one: _Cable) -> str:

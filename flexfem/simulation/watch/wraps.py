@@ -13,6 +13,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.joints.cable import Cable
+from flexfem.simulation.watch.gathering import gathered
 from flexfem.system.system import System
 
 __all__ = ["WrapWatch", "lost_sheaves"]
@@ -112,10 +113,7 @@ class WrapWatch:
                     f"mass is that of less than {place.most:.3g} rad, as at the start; later "
                     "results are invalid"
                 )
-        every: dict[tuple[int, int], str] = {}
-        for part in self._system.comm.allgather(own):
-            every |= part
-        return [every[place] for place in sorted(every)]
+        return gathered(self._system.comm, own)
 
 
 def lost_sheaves(system: System) -> list[str]:

@@ -3,6 +3,7 @@
 
 from collections.abc import Sequence
 from dataclasses import replace
+from itertools import pairwise
 
 from mpi4py import MPI
 
@@ -138,22 +139,22 @@ def _dampers(
 
 def _separated(omega: FloatArray, energies: FloatArray) -> FloatArray:
     """Rotation (k, k) of modes among those of one frequency that makes energies (k, k) diagonal."""
-    turn, first = np.eye(len(omega)), 0
-    for last in range(1, len(omega) + 1):
-        if last == len(omega) or omega[last] > (1.0 + _EQUAL) * omega[last - 1]:
-            if last > first + 1:
-                own = slice(first, last)
-                turn[own, own] = np.linalg.eigh(energies[own, own])[1].T
-            first = last
+    turn = np.zeros_like(energies)
+    for own in _of_one_frequency(omega):
+        turn[own, own] = np.linalg.eigh(energies[own, own])[1].T
     return turn
+
+
+def _of_one_frequency(omega: FloatArray) -> list[slice]:
+    """Modes (k,) of each frequency."""
+    breaks = np.flatnonzero(omega[1:] > (1.0 + _EQUAL) * omega[:-1]) + 1
+    return [slice(*ends) for ends in pairwise([0, *breaks.tolist(), len(omega)])]
 
 
 def _combined(modes: StrainModes, turn: FloatArray) -> StrainModes:
     """Combinations (m, k) of modes."""
-    strains = [
-        [np.tensordot(row, np.array(group), 1) for group in zip(*modes.strains, strict=True)]
-        for row in turn
-    ]
+    groups = [np.array(group) for group in zip(*modes.strains, strict=True)]
+    strains = [[np.tensordot(row, group, 1) for group in groups] for row in turn]
     return replace(modes, strains=strains, stresses=turn @ modes.stresses)
 
 
@@ -195,7 +196,6 @@ def _chosen(part: BlockPart, damping: ModalDamping) -> BoolArray:
 def _ratios(damping: ModalDamping, omega: FloatArray) -> FloatArray:
     """Ratios (k,), the same for modes of the same frequency."""
     ratios = damping.ratios(omega / (2.0 * np.pi)).copy()
-    for i in range(1, len(omega)):
-        if omega[i] <= (1.0 + _EQUAL) * omega[i - 1]:
-            ratios[i] = ratios[i - 1]
+    for own in _of_one_frequency(omega):
+        ratios[own] = ratios[own.start]
     return ratios
