@@ -12,7 +12,7 @@ from flexfem._types import BoolArray, FloatArray
 from flexfem.solvers.modal.pencil import Pencil
 from flexfem.solvers.modal.shifted_inverse import ShiftedInverse
 
-__all__ = ["ZERO", "ComplexArray", "Solution", "square_errors", "square_noise"]
+__all__ = ["ZERO", "ComplexArray", "Solution", "independent", "square_errors", "square_noise"]
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -22,6 +22,11 @@ _LOOSE = 10.0
 _ROUNDED, _ROUGH = 10.0, 1e-5
 #: Number of estimates of the round-off of their own stiffness below which eigenvalues are zero.
 ZERO = 1e3
+#: Size of a real or imaginary part, of vectors of size one, that is round-off.
+_PART = 1e-3
+#: Share of the largest Gram eigenvalue below which vectors are dependent; vectors of a double zero
+#: come in nearly equal pairs, whose difference is the root of round-off.
+_DEPENDENT, _DEPENDENT_AT_ZERO = 1e-8, 1e-4
 #: Residual of zeros, relative to the largest eigenvalue, that is always too large.
 _NEAR_ZERO = 1e-6
 
@@ -40,6 +45,8 @@ class Solution:
         missing: modes among those found that were not found; None where they cannot be counted.
         uncounted: reason why they cannot, empty if they are counted.
         shift: shift of the inverted problem, 1/s.
+        twins: number of zeros more than there are modes of zero frequency: with a term in lambda
+            each is double, and rounding parts it into a conjugate pair or into two real ones.
     """
 
     values: ComplexArray
@@ -50,6 +57,7 @@ class Solution:
     missing: int | None
     uncounted: str
     shift: complex
+    twins: int = 0
 
     @property
     def residuals(self) -> FloatArray:
@@ -151,3 +159,31 @@ def square_noise(pencil: Pencil, vectors: ComplexArray) -> FloatArray:
     mass = _mass_norms(pencil, vectors) ** 2
     noise: FloatArray = np.finfo(float).eps * energy / np.where(mass > 0.0, mass, 1.0)
     return noise
+
+
+def independent(
+    pencil: Pencil, vectors: ComplexArray, *, real: bool, zero: bool
+) -> ComplexArray:  # fmt: skip
+    """Basis (m, n) of the span of vectors (k, n) of one eigenvalue, orthonormal in the mass.
+
+    Args:
+        pencil: the problem.
+        vectors: on this rank's nodes.
+        real: True for the span of their real and imaginary parts (collective).
+        zero: True if the eigenvalue is.
+    """
+    lin, M = pencil.linearization, pencil.matrices.mass
+    if real:  # scaled by its part of the vector, since one of them may be round-off
+        whole = lin.total(np.einsum("ki,ki->k", vectors.conj(), lin.multiply(M, vectors))).real
+        vectors = vectors[whole > 0.0] / np.sqrt(whole[whole > 0.0])[:, np.newaxis]
+        vectors = np.concatenate([vectors.real, vectors.imag]).astype(np.complex128)
+    gram = lin.total(vectors.conj() @ lin.multiply(M, vectors).T)
+    sizes = np.sqrt(np.abs(np.diag(gram)))
+    used = sizes > (_PART if real else 0.0)
+    vectors = vectors[used] / sizes[used, np.newaxis]
+    gram = gram[np.ix_(used, used)] / np.outer(sizes[used], sizes[used])
+    weights, turn = np.linalg.eigh(0.5 * (gram + gram.conj().T))
+    limit = _DEPENDENT_AT_ZERO if zero else _DEPENDENT
+    kept = weights > limit * weights.max(initial=0.0)
+    basis: ComplexArray = (turn[:, kept] / np.sqrt(weights[kept])).T @ vectors
+    return basis

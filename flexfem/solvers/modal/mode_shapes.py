@@ -11,7 +11,12 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.lie import se3
 from flexfem.solvers.modal.linearization import Linearization
-from flexfem.solvers.modal.mode_errors import ComplexArray, Solution, square_errors
+from flexfem.solvers.modal.mode_errors import (
+    ComplexArray,
+    Solution,
+    independent,
+    square_errors,
+)
 from flexfem.solvers.modal.modes import solve_pencil
 from flexfem.solvers.modal.pencil import Pencil
 from flexfem.solvers.modal.shifted_inverse import ShiftedInverse
@@ -20,11 +25,6 @@ __all__ = ["Modes", "find"]
 
 #: Relative difference below which eigenvalues are one with several vectors.
 _EQUAL = 1e-7
-#: Size of a real or imaginary part, of vectors of size one, that is round-off.
-_PART = 1e-3
-#: Share of the largest Gram eigenvalue below which vectors are dependent; vectors of a double zero
-#: come in nearly equal pairs, whose difference is the root of round-off.
-_DEPENDENT, _DEPENDENT_AT_ZERO = 1e-8, 1e-4
 #: Polynomial weights of the motions that order the vectors of one eigenvalue.
 _POWERS = 4
 #: The first motion with at least this share of the largest projection is taken.
@@ -138,8 +138,8 @@ def find(
     shapes: list[ComplexArray] = []
     for value, members in _groups(solution):
         real = not pencil.quadratic or value == 0.0
-        limit = _DEPENDENT_AT_ZERO if value == 0.0 else _DEPENDENT
-        basis = _canonical(pencil, solution.vectors[members], moved, real, limit)
+        span = independent(pencil, solution.vectors[members], real=real, zero=value == 0.0)
+        basis = _canonical(linearization, span, moved)
         shapes += list(basis)
         found += [value] * len(basis)
         sources += [int(members[np.argmax(solution.residuals[members])])] * len(basis)
@@ -155,7 +155,8 @@ def find(
     )  # fmt: skip
     if improve is None:
         return modes
-    settled = ~solution.zero[:count] & ~solution.doubtful(accuracy)[:count]
+    first = slice(count + solution.twins)
+    settled = ~solution.zero[first] & ~solution.doubtful(accuracy)[first]
     later = _later(linearization, solution, np.flatnonzero(settled), improve)
     if later is None:
         return replace(modes, state_error=np.inf, unsettled=True)
@@ -194,27 +195,14 @@ def _groups(solution: Solution) -> list[tuple[complex, IntArray]]:
 
 
 def _canonical(
-    pencil: Pencil, members: ComplexArray, moved: ComplexArray, real: bool, limit: float
-) -> ComplexArray:
-    """Canonical basis of a span, independent of the given vectors.
+    linearization: Linearization, basis: ComplexArray, moved: ComplexArray
+) -> ComplexArray:  # fmt: skip
+    """Canonical basis of the span of an orthonormal one, which may be any.
 
     The projections of fixed motions of the model onto the span, made orthonormal in the mass; they
     fix order, sign and phase.
     """
-    lin = pencil.linearization
-    if real:  # scaled by its part of the vector, since one of them may be round-off
-        whole = lin.total(np.einsum("ki,ki->k", members.conj(), _times(pencil, members))).real
-        members = members[whole > 0.0] / np.sqrt(whole[whole > 0.0])[:, np.newaxis]
-        members = np.concatenate([members.real, members.imag]).astype(np.complex128)
-    gram = lin.total(members.conj() @ _times(pencil, members).T)
-    sizes = np.sqrt(np.abs(np.diag(gram)))
-    used = sizes > (_PART if real else 0.0)
-    members = members[used] / sizes[used, np.newaxis]
-    gram = gram[np.ix_(used, used)] / np.outer(sizes[used], sizes[used])
-    weights, turn = np.linalg.eigh(0.5 * (gram + gram.conj().T))
-    kept = weights > limit * weights.max(initial=0.0)
-    basis = (turn[:, kept] / np.sqrt(weights[kept])).T @ members
-    coefficients = lin.total(basis.conj() @ moved.T)
+    coefficients = linearization.total(basis.conj() @ moved.T)
     rows = []
     for _ in range(len(basis)):
         lengths = np.linalg.norm(coefficients, axis=0)

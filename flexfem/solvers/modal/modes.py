@@ -23,6 +23,7 @@ from flexfem.solvers.modal.mode_errors import (
     ZERO,
     ComplexArray,
     Solution,
+    independent,
     square_errors,
     square_noise,
 )
@@ -76,9 +77,10 @@ def solve_pencil(
     for k in range(_PASSES):
         limits = tolerance, _FIRST if k < _PASSES - 1 else _ITERATIONS
         solution = _solve(pencil, count + more, shift, limits, dense)
-        doubtful, lacking = solution.doubtful(accuracy)[:count], count - len(solution.values)
+        first = count + solution.twins
+        doubtful, lacking = solution.doubtful(accuracy)[:first], first - len(solution.values)
         if not dense and lacking <= 0 and not doubtful.any():
-            missing, uncounted = missing_modes(pencil, solution, count, target)
+            missing, uncounted = missing_modes(pencil, solution, first, target)
             solution = replace(solution, missing=missing, uncounted=uncounted)
         bad = int(doubtful.sum()) + max(lacking, 0) + (solution.missing or 0)
         found.append((bad, len(found), solution))
@@ -111,14 +113,22 @@ def _solve(
         inverse, values, vectors = _solve_linear(pencil, count, shift, limits)
     keep = np.flatnonzero(values.imag >= 0.0)
     distance = np.abs(values[keep] - 1j * shift.imag)
-    order = keep[np.argsort(distance, kind="stable")][:count]
+    # zeros may be there twice
+    most = 2 * count if pencil.quadratic else count
+    order = keep[np.argsort(distance, kind="stable")][:most]
     values, vectors = values[order], vectors[order]
     errors = square_errors(inverse, values, vectors)
     noise, squares = square_noise(pencil, vectors), np.abs(values) ** 2
     # double zeros are roots of round-off at the shift
     zero = squares <= ZERO * noise + errors + _DOUBLE * abs(shift) ** 2
+    span = independent(pencil, vectors[zero], real=True, zero=True)
+    twins = int(zero.sum()) - len(span)
     missing, uncounted = (0, "") if dense else (None, "not all modes are as accurate as asked for")
-    return Solution(values, vectors, zero, errors, noise, missing, uncounted, inverse.shift)
+    own = slice(count + twins)
+    return Solution(
+        values[own], vectors[own], zero[own], errors[own], noise[own], missing, uncounted,
+        inverse.shift, twins,
+    )  # fmt: skip
 
 
 def _roots(squares: npt.NDArray[Any]) -> ComplexArray:
