@@ -50,6 +50,9 @@ __all__ = [
 
 #: Inertial axes; rows of joints share them.
 _AXES: FloatArray = _checks.freeze(np.eye(3))
+#: What is added to the sizes of an axis' components before they are compared, so that none are
+#: equal in the directions that users take.
+_BEHIND: FloatArray = _checks.freeze(np.array([0.0, 0.0473, 0.0871]))
 
 
 @declared
@@ -324,8 +327,11 @@ def check_sliding(action: JointAction) -> None:
 
 
 def perpendicular(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
-    """Two unit vectors that complete a unit axis to a right-handed basis (axis, p, q)."""
-    sizes = [abs(component) for component in axis.tolist()]
+    """Two unit vectors that complete a unit axis to a right-handed basis (axis, p, q).
+
+    They are smooth functions of the axis about coordinate axes and the diagonals between them.
+    """
+    sizes = [abs(x) + more for x, more in zip(axis.tolist(), _BEHIND.tolist(), strict=True)]
     p = _cross(axis, _AXES[sizes.index(min(sizes))])
     p /= sqrt(p.dot(p))
     return p, _cross(axis, p)
@@ -333,7 +339,7 @@ def perpendicular(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
 
 def _perpendiculars(axes: FloatArray) -> FloatArray:
     """The vectors (n, 2, 3) of :func:`perpendicular` for many unit axes (n, 3)."""
-    p = np.cross(axes, _AXES[np.argmin(np.abs(axes), axis=1)])
+    p = np.cross(axes, _AXES[np.argmin(np.abs(axes) + _BEHIND, axis=1)])
     p /= np.sqrt(np.sum(p * p, axis=1, keepdims=True))
     return np.stack([p, np.cross(axes, p)], axis=1)
 

@@ -410,6 +410,22 @@ def test_equations_that_jump():
     _refused("the equations jump where", model=build, wrt={"mass": 0.3})
 
 
+def two_rows_of(mass: float) -> ff.Model:
+    """A falling body whose rows change places beside a mass of 1, where they have no forces."""
+    sides = [(1.0, 0.0, 0.0), (0.0, 1.0, 0.0)]
+    model, bob = ff.Model("guided"), ff.Marker("bob")
+    model.add(ff.RigidBody("bob", mass, (0.1, 0.2, 0.3)), ff.Gravity((0.0, 0.0, -9.81)))
+    for name, axis in zip("ab", sides if mass == 1.0 else sides[::-1], strict=True):
+        model.add(ff.PointOnPlane(name, ff.Ground(), bob, axis=axis))
+    model.add(ff.PositionProbe("tip", bob))
+    return model
+
+
+def test_rows_that_change_places():
+    options = ff.RunOptions(dt=1e-3, t_end=3e-3)
+    _refused("the equations jump where", model=two_rows_of, wrt={"mass": 1.0}, options=options)
+
+
 def test_the_command(command_folder, capsys):
     """The table, the file, and one line with exit code 2 for a name that is none."""
     line = ["gradient", "tutorial_1_pendulum", "--t-end", "0.01", "--elements", "2"]

@@ -132,6 +132,17 @@ def test_parameters_without_derivatives():
 
     _refused(build, {"part": 1.0}, 'different "part" is refused: more than the whole')
 
+    def exchanged(h: float) -> ff.Model:
+        """Rows that change places beside a height of 1, where they have no forces."""
+        ends = [END, ff.Marker("rod", "end", offset=(0.0, 0.0, 0.01))]
+        rows = [
+            ff.PointOnPlane(name, ff.Ground(), end, axis=(0.0, 1.0, 0.0))
+            for name, end in zip("ab", ends if h == 1.0 else ends[::-1], strict=True)
+        ]
+        return rod(*rows, height=0.01 * h)
+
+    _refused(exchanged, {"h": 1.0}, "the equations jump")
+
 
 def test_a_mechanism_has_no_derivative():
     """Equilibria that are searched with help are differentiated without."""

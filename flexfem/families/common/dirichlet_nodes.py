@@ -7,6 +7,7 @@ import numpy as np
 
 from flexfem import _checks
 from flexfem._types import BoolArray, FloatArray, IntArray
+from flexfem.core.joint import perpendicular
 from flexfem.lie import se3
 
 __all__ = ["RIGHT", "DirichletNodes"]
@@ -56,8 +57,6 @@ def _completed(axes: list[FloatArray]) -> Iterator[FloatArray]:
     """One or two unit vectors at right angles, and those that complete them to a basis."""
     yield from axes
     if len(axes) == 1:
-        other = np.cross(axes[0], np.eye(3)[np.argmin(np.abs(axes[0]))])
-        yield other / np.linalg.norm(other)
-        yield np.cross(axes[0], other / np.linalg.norm(other))
+        yield from perpendicular(axes[0])
     else:
         yield np.cross(axes[0], axes[1])

@@ -17,7 +17,7 @@ from flexfem.system.system import Shifts, System
 
 __all__ = [
     "Equations", "SystemEquations", "contact_forces", "copy_state", "equations_at", "jump",
-    "product",
+    "product", "row_directions", "rows_turn",
 ]  # fmt: skip
 
 #: Of blocks, (n_owned, width) each, and of all rows of this rank, (r,).
@@ -34,6 +34,8 @@ class SystemEquations(Protocol):
 
 #: First differences over rounding, from which on equations may be found to jump.
 _SEEN = 1e3
+#: The rounding of directions of rows: meshes of gmsh have places to 1e-9.
+_EQUAL = 1e-9
 
 
 def equations_at(system: System, shifts: Shifts, mechanics: Mechanics = END_POINT) -> Equations:
@@ -52,6 +54,18 @@ def contact_forces(system: System, shifts: Shifts) -> BlockVectors:
     return collected(system)
 
 
+def row_directions(system: System) -> FloatArray:
+    """This rank's forces (n,) of all rows at once, for multipliers that tell them apart."""
+    kept = [part.block.residual.copy() for part in system.parts]
+    for part in system.parts:
+        part.block.residual[:] = 0.0
+    system.add_constraint_forces(np.cos(np.arange(1.0, system.constraints.size + 1.0)))
+    found = np.concatenate([forces.ravel() for forces in collected(system)])
+    for part, residual in zip(system.parts, kept, strict=True):
+        part.block.residual[:] = residual
+    return found
+
+
 def product(system: System, factors: Equations, changes: Equations) -> float:
     """This rank's part of factors of the equations times their changes."""
     blocks = sum(float((a * b).sum()) for a, b in zip(factors[0], changes[0], strict=True))
@@ -59,22 +73,31 @@ def product(system: System, factors: Equations, changes: Equations) -> float:
 
 
 def jump(
-    comm: MPI.Intracomm, sides: tuple[FloatArray, FloatArray], still: FloatArray, rough: float
-) -> bool:
+    comm: MPI.Intracomm, sides: tuple[FloatArray, FloatArray], still: FloatArray, rough: float,
+    rounding: float = 1.0,
+) -> bool:  # fmt: skip
     """True if second differences are too large for a smooth function (collective).
 
     Args:
         comm: communicator.
         sides: this rank's part of the equations for a smaller and a larger value of a parameter.
-        still: that of the solution, of which rounding is left.
+        still: that of the solution.
         rough: second differences over first ones from which on they are.
+        rounding: part of that of the solution that is rounding: all that is left of equations.
     """
     before, after = sides
     changes = after + before - 2.0 * still, after - before, still
     squares = np.array([float((change**2).sum()) for change in changes])
     comm.Allreduce(MPI.IN_PLACE, squares)
     bent, moved, left = np.sqrt(squares)
-    return bool(bent > rough * moved and bent > _SEEN * left)
+    return bool(bent > rough * moved and bent > _SEEN * rounding * left)
+
+
+def rows_turn(
+    comm: MPI.Intracomm, sides: tuple[FloatArray, FloatArray], still: FloatArray, rough: float
+) -> bool:
+    """The same of :func:`row_directions`: others may be satisfied as well, without forces."""
+    return jump(comm, sides, still, rough, _EQUAL)
 
 
 def copy_state(source: System, target: System) -> None:

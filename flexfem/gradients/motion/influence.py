@@ -35,6 +35,8 @@ from flexfem.gradients.equations.values import (
     equations_at,
     jump,
     product,
+    row_directions,
+    rows_turn,
 )
 from flexfem.gradients.motion.columns import Seeds
 from flexfem.gradients.motion.direct import DirectEffect, force_columns, take_rows
@@ -365,7 +367,9 @@ class NumberInfluence:
         still = equations_at(system, shifts, self._motion.scheme.mechanics(step))
         blocks = [np.concatenate([x.ravel() for x in one[0]]) for one in (second, first, still)]
         rows = [owned * one[1] for one in (second, first, still)]
-        if any(jump(system.comm, (a, b), c, _ROUGH) for a, b, c in (blocks, rows)):
+        plus, minus = (row_directions(one.system) for one in self._pair)
+        turned = rows_turn(system.comm, (minus, plus), row_directions(system), _ROUGH)
+        if turned or any(jump(system.comm, (a, b), c, _ROUGH) for a, b, c in (blocks, rows)):
             raise InputError(
                 f'gradient: the equations jump where "{self._name}" changes by '
                 f"{self._step:.2g}, and have no derivative"

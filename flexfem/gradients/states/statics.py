@@ -30,7 +30,7 @@ import numpy as np
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.core.differences import extrapolated
-from flexfem.gradients.equations.values import jump
+from flexfem.gradients.equations.values import jump, row_directions, rows_turn
 from flexfem.gradients.motion.columns import ColumnDerivatives, history_weights
 from flexfem.gradients.motion.functionals import Functional
 from flexfem.gradients.motion.trajectory import StoppedError
@@ -131,7 +131,11 @@ class _ByNumbers:
             """Of both models, the same on all ranks."""
             found = np.zeros(len(self._weights))
             before, after = (self._at(parameter, by, found) for by in (-step, step))
-            jumps[step] = jump(path.system.comm, (before, after), path.residual(), _ROUGH)
+            equations, directions = zip(before, after, self._own(), strict=True)
+            jumps[step] = (
+                jump(path.system.comm, equations[:2], equations[2], _ROUGH)
+                or rows_turn(path.system.comm, directions[:2], directions[2], _ROUGH)
+            )  # fmt: skip
             path.system.comm.Allreduce(MPI.IN_PLACE, found)
             return found
 
@@ -146,8 +150,15 @@ class _ByNumbers:
             )
         return found
 
-    def _at(self, parameter: Parameter, by: float, found: FloatArray) -> FloatArray:
-        """Add the share of a model in a difference; its equations at the last row (collective).
+    def _own(self) -> tuple[FloatArray, FloatArray]:
+        """The equations at the present state, and the directions of rows (collective)."""
+        residual = self._path.residual()
+        return residual, row_directions(self._path.system)
+
+    def _at(
+        self, parameter: Parameter, by: float, found: FloatArray
+    ) -> tuple[FloatArray, FloatArray]:
+        """Add the share of a model in a difference; the same of it at the last row (collective).
 
         Args:
             parameter: the number.
@@ -165,7 +176,7 @@ class _ByNumbers:
             if len(values):  # on the first rank
                 own = _direct(self._weights[:, :, row], values[self._places])
                 found += own / (2.0 * by)
-        return residual
+        return residual, row_directions(near.system)
 
 
 def _check_rows(path: Equilibria, used: Set[int]) -> None:
