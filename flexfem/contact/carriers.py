@@ -196,10 +196,11 @@ class Carriers:
         return np.flatnonzero(self.home == self._comm.rank)
 
     def ask(self, nodes: IntArray) -> None:
-        """Set up the exchange of some points of other ranks (collective)."""
+        """Set up the exchange of some points of other ranks, each maybe often (collective)."""
         if self._comm.size > 1:
-            wanted = np.unique(np.concatenate([nodes, self._between[0].ravel()]))
-            self._exchange = HaloExchange(self._comm, self.home, wanted)
+            wanted = np.zeros(len(self.home), dtype=np.bool_)
+            wanted[nodes] = wanted[self._between[0]] = True
+            self._exchange = HaloExchange(self._comm, self.home, np.flatnonzero(wanted))
 
     def bring(self, values: FloatArray) -> None:
         """Receive rows of ``values`` (n + d, k) from other ranks (collective)."""

@@ -149,7 +149,7 @@ class Contacts:
                 made.masters.triangles[c].ravel()
                 for (made, _), c in zip(passes, chosen, strict=True)
             ]
-            self.carriers.ask(np.unique(np.concatenate(wanted)))
+            self.carriers.ask(np.concatenate(wanted))
             self.carriers.bring(self.points)
         for (made, _), triangles in zip(passes, chosen, strict=True):
             made.search(self.points, triangles)

@@ -281,7 +281,7 @@ class _Forces:
         if self._keys is None or earlier._keys is None or not earlier._count:
             return
         self._earlier, self._typical = earlier, earlier._typical
-        gone = np.setdiff1d(earlier._keys, self._keys)
+        gone = np.setdiff1d(earlier._keys, self._keys, assume_unique=True)
         self._keys = np.concatenate([self._keys, gone])
         slopes = np.full(len(gone), 1.0 / (_GONE * self._typical))
         self._set_slopes(np.concatenate([self._slopes, slopes]))
