@@ -91,7 +91,8 @@ def _start_petsc() -> None:
         return  # told below
     petsc4py = require("petsc4py")
     try:
-        petsc4py.init(["flexfem", "-skip_petscrc"])
+        with launch.signals_kept():  # PETSc's own end all with pages about debuggers
+            petsc4py.init(["flexfem", "-skip_petscrc"])
     except (ImportError, OSError, RuntimeError):
         return  # so is any error in it
 

@@ -10,6 +10,8 @@ import signal
 import sys
 import threading
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from types import FrameType, TracebackType
 from typing import Any, NamedTuple, Self, TextIO
@@ -323,6 +325,54 @@ class Interrupted(KeyboardInterrupt):
         super().__init__(message)
         self.code = 128 + number
         self.number, self.reason, self.checkpoint = number, reason or message, checkpoint
+
+
+class Ended(KeyboardInterrupt):
+    """A signal has ended the process where nothing is to be kept.
+
+    Attributes:
+        code: exit code of the process.
+    """
+
+    def __init__(self, number: int) -> None:
+        """Note the signal's number."""
+        super().__init__()
+        self.code = 128 + number
+
+
+@contextmanager
+def ended_by_signals() -> Iterator[None]:
+    """Raise :class:`Ended` on SIGTERM and SIGHUP, as Python does on SIGINT, while it is entered.
+
+    Signals that are ignored, or have a handler of somebody else, stay as they are.
+    """
+    taken = []
+    if threading.current_thread() is threading.main_thread():
+        taken = [n for n in _SIGNALS if signal.getsignal(n) == signal.SIG_DFL]
+    for number in taken:
+        signal.signal(number, _end)
+    try:
+        yield
+    finally:
+        for number in taken:
+            signal.signal(number, signal.SIG_DFL)
+
+
+def _end(number: int, frame: FrameType | None) -> None:
+    raise Ended(number)
+
+
+@contextmanager
+def signals_kept() -> Iterator[None]:
+    """Put the handlers of signals that ask to end back, where libraries have set their own."""
+    former = {number: signal.getsignal(number) for number in _SIGNALS}
+    try:
+        yield
+    finally:
+        if threading.current_thread() is threading.main_thread():
+            for number, handler in former.items():
+                if handler is not None:  # not of Python
+                    signal.signal(number, handler)
 
 
 class StopSignals:

@@ -119,7 +119,8 @@ def exit_code(action: Callable[[], int], argv: Sequence[str]) -> int:
     sys.excepthook = launch.excepthook
     try:
         _check_text([*argv, *sys.argv[:1]])
-        return action()
+        with launch.ended_by_signals():
+            return action()
     except UsageError as error:
         failure = launch.Failure(str(error), 2, error.trace or traced(error.__cause__, argv))
         launch.say(str(failure if error.agreed else launch.first_failure(failure)), error=True)
@@ -140,13 +141,14 @@ def exit_code(action: Callable[[], int], argv: Sequence[str]) -> int:
     except launch.Interrupted as stop:  # all ranks have ended in the same way
         launch.say(str(stop), error=True)
         return stop.code
-    except KeyboardInterrupt:
+    except KeyboardInterrupt as stop:
+        code = stop.code if isinstance(stop, launch.Ended) else 130
         if launch.rank() > 0:
             time.sleep(_PATIENCE)  # whoever gets here next: the first rank may hang in a receive
         with contextlib.suppress(OSError):  # the terminal is gone
             launch.tell("interrupted")
-        launch.abort(130)
-        return 130
+        launch.abort(code)
+        return code
 
 
 def _check_text(arguments: Sequence[str]) -> None:

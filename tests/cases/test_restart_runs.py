@@ -216,3 +216,23 @@ def test_second_signal_ends_at_once(
     )
     ended = run(1, script, timeout=30)
     assert (ended.stdout, ended.stderr) == ("ended\n", "")
+
+
+@pytest.mark.parametrize("ranks", [1, 2])
+def test_signals_before_the_first_step_end_in_one_line(
+    tmp_path: Path, ranks: int, run: Callable[..., subprocess.CompletedProcess[str]]
+) -> None:
+    """While loops are compiled, too: PETSc's own handlers print pages about debuggers."""
+    script = tmp_path / "setting_up.py"
+    script.write_text(
+        "import os, signal, sys, time\nfrom flexfem.cli.usage import exit_code\n"
+        "from flexfem.installation import load_dolfinx\n"
+        "def long():\n"
+        "    load_dolfinx()\n"
+        "    os.kill(os.getpid(), signal.SIGTERM)\n"
+        "    time.sleep(20)\n"
+        "sys.exit(exit_code(long, []))\n"
+    )
+    ended = run(ranks, script, timeout=60)
+    assert ended.returncode == 128 + signal.SIGTERM
+    assert (ended.stdout, ended.stderr) == ("", "interrupted\n")
