@@ -3,8 +3,9 @@
 
 The matrix is ``A = [[K, G^T], [G, -C]]`` with the exact tangent K. Each of its m constraint rows
 adds one negative eigenvalue, so that A has m of them where the equilibrium is stable under
-conservative loads. Other loads leave the sign of its determinant, which changes wherever an odd
-number of eigenvalues passes zero.
+conservative loads. Equations of springs are scaled by less than their stiffness: they are
+``[a G, -a C]`` in the matrix as it is assembled, which is not symmetric. Other loads leave the sign
+of its determinant, which changes wherever an odd number of eigenvalues passes zero.
 """
 
 from petsc4py import PETSc
@@ -20,6 +21,8 @@ __all__ = ["Inertia", "softest_motion"]
 
 #: Iterations of the inverse iteration.
 _SWEEPS = 6
+#: Slope of a row's scaled force below which the row adds no stiffness.
+_NO_SLOPE = 1e-16
 
 
 class Inertia:
@@ -51,10 +54,27 @@ class Inertia:
         """One matrix of the nest; its symmetric part, the whole matrix at an equilibrium."""
         self._tangent.matrix.convert("aij", self._matrix)
         if self._conservative:
+            self._balance_springs()
             self._matrix.transpose(self._transposed)
             same = PETSc.Mat.Structure.SAME_NONZERO_PATTERN
             self._matrix.axpy(1.0, self._transposed, same)
             self._matrix.scale(0.5)
+
+    def _balance_springs(self) -> None:
+        """Scale equations and multipliers of springs alike, ``[b G, -C']`` with ``b^2 = a``.
+
+        This changes no sign of an eigenvalue, and leaves forces that do not change with the motion,
+        as those of dampers at rest, without stiffness.
+        """
+        rows = self._tangent.system.constraints
+        slopes = np.where(rows.rigid, 1.0, np.maximum(rows.slopes[:, 0], _NO_SLOPE))
+        roots = np.sqrt(slopes[rows.owned_rows])
+        columns, equations = self._matrix.createVecs()
+        for vector, factors in ((columns, roots), (equations, 1.0 / roots)):
+            vector.set(1.0)
+            values = vector.getArray()
+            values[len(values) - len(factors) :] = factors  # multipliers are a rank's last unknowns
+        self._matrix.diagonalScale(equations, columns)
 
     def _create(self) -> CountingFactors:
         destroy_dropped(self._tangent.system.comm)  # older ones
