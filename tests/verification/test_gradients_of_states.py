@@ -379,6 +379,39 @@ def test_buckling_load_scales_with_stiffness_over_load():
         assert sum(relative(found, name, values).values()) == pytest.approx(0.0, abs=5e-10)
 
 
+@pytest.mark.parametrize("beside", [10.0, pytest.param(1e5, marks=pytest.mark.serial)])
+def test_buckling_load_of_springs_that_soften_is_linear_in_their_stiffness(beside: float):
+    """k = dF/dx falls from k_0 to k_1: t = k_0/(k_0 - k_1), whatever springs another body has."""
+
+    def build(k: float) -> ff.Model:
+        axis, model = (0.0, 0.0, 1.0), ff.Model("softening")
+        for name, x in (("body", 0.0), ("other", 1.0)):
+            place, foot = ff.Ground((x, 0.0, 0.0)), ff.Ground((x, 0.0, -1.0))
+            model.add(
+                ff.RigidBody(name, 1.0, np.eye(3), position=place.position),
+                ff.Prismatic(f"{name}_guide", place, ff.Marker(name), axis=axis),
+                ff.SpringDamper(f"{name}_spring", foot, ff.Marker(name), k if x == 0.0 else beside),
+            )
+        body = ff.Marker("body")
+        soft = ff.SpringDamper(
+            "soft", ff.Ground((0.0, 0.0, -1.0)), body, force=lambda x: 1e3 * x - 4e3 * x**3
+        )
+        model.add(soft, ff.PointForce("pull", body, (0.0, 0.0, 100.0)))
+        return model
+
+    k = 500.0
+    x = min(z.real for z in np.roots([-4e3, 0.0, 1e3 + k, -100.0]) if z.real > 0.0)
+    fall = 12e3 * x**2
+    load = (1e3 + k) / fall
+    by_x = -2.0 * load / x
+    expected = 1.0 / fall - by_x * x / (1e3 + k - fall)
+    options = ff.StaticOptions(load_steps=2, buckling_modes=1, quiet=True)
+    found = ff.gradient(build, "buckling:1", {"k": k}, options)
+    # with equations of springs scaled by their stiffness and the largest: none, and 27.84
+    assert found.value["buckling:1"] == pytest.approx(load, rel=1e-9)
+    assert found.gradient["buckling:1"]["k"] == pytest.approx(expected, rel=1e-6)
+
+
 @pytest.mark.serial
 def test_buckling_load_of_a_column():
     """Euler's ``pi^2 E I/L^2 = pi^2 E A^2/(24 L^2)``; a half of each element's share of the energy.

@@ -46,7 +46,7 @@ from flexfem.gradients.states.neighbours import (
 )
 from flexfem.gradients.states.path import SINGULAR, Direction, Equilibria, NearPath
 from flexfem.solvers.linear.tangent import TangentSolver
-from flexfem.solvers.statics.buckling import LinearBuckling
+from flexfem.solvers.statics.buckling import LinearBuckling, linear_in_stiffness
 
 __all__ = ["BucklingLoads"]
 
@@ -81,7 +81,7 @@ class BucklingLoads:
         matrices, self._tangents = list[PETSc.Mat](), list[TangentSolver]()
         for row in self._rows:
             path.go_to(row)
-            matrices.append(path.matrix())
+            matrices.append(linear_in_stiffness(path.assemble()))
             self._tangents.append(path.tangent())
         self._vectors = {
             numbers: self._of(matrices, [found[k - 1] for k in numbers])
@@ -172,7 +172,7 @@ class BucklingLoads:
         for one, way in zip(near, (-step, step), strict=True):
             one.go_to_present()
             one.move(direction, way)
-            matrices.append(one.matrix())
+            matrices.append(linear_in_stiffness(one.assemble()))
         before, after = matrices
         after.axpy(-1.0, before, PETSc.Mat.Structure.DIFFERENT_NONZERO_PATTERN)
         before.destroy()

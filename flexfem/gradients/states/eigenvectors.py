@@ -199,6 +199,8 @@ def vectors_of(
     found = []
     for transposed in (False, True):
         vectors = np.stack(starts, axis=1)
+        if transposed:  # P' may see the part of the constraints alone
+            vectors = np.stack([inverse.solve(x, transposed=True) for x in vectors.T], axis=1)
         for _ in range(_SWEEPS):
             vectors = np.stack(
                 [inverse.solve(weigh(x, transposed), transposed=transposed) for x in vectors.T],

@@ -193,11 +193,15 @@ class Equilibria:
         ]
         return np.concatenate([*parts, values[self.system.constraints.owned_rows]])
 
-    def matrix(self) -> PETSc.Mat:
-        """The exact matrix at the present state in one piece (collective)."""
+    def assemble(self) -> TangentSolver:
+        """The solver with the exact matrix at the present state, not factorised (collective)."""
         END_POINT.evaluate(self.system, self.shifts)
         self.equilibrium.assemble()
-        return self.equilibrium.tangent.matrix.convert("aij", PETSc.Mat())
+        return self.equilibrium.tangent
+
+    def matrix(self) -> PETSc.Mat:
+        """The exact matrix at the present state in one piece (collective)."""
+        return self.assemble().matrix.convert("aij", PETSc.Mat())
 
     def residual(self) -> FloatArray:
         """This rank's part of the equations at the present state, scaled (collective)."""
@@ -293,11 +297,11 @@ class NearPath:
         self.equilibrium.strains = self.system.present
         self.system.interface.update()
 
-    def matrix(self) -> PETSc.Mat:
-        """The exact matrix in one piece, scaled as that of the path (collective)."""
+    def assemble(self) -> TangentSolver:
+        """The solver with the exact matrix, scaled as that of the path (collective)."""
         END_POINT.evaluate(self.system, self._path.shifts)
         self.equilibrium.tangent.assemble(self._path.shifts)
-        return self.equilibrium.tangent.matrix.convert("aij", PETSc.Mat())
+        return self.equilibrium.tangent
 
     def columns(self) -> FloatArray:
         """Columns of the history, on the first rank; the others have none (collective)."""

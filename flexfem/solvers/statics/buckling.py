@@ -12,13 +12,32 @@ from slepc4py import SLEPc
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.solvers.statics.equilibrium import Equilibrium
 from flexfem.system.mechanics import END_POINT
 
-__all__ = ["LinearBuckling"]
+__all__ = ["LinearBuckling", "linear_in_stiffness"]
 
 #: Relative imaginary part above which an eigenvalue is not a buckling load.
 _REAL = 1e-6
+
+
+def linear_in_stiffness(tangent: TangentSolver) -> PETSc.Mat:
+    """The assembled matrix in one piece, linear in the stiffness of springs (collective).
+
+    Their equations are scaled by less than it, which changes where it does, and so would what lies
+    between two matrices, with the largest stiffness in the model.
+    """
+    rows = tangent.system.constraints
+    compliance = rows.compliance[rows.owned_rows]
+    matrix = tangent.matrix.convert("aij", PETSc.Mat())
+    equations = matrix.createVecLeft()
+    equations.set(1.0)
+    values = equations.getArray()
+    # a rank's last unknowns are its multipliers
+    np.divide(1.0, compliance, where=compliance > 0.0, out=values[len(values) - len(compliance) :])
+    matrix.diagonalScale(equations)
+    return matrix
 
 
 class LinearBuckling:
@@ -34,7 +53,7 @@ class LinearBuckling:
         equilibrium = self._equilibrium
         END_POINT.evaluate(equilibrium.system, equilibrium.shifts)
         equilibrium.assemble()
-        return equilibrium.tangent.matrix.convert("aij", PETSc.Mat())
+        return linear_in_stiffness(equilibrium.tangent)
 
     def solve(self, count: int) -> list[tuple[float, list[FloatArray]]]:
         """Load parameters of least distance from the first equilibrium (collective).
