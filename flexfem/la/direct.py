@@ -67,7 +67,8 @@ class CountingFactors:
         if self._whole is not None:
             regular = self._comm.allreduce(regular, op=MPI.LAND)
         if not regular:
-            self._pc = self._pc.destroy()  # MUMPS never factorises again with the data of a failure
+            self._pc.destroy()
+            self._pc = None  # MUMPS never factorises again with the data of a failure
         return bool(regular)
 
     def _create(self, matrix: PETSc.Mat) -> PETSc.PC:

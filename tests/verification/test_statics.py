@@ -467,6 +467,21 @@ def test_a_truss_of_springs_is_unstable_from_its_limit_point_on() -> None:
         np.testing.assert_allclose([point["at_z"] for point in points], [z, -z], rtol=1e-6)
 
 
+def test_stability_is_counted_again_after_a_singular_start() -> None:
+    """A pendulum that weighs nothing at t = 0 turns freely there, and hangs at all others."""
+    model, place = ff.Model("pendulum"), (0.0, 0.0, -1.0)
+    model.add(
+        ff.RigidBody("bob", 1.0, 0.1 * np.eye(3), position=place),
+        ff.Spherical("hook", ff.Ground(), ff.Marker("bob", offset=(0.0, 0.0, 1.0))),
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.PositionProbe("at", ff.Marker("bob")),
+    )
+    outcome = solve(model, load_steps=2, stabilise=True, critical_points=True)
+    assert outcome.summary["critical_points"] == []
+    if outcome.history:
+        np.testing.assert_allclose([outcome.history[f"at_{x}"][-1] for x in "xyz"], place)
+
+
 @pytest.mark.slow_on_ranks
 @pytest.mark.serial
 def test_a_value_that_is_not_reached_is_said() -> None:
