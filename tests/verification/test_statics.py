@@ -442,6 +442,34 @@ def test_springs_hold_a_column_by_their_stiffness_and_dampers_do_not(law: str) -
     np.testing.assert_allclose([point["t"] for point in points], expected, rtol=3e-3)
 
 
+@pytest.mark.parametrize(
+    "beside", ["curve", pytest.param("stop", marks=pytest.mark.serial), "falling"]
+)
+def test_nonlinear_springs_hide_no_pair_of_critical_points(beside: str) -> None:
+    """Both of Euler's loads of a column lie in one step: the determinant's sign stays the same."""
+    place, body = (3.0, 0.0, 0.0), ff.Marker("body")
+    foot, axis = ff.Ground((3.0, 0.0, -1.0)), (0.0, 0.0, 1.0)
+    law = {
+        "curve": ff.SpringDamper("law", foot, body, force=lambda x: 10.0 * x + x**3),
+        "stop": ff.LimitStop("law", ff.Ground(place), body, upper=0.1, stiffness=10.0, axis=axis),
+        "falling": ff.SpringDamper("law", foot, body, force=lambda x: -40.0 * x),
+    }
+    model = cantilever(
+        force((-1.0, 0.0, 0.0)),
+        ff.RigidBody("body", 1.0, np.eye(3), position=place),
+        ff.Prismatic("guide", ff.Ground(place), body, axis=axis),
+        ff.SpringDamper("spring", foot, body, 100.0),
+        law[beside],
+        elements=16,
+    )
+    critical = np.pi**2 * np.array(SECTION[4:]) / 4.0
+    outcome = solve(model, load_steps=1, t_end=1.1 * critical[1], critical_points=True)
+    points = outcome.summary["critical_points"]
+    found = [(point["kind"], point["unstable"]) for point in points]
+    assert found == [("bifurcation", [0, 1]), ("bifurcation", [1, 2])]
+    np.testing.assert_allclose([point["t"] for point in points], critical, rtol=3e-3)
+
+
 @pytest.mark.serial
 def test_a_truss_of_springs_is_unstable_from_its_limit_point_on() -> None:
     """Von Mises' truss of span 2 and rise 1/2: F = 2 k (L0 - L) z/L with the greatest load."""

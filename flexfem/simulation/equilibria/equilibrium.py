@@ -50,9 +50,9 @@ def rest(
     system.set_time(0.0)
     check_start(system)
     growing = np.array([grow and load.amplitude is None for load in loads], dtype=np.bool_)
-    # rows that may be free of force make the matrix unsymmetric, like loads without potential
-    plain = rows.active & rows.linear
-    conservative = bool(system.comm.allreduce(bool(plain.all()), op=MPI.LAND)) and not any(
+    # a force by the value of its own row has a potential, those of an element together need not
+    alone = not rows.of_elements.any()
+    conservative = bool(system.comm.allreduce(alone, op=MPI.LAND)) and not any(
         load.follower or load.has_moment for load in loads
     )
     loading = Loading(system, growing, gravity_grows, span)

@@ -4,8 +4,9 @@
 The matrix is ``A = [[K, G^T], [G, -C]]`` with the exact tangent K. Each of its m constraint rows
 adds one negative eigenvalue, so that A has m of them where the equilibrium is stable under
 conservative loads. Equations of springs are scaled by less than their stiffness: they are
-``[a G, -a C]`` in the matrix as it is assembled, which is not symmetric. Other loads leave the sign
-of its determinant, which changes wherever an odd number of eigenvalues passes zero.
+``[a G, -a C]`` in the matrix as it is assembled, which is not symmetric. Where a is negative, as
+the slope of a force that falls with its spring's length, the row adds a positive one. Other loads
+leave the sign of its determinant, which changes wherever an odd number of eigenvalues passes zero.
 """
 
 from petsc4py import PETSc
@@ -32,6 +33,7 @@ class Inertia:
         """Choose the factorisation: symmetric for conservative loads."""
         self._tangent, self._conservative = tangent, conservative
         self._factors: CountingFactors | None = None
+        self._falling = 0  # springs whose force falls
 
     def unstable(self) -> int:
         """Number of unstable directions at the assembled matrix (collective).
@@ -47,7 +49,7 @@ class Inertia:
             return -1
         count = tangent.system.constraints.size_global
         if self._conservative:
-            return self._factors.negative_pivots - count
+            return self._factors.negative_pivots - (count - self._falling)
         return int(self._factors.determinant * (-1.0) ** count < 0.0)
 
     def _assemble(self) -> None:
@@ -61,16 +63,19 @@ class Inertia:
             self._matrix.scale(0.5)
 
     def _balance_springs(self) -> None:
-        """Scale equations and multipliers of springs alike, ``[b G, -C']`` with ``b^2 = a``.
+        """Scale equations and multipliers of springs alike, ``[b G, -C']`` with ``b^2 = abs(a)``.
 
-        This changes no sign of an eigenvalue, and leaves forces that do not change with the motion,
-        as those of dampers at rest, without stiffness.
+        This changes no sign of an eigenvalue but those of falling forces, and leaves forces that do
+        not change with the motion, as those of dampers at rest, without stiffness.
         """
-        rows = self._tangent.system.constraints
-        slopes = np.where(rows.rigid, 1.0, np.maximum(rows.slopes[:, 0], _NO_SLOPE))
-        roots = np.sqrt(slopes[rows.owned_rows])
+        system, rows = self._tangent.system, self._tangent.system.constraints
+        slopes = np.where(rows.rigid, 1.0, rows.slopes[:, 0])[rows.owned_rows]
+        falling = slopes < -_NO_SLOPE
+        self._falling = int(system.comm.allreduce(int(falling.sum())))
+        roots = np.sqrt(np.maximum(np.abs(slopes), _NO_SLOPE))
+        scales = np.where(falling, -1.0, 1.0) / roots
         columns, equations = self._matrix.createVecs()
-        for vector, factors in ((columns, roots), (equations, 1.0 / roots)):
+        for vector, factors in ((columns, roots), (equations, scales)):
             vector.set(1.0)
             values = vector.getArray()
             values[len(values) - len(factors) :] = factors  # multipliers are a rank's last unknowns
