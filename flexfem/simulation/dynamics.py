@@ -132,6 +132,7 @@ class _TimeSteps(Steps):
             self.system,
             simulation.serial,
             self._grid.h,
+            options.tolerance,
             probed=self.recorder.balances,
             fast="steps" in self.cautions.found,
             undamped=options.rho_inf == 1.0,

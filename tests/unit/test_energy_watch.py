@@ -224,7 +224,9 @@ def test_the_watch_is_the_same_on_any_number_of_ranks() -> None:
     seen = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
         simulation = Simulation(busy(), options, comm)
-        watch = EnergyWatch(simulation.system, simulation.serial, 2e-3, probed=False, fast=False)
+        watch = EnergyWatch(
+            simulation.system, simulation.serial, 2e-3, 1e-6, probed=False, fast=False
+        )
         for step in range(20):
             simulation.advance(2e-3, 2e-3 * (step + 1))
             watch.step(0, step == 19)
@@ -271,7 +273,7 @@ def test_work_of_loads_and_drives_is_that_of_the_energy_probe() -> None:
     """
     options = ff.RunOptions(dt=2e-3, t_end=0.4, integrator="stabilized_index2", quiet=True)
     simulation = Simulation(busy(), options)
-    watch = EnergyWatch(simulation.system, simulation.serial, 2e-3, probed=False, fast=False)
+    watch = EnergyWatch(simulation.system, simulation.serial, 2e-3, 1e-6, probed=False, fast=False)
     for step in range(200):
         simulation.advance(2e-3, 2e-3 * (step + 1))
         watch.step(0, step == 199)
@@ -287,7 +289,7 @@ def test_work_of_loads_and_drives_is_that_of_the_energy_probe() -> None:
 def test_what_is_not_finite_is_told() -> None:
     options = ff.RunOptions(dt=1e-3, t_end=1e-2, quiet=True)
     simulation = Simulation(vibrating(0.0), options)
-    watch = EnergyWatch(simulation.system, simulation.serial, 1e-3, probed=False, fast=False)
+    watch = EnergyWatch(simulation.system, simulation.serial, 1e-3, 1e-6, probed=False, fast=False)
     for values in (simulation.system.constraints.forces, simulation.system.parts[0].block.velocity):
         kept = values.copy()
         values[0] = np.inf

@@ -20,6 +20,7 @@ from flexfem.simulation.watch.brief_contacts import BriefContacts
 from flexfem.simulation.watch.inside_out import InsideOut
 from flexfem.simulation.watch.passages import PassageWatch
 from flexfem.simulation.watch.sagging import SagWatch
+from flexfem.simulation.watch.shallow_contacts import ShallowContacts
 from flexfem.simulation.watch.validity import ValidityWatch
 from flexfem.simulation.watch.wraps import WrapWatch
 from flexfem.system.bounding_box import diagonal, model_box
@@ -50,8 +51,8 @@ class EnergyWatch:
     """Monitor of the accepted states of one run, from its start or restart on."""
 
     def __init__(
-        self, system: System, serial: NumberedModel, h: float, *, probed: bool, fast: bool,
-        undamped: bool = False,
+        self, system: System, serial: NumberedModel, h: float, tolerance: float, *,
+        probed: bool, fast: bool, undamped: bool = False,
     ) -> None:  # fmt: skip
         """Read the state at the start (collective).
 
@@ -59,6 +60,7 @@ class EnergyWatch:
             system: at its consistent start.
             serial: serial data of its model.
             h: size of whole steps, s.
+            tolerance: of steps, m or rad.
             probed: True if gains of energy are reported by an energy probe of the whole model.
             fast: True if fast rotations were reported at the start.
             undamped: True if the integrator dissipates nothing.
@@ -72,7 +74,7 @@ class EnergyWatch:
         self._drives = DriveChanges(rows, diagonal(box))
         self._validity, self._wraps = ValidityWatch(serial, system, box), WrapWatch(system)
         self._sags, self._brief = SagWatch(system), BriefContacts(system, model)
-        self._passages = PassageWatch(system)
+        self._passages, self._shallow = PassageWatch(system), ShallowContacts(system, tolerance)
         mine = len(self._drives.rows) + len(self._drives.wrenches)
         self._driven = bool(system.comm.allreduce(mine))
         self._complete = not system.comm.allreduce(not self._drives.complete, op=MPI.LOR)
@@ -145,6 +147,7 @@ class EnergyWatch:
         self._sags.look()
         self._passages.look()
         self._brief.look()
+        self._shallow.look()
         if self._driven:
             self._drives.notice(self._system.time, self._h)
         if events != self._events:
@@ -225,6 +228,7 @@ class EnergyWatch:
             *self._sags.texts(),
             *self._passages.texts(),
             *self._brief.texts(),
+            *self._shallow.texts(),
             *self._turns(),
             *self._jumps(),
             *self._balance(),
