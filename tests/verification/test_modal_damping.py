@@ -97,6 +97,20 @@ def test_damping_of_bodies_adds_to_ratios() -> None:
         np.testing.assert_allclose(own[size > 1.0], RATIOS[:2], atol=1e-7)
 
 
+def test_dampers_leave_the_damped_modes_as_they_are() -> None:
+    """They have no part in the modes of the model without damping; what they add is theirs."""
+    ends = ff.Ground((2, 0, -1)), ff.Marker("bar", "end")
+    dashpot = ff.SpringDamper("dashpot", *ends, damping=5.0)
+    options = ff.ModeOptions(modes=4, quiet=True)
+    alone = ff.find_modes(cantilever(dashpot), options).history
+    both = ff.find_modes(cantilever(dashpot, ff.ModalDamping("damping", RATIOS)), options).history
+    if RANK == 0:
+        # to second order in both
+        added = np.subtract(both["damping_ratio"], alone["damping_ratio"])
+        assert max(alone["damping_ratio"]) > 1e-4
+        np.testing.assert_allclose(added, RATIOS, atol=1e-5)
+
+
 def masts(*dampings: ff.ModalDamping) -> ff.Model:
     """Three equal masts, whose modes have the same frequencies."""
     names = ["first", "second", "third"]

@@ -173,6 +173,99 @@ def test_damped_free_bars_have_all_their_modes(count):
     np.testing.assert_allclose(found.modes.eigenvalues, expected, atol=1e-5, rtol=0.0)
 
 
+_CHAINS = {
+    # springs and dampers before each mass, and the number of motions of frequency zero
+    "free": ((3.0, 1.0, 5.0), (0.0, 2.0, 0.0), (0.0, 0.0, 0.3), 2),
+    "beside a held one": ((7.0, 5.0, 5.0, 3.0), (30.0, 0, 0, 2.0), (0, 0, 2.0, 0), 2),
+    "in pieces": ((3.0, 5.0, 5.0, 7.0, 1.0), (0, 30.0, 0, 0, 0), (0, 0, 2.0, 0, 0), 4),
+    "heavily damped": ((4.0, 0.2, 1.0), (0.0, 0.4, 0.1), (0.0, 170.0, 0.03), 1),
+}
+
+
+@pytest.mark.parametrize("kind", _CHAINS)
+def test_chains_with_free_parts_have_all_their_modes(kind):
+    """Vectors of several double zeros may be one and the same, fast decay is not a zero."""
+    masses, springs, dampers, free = _CHAINS[kind]
+    model, count = _chain(masses, springs, dampers), len(masses)
+    found = ff.find_modes(model, ff.ModeOptions(modes=count, quiet=True))
+    assert found.status == "ok"
+    step = np.eye(count) - np.eye(count, k=-1)
+    stiffness, damping = (step.T @ np.diag(given) @ step for given in (springs, dampers))
+    assert np.linalg.matrix_rank(stiffness) == count - free
+    over = np.diag(1.0 / np.array(masses))
+    eye, nothing = np.eye(count), np.zeros((count, count))
+    values = np.linalg.eigvals(np.block([[nothing, eye], [-over @ stiffness, -over @ damping]]))
+    # those of zeros are roots of round-off
+    values = values[(values.imag >= 0.0) & (np.abs(values) > 1e-5)]
+    values = values[np.argsort(np.abs(values))][: count - free]
+    expected = np.concatenate([np.zeros(free), values])
+    np.testing.assert_allclose(found.modes.eigenvalues, expected, rtol=1e-7, atol=1e-9)
+
+
+def _chain(masses, springs, dampers):
+    """Masses on a line with springs and dampers from each to the one before it, or the ground."""
+    model, before = ff.Model(), ff.Ground()
+    for k, (mass, spring, damper) in enumerate(zip(masses, springs, dampers, strict=True)):
+        place = (3.0 * (k + 1), 0.0, 0.0)
+        body = ff.RigidBody(f"body_{k}", mass, (1.0, 1.0, 1.0), position=place)
+        slide = ff.Prismatic(f"slide_{k}", ff.Ground(place), ff.Marker(body.name), axis=(1, 0, 0))
+        model.add(body, slide)
+        if spring or damper:
+            ends = before, ff.Marker(body.name)
+            model.add(ff.SpringDamper(f"link_{k}", *ends, stiffness=spring, damping=damper))
+        before = ff.Marker(body.name)
+    return model
+
+
+def test_two_free_bars_have_all_their_modes():
+    """Bending that the first shift determines badly is no motion of frequency zero."""
+    lengths = 0.57079918, 0.81070819
+    model = _free_bars(lengths)
+    found = ff.find_modes(model, ff.ModeOptions(modes=15, quiet=True))
+    assert found.status == "ok"
+    # bending of a slender free bar about both axes, less shear, rotary inertia and the mesh's error
+    longer = 22.3733 * np.sqrt(2e11 / 7800.0 / 12.0) / lengths[1] ** 2 * np.array([0.02, 0.03])
+    shorter = 22.3733 * np.sqrt(2e11 / 7800.0 / 12.0) / lengths[0] ** 2 * np.array([0.02, 0.03])
+    expected = np.sort(np.concatenate([longer, shorter]))[:3]
+    assert not found.modes.eigenvalues[:12].any()
+    np.testing.assert_allclose(found.modes.eigenvalues[12:].imag, expected, rtol=2e-2)
+
+
+def _free_bars(lengths):
+    steel = ff.Material(youngs_modulus=2e11, poisson_ratio=0.3, density=7800.0)
+    lines = {f"bar_{k}": [(0, 3.0 * k, 0), (x, 3.0 * k, 0)] for k, x in enumerate(lengths)}
+    model = ff.Model(mesh=ff.LineMesh.straight(lines, 20))
+    model.add(*(ff.Beam(name, ff.Section.rectangle(0.02, 0.03, steel)) for name in lines))
+    return model
+
+
+@pytest.mark.serial
+def test_nothing_but_free_motions():
+    """They are round-off where anything is stiff, and told where nothing is, whatever the mass."""
+    options = ff.ModeOptions(modes=1, quiet=True)
+    for mass in (2.0, 1.09726233):
+        alone = ff.find_modes(_chain((mass,), (0.0,), (0.0,)), options)
+        assert alone.status.startswith("no mode that was found differs from zero; ")
+    masses = 0.56687331, 1.32243376, 0.12448315, 2.22705086, 9.74964711, 0.50975477
+    springs = 13.98822232, 0.0, 0.0, 9.41747299, 0.0, 0.0
+    found = ff.find_modes(_chain(masses, springs, (0.0,) * 6), options)
+    assert (found.status, found.modes.eigenvalues[0]) == ("ok", 0.0)
+
+
+@pytest.mark.serial
+def test_a_shift_at_which_nothing_can_be_factorised_is_left(monkeypatch):
+    from flexfem.solvers.modal import modes as solver
+    from flexfem.solvers.modal import pencil
+
+    options = ff.ModeOptions(modes=8, quiet=True)
+    expected = ff.find_modes(_free_bar(0.0), options).modes.eigenvalues
+    monkeypatch.setattr(pencil, "_SHIFT", 1e-300)
+    monkeypatch.setattr(solver, "_HIGHER", 1e294)
+    found = ff.find_modes(_free_bar(0.0), options)
+    assert found.status == "ok"
+    np.testing.assert_allclose(found.modes.eigenvalues, expected, rtol=1e-8)
+
+
 def _free_bar(damping):
     steel = ff.Material(youngs_modulus=2e11, poisson_ratio=0.3, density=7800.0)
     model = ff.Model(mesh=ff.LineMesh.straight({"bar": [(0, 0, 0), (2, 0, 0)]}, 40))

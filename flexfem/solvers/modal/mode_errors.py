@@ -45,8 +45,8 @@ class Solution:
         missing: modes among those found that were not found; None where they cannot be counted.
         uncounted: reason why they cannot, empty if they are counted.
         shift: shift of the inverted problem, 1/s.
-        twins: number of zeros more than there are modes of zero frequency: with a term in lambda
-            each is double, and rounding parts it into a conjugate pair or into two real ones.
+        inert: True where every frequency is zero, of which no residual says that it is.
+        still: (m, n) independent motions of frequency zero, orthonormal in the mass.
     """
 
     values: ComplexArray
@@ -57,7 +57,23 @@ class Solution:
     missing: int | None
     uncounted: str
     shift: complex
-    twins: int = 0
+    inert: bool
+    still: ComplexArray
+
+    @property
+    def twins(self) -> int:
+        """Number of zeros more than there are modes of frequency zero.
+
+        With a term in lambda each is double, and rounding parts it into a conjugate pair or into
+        two real ones.
+        """
+        return int(self.zero.sum()) - len(self.still)
+
+    @property
+    def _rounded(self) -> BoolArray:
+        """(k,) True for errors of zeros that are round-off of the stiffness or at the shift."""
+        noise = self.noise + np.finfo(float).eps * abs(self.shift) ** 2
+        return np.asarray((self.errors <= ZERO * noise) & (not self.inert))
 
     @property
     def residuals(self) -> FloatArray:
@@ -69,7 +85,7 @@ class Solution:
         scale = float(squares.max(initial=0.0, where=~self.zero))
         size = np.where(self.zero, scale, squares)
         known = size > 0.0
-        unknown = np.where(self.errors <= ZERO * self.noise, 0.0, np.inf)
+        unknown = np.where(self._rounded, 0.0, np.inf)
         return np.where(known, 0.5 * self.errors / np.where(known, size, 1.0), unknown)
 
     def doubtful(self, accuracy: float) -> BoolArray:
@@ -84,7 +100,7 @@ class Solution:
         )
         asked = _LOOSE * np.where(self.zero, min(accuracy, _NEAR_ZERO), accuracy)
         enough = np.maximum(asked, np.minimum(rounded, _ROUGH))
-        nothing = self.zero & (self.errors <= ZERO * self.noise)
+        nothing = self.zero & self._rounded
         found: BoolArray = (self.residuals > enough) & ~nothing
         return found
 

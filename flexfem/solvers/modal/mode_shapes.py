@@ -19,7 +19,7 @@ from flexfem.solvers.modal.mode_errors import (
 )
 from flexfem.solvers.modal.modes import solve_pencil
 from flexfem.solvers.modal.pencil import Pencil
-from flexfem.solvers.modal.shifted_inverse import ShiftedInverse
+from flexfem.solvers.modal.shifted_inverse import ShiftedInverse, SingularShiftError
 
 __all__ = ["Modes", "find"]
 
@@ -137,8 +137,10 @@ def find(
     sources: list[int] = []
     shapes: list[ComplexArray] = []
     for value, members in _groups(solution):
-        real = not pencil.quadratic or value == 0.0
-        span = independent(pencil, solution.vectors[members], real=real, zero=value == 0.0)
+        real = not pencil.quadratic
+        span = solution.still
+        if value != 0.0:
+            span = independent(pencil, solution.vectors[members], real=real, zero=False)
         basis = _canonical(linearization, span, moved)
         shapes += list(basis)
         found += [value] * len(basis)
@@ -155,7 +157,7 @@ def find(
     )  # fmt: skip
     if improve is None:
         return modes
-    first = slice(count + solution.twins)
+    first = slice(count + max(solution.twins, 0))
     settled = ~solution.zero[first] & ~solution.doubtful(accuracy)[first]
     later = _later(linearization, solution, np.flatnonzero(settled), improve)
     if later is None:
@@ -171,7 +173,10 @@ def _later(
     if not improve():
         return None
     values, vectors = solution.values[used], solution.vectors[used]
-    inverse = ShiftedInverse(Pencil.of(linearization), solution.shift)
+    try:
+        inverse = ShiftedInverse(Pencil.of(linearization), solution.shift)
+    except SingularShiftError:
+        return None
     return replace(
         solution, values=values, vectors=vectors, zero=solution.zero[used],
         errors=square_errors(inverse, values, vectors), noise=solution.noise[used],

@@ -28,7 +28,7 @@ from flexfem.solvers.modal.mode_errors import (
     square_noise,
 )
 from flexfem.solvers.modal.pencil import Pencil
-from flexfem.solvers.modal.shifted_inverse import ShiftedInverse
+from flexfem.solvers.modal.shifted_inverse import ShiftedInverse, SingularShiftError
 
 __all__ = ["solve_pencil"]
 
@@ -46,10 +46,12 @@ _ITERATIONS, _FIRST = 500, 50
 _FINITE = 3e-3
 #: Number of shifts, factor of the iteration's tolerance from one to the next, least tolerance.
 _PASSES, _TIGHTER, _FINEST = 4, 1e-2, 1e-15
-#: The next shift where nothing but zeros is found.
-_LOWER = 1e-2
+#: The next shift where nothing but zeros is found, and where the first one is singular.
+_LOWER, _HIGHER = 1e-2, 10.0
 #: Double zeros relative to the square of the shift.
 _DOUBLE = 1e-12
+#: Number of modes beyond those of frequency zero, which show that these are complete.
+_BEYOND = 3
 #: Squared norm of a vector, relative to the largest, that counts as zero.
 _CONJUGATE = 1e-12
 
@@ -73,12 +75,25 @@ def solve_pencil(
     size = pencil.linearization.sizes[1]
     dense = size <= _DENSE or (size <= _DENSE_FOR_MANY and 4 * (count + more) > size)
     shift, tolerance = _first_shift(pencil, target, dense), accuracy
+    free: ComplexArray | None = None
     found: list[tuple[int, int, Solution]] = []
     for k in range(_PASSES):
         limits = tolerance, _FIRST if k < _PASSES - 1 else _ITERATIONS
-        solution = _solve(pencil, count + more, shift, limits, dense)
-        first = count + solution.twins
-        doubtful, lacking = solution.doubtful(accuracy)[:first], first - len(solution.values)
+        try:
+            solution = _solve(pencil, count + more, shift, limits, dense)
+        except (SingularShiftError, np.linalg.LinAlgError):
+            if found:
+                break
+            if k == _PASSES - 1:
+                raise
+            shift *= _HIGHER
+            continue
+        if free is None and pencil.quadratic and solution.zero.any():
+            free = _without_stiffness(pencil, int(solution.zero.sum()), accuracy)
+        solution = _with_zeros(pencil, solution, free, count + more)
+        first = count + max(solution.twins, 0)
+        doubtful = solution.doubtful(accuracy)[:first]
+        lacking = count + solution.twins - len(solution.values)
         if not dense and lacking <= 0 and not doubtful.any():
             missing, uncounted = missing_modes(pencil, solution, first, target)
             solution = replace(solution, missing=missing, uncounted=uncounted)
@@ -119,16 +134,60 @@ def _solve(
     values, vectors = values[order], vectors[order]
     errors = square_errors(inverse, values, vectors)
     noise, squares = square_noise(pencil, vectors), np.abs(values) ** 2
-    # double zeros are roots of round-off at the shift
-    zero = squares <= ZERO * noise + errors + _DOUBLE * abs(shift) ** 2
-    span = independent(pencil, vectors[zero], real=True, zero=True)
-    twins = int(zero.sum()) - len(span)
+    # double zeros are roots of round-off at the shift; far beyond it large errors make no zero
+    near = np.where(squares <= abs(shift) ** 2, errors, 0.0)
+    zero = squares <= ZERO * noise + near + _DOUBLE * abs(shift) ** 2
     missing, uncounted = (0, "") if dense else (None, "not all modes are as accurate as asked for")
-    own = slice(count + twins)
     return Solution(
-        values[own], vectors[own], zero[own], errors[own], noise[own], missing, uncounted,
-        inverse.shift, twins,
+        values, vectors, zero, errors, noise, missing, uncounted, inverse.shift, pencil.inert,
+        vectors[:0],
     )  # fmt: skip
+
+
+def _with_zeros(
+    pencil: Pencil, solution: Solution, free: ComplexArray | None, count: int
+) -> Solution:  # fmt: skip
+    """The nearest eigenpairs, with all motions of frequency zero (collective).
+
+    Args:
+        pencil: the problem.
+        solution: its eigenpairs.
+        free: (m, n) motions without stiffness, if they are known; vectors of several double zeros
+            may be nearly dependent or, as rounding parts them, one and the same.
+        count: number of modes, to which zeros that are there twice are added.
+    """
+    vectors = solution.vectors[solution.zero]
+    if free is not None:
+        vectors = np.concatenate([free, vectors])
+    still = independent(pencil, vectors, real=True, zero=True)
+    twins = int(solution.zero.sum()) - len(still)
+    own = slice(count + max(twins, 0))
+    return replace(
+        solution, values=solution.values[own], vectors=solution.vectors[own],
+        zero=solution.zero[own], errors=solution.errors[own], noise=solution.noise[own],
+        still=still,
+    )  # fmt: skip
+
+
+def _without_stiffness(pencil: Pencil, count: int, accuracy: float) -> ComplexArray | None:
+    """Motions (m, n) of frequency zero by the problem without its term in lambda (collective).
+
+    Args:
+        pencil: the problem.
+        count: expected number of them.
+        accuracy: relative residual of the eigenvalues.
+
+    Returns:
+        The motions, None if that problem is not symmetric.
+    """
+    undamped = pencil.undamped()
+    if not undamped.symmetric:
+        return None
+    while True:
+        solution = solve_pencil(undamped, count, _BEYOND, 0.0, accuracy)
+        if not solution.zero.all() or len(solution.values) < count + _BEYOND:
+            return solution.vectors[solution.zero]
+        count *= 2
 
 
 def _roots(squares: npt.NDArray[Any]) -> ComplexArray:

@@ -36,6 +36,7 @@ class Pencil:
         symmetric: True if the stiffness is symmetric.
         gyroscopic: True if the term in lambda is skew: it does no work.
         fastest: estimate of the largest frequency, rad/s.
+        inert: True if there are neither stiffness nor a term in lambda: every frequency is zero.
     """
 
     linearization: Linearization
@@ -44,6 +45,7 @@ class Pencil:
     symmetric: bool
     gyroscopic: bool
     fastest: float
+    inert: bool
 
     @classmethod
     def of(cls, linearization: Linearization) -> "Pencil":
@@ -60,14 +62,19 @@ class Pencil:
         held = m > 0.0
         own = float(np.max(k[held] / m[held], initial=0.0))
         fastest = max(linearization.system.comm.allgather(own)) ** 0.5
-        return cls(linearization, matrices, damped, symmetric, gyroscopic, fastest or 1.0)
+        inert = fastest == 0.0 and not damped
+        return cls(linearization, matrices, damped, symmetric, gyroscopic, fastest or 1.0, inert)
 
     def undamped(self) -> "Pencil":
-        """The problem without the term in lambda (collective)."""
+        """The problem without the term in lambda, in which dampers have no forces (collective)."""
         none = self.matrices.damping.copy()
         none.zeroEntries()
-        matrices = replace(self.matrices, damping=none)
-        return replace(self, matrices=matrices, damped=False, gyroscopic=False)
+        stiffness = _without_dampers(self.linearization, self.matrices.stiffness)
+        symmetric = _turned(stiffness, -1.0) <= _ASYMMETRY
+        matrices = replace(self.matrices, damping=none, stiffness=stiffness)
+        return replace(
+            self, matrices=matrices, damped=False, symmetric=symmetric, gyroscopic=False
+        )  # fmt: skip
 
     @property
     def shift(self) -> float:
@@ -108,6 +115,23 @@ def _hold(linearization: Linearization, matrices: Matrices) -> None:
         diagonal = matrix.getDiagonal()
         diagonal.getArray()[: len(held)][held] = value
         matrix.setDiagonal(diagonal)
+
+
+def _without_dampers(linearization: Linearization, stiffness: PETSc.Mat) -> PETSc.Mat:
+    """Copy of a stiffness without the columns of forces that do not depend on positions."""
+    start, column, values = stiffness.getValuesCSR()
+    first, count = stiffness.getOwnershipRange()[0], linearization.unknowns
+    row = np.repeat(np.arange(linearization.size), np.diff(start))
+    others = (values != 0.0) & (column != first + row)
+    free = np.bincount(row[others], minlength=linearization.size) == 0
+    free[:count] = False
+    copy, diagonal = stiffness.copy(), stiffness.getDiagonal()
+    # those of dampers of modes are no conditions, which pivots are counted for
+    diagonal.getArray()[count + linearization.system.constraints.owned_count :] = 1.0
+    numbers = (first + np.flatnonzero(free)).astype(PETSc.IntType)
+    copy.zeroRowsColumns(numbers, diag=1.0)
+    copy.setDiagonal(diagonal)
+    return copy
 
 
 def _spring_diagonal(linearization: Linearization, K: PETSc.Mat) -> FloatArray:

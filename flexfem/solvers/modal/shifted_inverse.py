@@ -16,7 +16,11 @@ import numpy.typing as npt
 from flexfem.la.direct import DirectSolver
 from flexfem.solvers.modal.pencil import Pencil
 
-__all__ = ["ShiftedInverse", "real_form"]
+__all__ = ["ShiftedInverse", "SingularShiftError", "real_form"]
+
+
+class SingularShiftError(Exception):
+    """A matrix has no factors at a shift: it is an eigenvalue, or rounding makes it one."""
 
 
 def real_form(real: PETSc.Mat, imaginary: PETSc.Mat, factor: float) -> PETSc.Mat:
@@ -43,6 +47,9 @@ class ShiftedInverse:
         Args:
             pencil: the problem.
             shift: real or imaginary, 1/s.
+
+        Raises:
+            SingularShiftError: on all ranks.
         """
         self.pencil, self.shift = pencil, shift
         self.paired = shift.imag != 0.0 and pencil.damped
@@ -50,7 +57,8 @@ class ShiftedInverse:
         self._x, self._y = lin.vector(), lin.vector()
         matrix = self._matrix()
         self._solver = DirectSolver(matrix, "modes_")
-        self._solver.factor(matrix)
+        if not self._solver.factor(matrix):
+            raise SingularShiftError(f"the linearised equations are singular at {shift:.3g} 1/s")
         self._b, self._z = matrix.createVecs()
 
     def _matrix(self) -> PETSc.Mat:
