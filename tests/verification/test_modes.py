@@ -528,6 +528,58 @@ def test_mistakes_are_named_on_every_rank(what):
     assert "\n" not in str(error.value)
 
 
+SUPPORTS = {
+    "bearing": (lambda m: [_bush(m, (80, 80, 50, 20, 20, 0), (1, 1, 1, 0, 0, 0))], ""),
+    "two springs": (lambda m: [_spring(m, "x", 80.0), _spring(m, "y", 80.0)], ""),
+    "two planes": (lambda m: [_plane(m, "x"), _plane(m, "y")], ""),
+    "held": (lambda m: [ff.Revolute("hold", ff.Ground(), m), _spring(m, "x", 80.0)], ""),
+    "open": (lambda m: [_spring(m, "x", 9.0), _spring(m, "y", 9.0), _plane(m, "y")], "plane_y"),
+    "stiffness": (lambda m: [_bush(m, (80, 90, 50, 0, 0, 0))], 'Bushing "bush": '),
+    "tilting": (lambda m: [_bush(m, (80, 80, 50, 20, 21, 0))], 'Bushing "bush": '),
+    "damping": (lambda m: [_bush(m, (80, 80, 50, 0, 0, 0), (1, 2, 0, 0, 0, 0))], 'Bushing "'),
+    "springs": (lambda m: [_spring(m, "x", 80.0), _spring(m, "y", 70.0)], 'SpringDamper "x": '),
+    "plane": (lambda m: [_plane(m, "x"), _spring(m, "y", 70.0)], 'PointOnPlane "plane_x": '),
+}
+
+
+@pytest.mark.parametrize("what", SUPPORTS)
+def test_supports_that_turn_with_the_rotor_are_even(what):
+    """In rotating axes those of two stiffnesses change with time; they were taken to turn."""
+    build, message = SUPPORTS[what]
+    model = ff.Model()
+    model.add(ff.RigidBody("disk", 2.0, (0.1, 0.1, 0.15)))
+    model.add(*build(ff.Marker("disk")))
+    options = ff.ModeOptions(modes=1 if what == "held" else 3, spin=3.0, quiet=True)
+    if what == "open":
+        model.release(message)
+    elif message:
+        with pytest.raises(ValueError, match=f"^{message}") as error:
+            ff.find_modes(model, options)
+        assert "holds the model differently in directions across the axis" in str(error.value)
+        assert_on_page(str(error.value))
+        return
+    found = ff.find_modes(model, options)
+    assert found.status == "ok"
+    if what == "bearing":
+        # sqrt(80/2) of the damped disk less the spin in rotating axes
+        whirl = np.roots([2.0, 1.0, 80.0])[0] - 3.0j
+        np.testing.assert_allclose(found.modes.eigenvalues[1], whirl, rtol=1e-9)
+
+
+def _bush(marker, stiffness, damping=(0,) * 6):
+    return ff.Bushing("bush", ff.Ground(), marker, stiffness, damping)
+
+
+def _spring(marker, axis, stiffness):
+    place = {"x": (-1.0, 0.0, 0.0), "y": (0.0, -1.0, 0.0)}[axis]
+    return ff.SpringDamper(axis, ff.Ground(place), marker, stiffness=stiffness)
+
+
+def _plane(marker, axis):
+    normal = {"x": (1.0, 0.0, 0.0), "y": (0.0, 1.0, 0.0)}[axis]
+    return ff.PointOnPlane(f"plane_{axis}", ff.Ground(), marker, axis=normal)
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize(("options", "message"), [
     ({"modes": 0}, "modes must be a whole number >= 1, got 0"),

@@ -16,7 +16,8 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem._checks import InputError
-from flexfem._types import FloatArray
+from flexfem._types import FloatArray, IntArray
+from flexfem.constraints.batch import Constraints
 from flexfem.core.status import Status
 from flexfem.la.direct import DirectSolver
 from flexfem.lie import se3, so3
@@ -47,6 +48,8 @@ _TOUCHING = 100
 _HALVINGS = 8
 #: Change of a joint's coordinate (m, rad) under a rotation above which the joint prevents it.
 _TURNED = 1e-6
+#: Change of its stiffness and damping against motions of the model, relative, above which it does.
+_UNEVEN = 1e-6
 #: Rotations at which joints are checked, rad, not multiples of likely symmetries.
 _TURNS = (0.7, 1.9)
 
@@ -356,12 +359,18 @@ def check_steadiness(model: Model, system: System, rotation: Rotation) -> None:
         ):  # fmt: skip
             owner = f'{type(load).__name__} "{load.name}"'
             raise InputError(f"{owner}: a dead load across {_line(rotation)}, no steady rotation")
-    found = _standing(system, rotation)
-    if found is not None:
-        owner, change = found
+    turned, uneven = _standing(system, rotation)
+    if turned is not None:
+        owner, change = turned
         raise InputError(
             f"{owner}: prevents rotation of the model about {_line(rotation)}, "
             f"which changes the joint by {change:.3g}"
+        )
+    if uneven is not None:
+        owner, change = uneven
+        raise InputError(
+            f"{owner}: holds the model differently in directions across {_line(rotation)}, by "
+            f"{change:.3g} of the whole, no steady rotation"
         )
 
 
@@ -376,12 +385,18 @@ def _line(rotation: Rotation) -> str:
     return f"the axis ({axis}) through ({centre})"
 
 
-def _standing(system: System, rotation: Rotation) -> tuple[str, float] | None:
-    """Owner of the first joint whose coordinates change as the whole model rotates (collective)."""
+def _standing(
+    system: System, rotation: Rotation
+) -> tuple[tuple[str, float] | None, tuple[str, float] | None]:
+    """Owners of the first joints that change as the whole model rotates (collective).
+
+    The first one is of those whose coordinates change, the other one of those to the ground that
+    hold the model otherwise than before, in axes that rotate with it.
+    """
     rows = system.constraints
     frames = [part.block.frames.copy() for part in system.parts]
     set_spin(system, rotation.at(0.0))
-    values = []
+    values, held = [], []
     for turn in (0.0, *_TURNS):
         R = so3.exp(turn * rotation.axis)
         moved = se3.frame(rotation.centre - R @ rotation.centre, R)
@@ -391,6 +406,7 @@ def _standing(system: System, rotation: Rotation) -> tuple[str, float] | None:
         rows.evaluate(np.array([1.0, 1.0]))
         # dampers and friction do not depend on positions
         values.append(rows.sums() * (rows.rigid | rows.pulling))
+        held.append(_held(system))
     for part, kept in zip(system.parts, frames, strict=True):
         part.block.frames[:] = kept
     change = np.max([np.abs(v - values[0]) for v in values[1:]], axis=0, initial=0.0)
@@ -399,10 +415,69 @@ def _standing(system: System, rotation: Rotation) -> tuple[str, float] | None:
         for joint, a, b in zip(rows.joints, rows.start[:-1], rows.start[1:], strict=True)
         if not joint.joint.driven
     }
-    bad = sorted(index for index, size in worst.items() if not size <= _TURNED)
+    uneven = {
+        index: max(float(np.abs(other[index] - given).max(initial=0.0)) for other in held[1:])
+        for index, given in held[0].items()
+    }
+    return _first_above(system, worst, _TURNED), _first_above(system, uneven, _UNEVEN)
+
+
+def _first_above(
+    system: System, sizes: dict[int, float], limit: float
+) -> tuple[str, float] | None:  # fmt: skip
+    """Owner and size of the first joint whose size is above a limit (collective)."""
+    bad = sorted(index for index, size in sizes.items() if not size <= limit)
     first = system.comm.allreduce(bad[0] if bad else np.iinfo(np.int64).max, op=MPI.MIN)
     if first == np.iinfo(np.int64).max:
         return None
-    owners = {joint.index: joint.joint.owner for joint in rows.joints}
+    owners = {joint.index: joint.joint.owner for joint in system.constraints.joints}
     owner = next(one for one in system.comm.allgather(owners.get(first)) if one is not None)
-    return owner, float(system.comm.allreduce(worst.get(first, 0.0), op=MPI.MAX))
+    return owner, float(system.comm.allreduce(sizes.get(first, 0.0), op=MPI.MAX))
+
+
+def _held(system: System) -> dict[int, FloatArray]:
+    """How joints to the ground hold their nodes at the last evaluation, by the first one's number.
+
+    Joints of the same nodes count as one: springs along two directions may make an even support.
+
+    Returns:
+        (3, n, n) projection on the motions that they prevent, and stiffness and damping against the
+        others, relative to their size; in the nodes' axes, which rotate with the model.
+    """
+    rows = system.constraints
+    grounded = np.unique(rows.row_of_term[np.any(rows.term_nodes < 0, axis=1)])
+    groups: dict[tuple[int, ...], list[int]] = {}
+    for k in np.unique(np.searchsorted(rows.start, grounded, side="right") - 1).tolist():
+        terms = slice(*np.searchsorted(rows.row_of_term, rows.start[k : k + 2]).tolist())
+        own = np.unique(rows.term_nodes[terms])
+        if not rows.joints[k].joint.driven:
+            groups.setdefault(tuple(own[own >= 0].tolist()), []).append(k)
+    found = {}
+    for nodes, members in groups.items():
+        chosen = np.concatenate([np.arange(*rows.start[k : k + 2]) for k in members])
+        gradients = _gradients(rows, chosen, nodes)
+        rigid, soft = rows.rigid[chosen], rows.compliance[chosen]
+        prevented = np.linalg.pinv(gradients[rigid]) @ gradients[rigid]
+        free = gradients @ (np.eye(len(prevented)) - prevented)
+        laws = []
+        for slope in rows.slopes[chosen].T:
+            hard = np.where(rigid, 0.0, slope / np.where(rigid, 1.0, soft))[:, np.newaxis]
+            squares = np.abs(np.einsum("ri,ri->i", gradients, hard * gradients))
+            # translations and rotations of each node by their own
+            sizes = np.sqrt(squares.reshape(-1, 3).sum(axis=1)).repeat(3)
+            sizes[sizes == 0.0] = 1.0
+            laws.append(free.T @ (hard * free) / np.outer(sizes, sizes))
+        found[rows.joints[members[0]].index] = np.array([prevented, *laws])
+    return found
+
+
+def _gradients(rows: Constraints, chosen: IntArray, nodes: tuple[int, ...]) -> FloatArray:
+    """Gradients (r, 6 n) of rows by local twists of some interface nodes."""
+    out = np.zeros((len(chosen), len(nodes), 6))
+    for side in (0, 1):
+        number = rows.term_nodes[:, side]
+        terms = np.flatnonzero((number >= 0) & np.isin(rows.row_of_term, chosen))
+        row = np.searchsorted(chosen, rows.row_of_term[terms])
+        place = np.searchsorted(nodes, number[terms])
+        np.add.at(out, (row, place), rows.force_jacobian[terms, side])
+    return out.reshape(len(chosen), -1)
