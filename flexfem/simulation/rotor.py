@@ -138,14 +138,26 @@ class _RotorSweep(SpeedSweep):
             for i in np.flatnonzero(number >= 0):
                 j = number[i]
                 table[k, i] = modes.frequencies[j], modes.damping[j], *parts[j, : len(_VALUES) - 2]
-        whole = np.isfinite(table[:, order, 0]).all(axis=0)
-        order = np.concatenate([order[whole], order[~whole]])[: self.options.modes]
+        whole = np.isfinite(table[:, :, 0]).all(axis=0)
+        order = np.concatenate([order[whole[order]], order[~whole[order]]])[: self.options.modes]
         order = order[np.argsort(table[-1, order, 0], kind="stable")]
+        self._tell(np.setdiff1d(np.flatnonzero(~whole), order), table[:, :, 0], order)
         names = _names(self._parts[-1][order])
         columns = [f"{name}_{value}" for name in names for value in _VALUES]
         states = np.array([list(state.values()) for state in self.states])
         values = table[:, order].reshape(len(found), -1)
         return [*columns, *self.states[0]], np.hstack([values, states])
+
+    def _tell(self, left: IntArray, frequencies: FloatArray, taken: IntArray) -> None:
+        """Warn of modes that are left out, though they are lower than others of the table."""
+        last = frequencies[-1]
+        lower = np.sort(last[left][last[left] < last[taken].max(initial=0.0)])
+        if len(lower):
+            values = ", ".join(f"{value:.4g}" for value in lower)
+            self.point.cautions.say([
+                f"modes of {values} Hz at {self.speeds[-1]:g} rad/s could not be followed to all "
+                "speeds and are left out: take more speeds, unless they do not oscillate at others"
+            ])  # fmt: skip
 
 
 def _nearest(values: ComplexArray, others: ComplexArray) -> list[int]:

@@ -11,6 +11,7 @@ from scipy.linalg import eig
 
 import flexfem as ff
 from flexfem._types import FloatArray
+from tests.unit.refusals import assert_on_page
 
 MASS, LENGTH, OFFSET, SPRING = 10.0, 2.0, 0.3, 500.0
 SECOND, FIRST = MASS * LENGTH**2 / 3.0, MASS * LENGTH / 2.0
@@ -134,6 +135,19 @@ def test_lagging_blades_shake_their_support() -> None:
 
 
 @pytest.mark.serial
+def test_modes_that_are_left_out_are_told() -> None:
+    """Speeds far apart lose the lowest mode, and a higher one takes its place."""
+    coarse = found(rotor(lag=True), 3, spin_end=8.0, speeds=3)
+    fine = found(rotor(lag=True), 3, spin_end=8.0, speeds=9)
+    (warning,) = coarse.summary["warnings"]
+    assert warning.startswith("modes of 0.1267 Hz at 8 rad/s could not be followed to all speeds")
+    assert_on_page(warning)
+    assert fine.summary["warnings"] == []
+    if MPI.COMM_WORLD.rank == 0:
+        last = np.sort([values[-1] for values in frequencies(fine.history).values()])
+        np.testing.assert_allclose(last, lagging(8.0), rtol=1e-6)
+
+
 def test_rotors_without_symmetry_are_refused() -> None:
     with pytest.raises(ValueError, match="'blade_2' is not 'blade_1' rotated by a multiple of 120"):
         found(rotor(), 2, axis="x")

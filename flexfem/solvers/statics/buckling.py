@@ -20,6 +20,8 @@ __all__ = ["LinearBuckling", "linear_in_stiffness"]
 
 #: Relative imaginary part above which an eigenvalue is not a buckling load.
 _REAL = 1e-6
+#: Size above which it is none either: what changes the stiffness by so little is round-off.
+_LARGEST = 1e12
 
 
 def linear_in_stiffness(tangent: TangentSolver) -> PETSc.Mat:
@@ -95,7 +97,7 @@ class LinearBuckling:
         vector, _ = self._first.createVecs()
         for i in range(min(solver.getConverged(), count)):
             value = solver.getEigenpair(i, vector)
-            if abs(value.imag) <= _REAL * abs(value):
+            if abs(value.imag) <= _REAL * abs(value) and abs(value) <= _LARGEST:
                 t = self._start + value.real * (loading.t - self._start)
                 found.append((t, self._blocks(vector.getArray())))
         return sorted(found, key=lambda pair: abs(pair[0] - self._start))
