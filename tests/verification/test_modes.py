@@ -217,6 +217,34 @@ def _chain(masses, springs, dampers):
     return model
 
 
+_FREE_PARTS = (
+    ((1.0, 2.0, 1.0, 2.0), (2.0, 0.0, 0.0, 2.0), (0.0, 0.1, 0.0, 0.1)),
+    ((3.0, 1.0, 2.0, 2.0), (0.0, 0.0, 0.0, 30.0), (0.0, 0.0, 0.0, 0.3)),
+    ((2.0, 2.0, 3.0, 7.0, 1.0), (0.0, 0.0, 0.0, 30.0, 30.0), (0.0, 2.0, 0.0, 2.0, 0.0)),
+    ((1.0, 3.0, 1.0, 1.0, 7.0, 5.0), (0, 30.0, 5.0, 0, 30.0, 30.0), (0.1, 0, 0.3, 0, 0, 0)),
+    ((1.0, 3.0, 2.0, 2.0, 7.0, 3.0), (30.0, 0, 0, 2.0, 30.0, 30.0), (0.3, 0.1, 0, 2.0, 2.0, 0.1)),
+    ((7.0, 1.0, 5.0, 7.0, 1.0, 5.0), (0, 0, 2.0, 5.0, 0, 30.0), (0, 0.3, 0, 0, 0, 0.1)),
+    ((2.0, 1.0, 3.0, 7.0, 7.0), (5.0, 0.0, 2.0, 0.0, 30.0), (0.0, 0.0, 0.0, 0.3, 0.1)),
+    ((3.0, 1.0, 7.0, 1.0, 5.0, 1.0), (0, 30.0, 30.0, 0, 0, 2.0), (0.3, 0, 0, 0.1, 0, 0)),
+)
+
+
+@pytest.mark.parametrize("scale", [1.0, 0.9923])
+def test_free_parts_beside_a_state_have_all_their_modes(scale):
+    """A spring in series with a damper, whose stiffness matrix is not symmetric, on the first."""
+
+    def maxwell(t, ends, z):
+        stretch = ends.positions[0, 0] - 3.0 - z[0]
+        return np.array([[-5.0 * stretch, 0.0, 0.0]]), None, np.array([2.5 * stretch])
+
+    for masses, springs, dampers in _FREE_PARTS:
+        model = _chain([scale * mass for mass in masses], springs, dampers)
+        model.add(ff.Force("series", [ff.Marker("body_0")], maxwell, states=1, initial=(0.0,)))
+        found = ff.find_modes(model, ff.ModeOptions(modes=len(masses), quiet=True))
+        assert found.status == "ok"
+        assert np.sum(found.modes.eigenvalues == 0.0) == springs.count(0.0)
+
+
 def test_two_free_bars_have_all_their_modes():
     """Bending that the first shift determines badly is no motion of frequency zero."""
     lengths = 0.57079918, 0.81070819

@@ -70,23 +70,18 @@ class Solution:
         return int(self.zero.sum()) - len(self.still)
 
     @property
-    def _rounded(self) -> BoolArray:
-        """(k,) True for errors of zeros that are round-off of the stiffness or at the shift."""
-        noise = self.noise + np.finfo(float).eps * abs(self.shift) ** 2
-        return np.asarray((self.errors <= ZERO * noise) & (not self.inert))
-
-    @property
     def residuals(self) -> FloatArray:
         """(k,) errors relative to the eigenvalues, those of zeros to the largest of all.
 
-        Infinite where nothing but zeros was found that have errors above round-off.
+        Where nothing but zeros was found to the shift, and infinite where nothing else exists.
         """
         squares = np.abs(self.values) ** 2
         scale = float(squares.max(initial=0.0, where=~self.zero))
-        size = np.where(self.zero, scale, squares)
-        known = size > 0.0
-        unknown = np.where(self._rounded, 0.0, np.inf)
-        return np.where(known, 0.5 * self.errors / np.where(known, size, 1.0), unknown)
+        if self.inert:
+            return np.full(len(squares), np.inf)
+        found = 0.5 * self.errors / np.where(self.zero, scale or abs(self.shift) ** 2, squares)
+        rounded = self.zero & (scale == 0.0) & (self.errors <= ZERO * self.noise)
+        return np.where(rounded, 0.0, found)
 
     def doubtful(self, accuracy: float) -> BoolArray:
         """(k,) True for errors that are neither below the tolerance nor round-off."""
@@ -100,7 +95,7 @@ class Solution:
         )
         asked = _LOOSE * np.where(self.zero, min(accuracy, _NEAR_ZERO), accuracy)
         enough = np.maximum(asked, np.minimum(rounded, _ROUGH))
-        nothing = self.zero & self._rounded
+        nothing = self.zero & (self.errors <= ZERO * self.noise) & (not self.inert)
         found: BoolArray = (self.residuals > enough) & ~nothing
         return found
 

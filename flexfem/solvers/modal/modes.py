@@ -89,7 +89,7 @@ def solve_pencil(
             shift *= _HIGHER
             continue
         if free is None and pencil.quadratic and solution.zero.any():
-            free = _without_stiffness(pencil, int(solution.zero.sum()), accuracy)
+            free = _without_stiffness(pencil, int(solution.zero.sum()), accuracy, dense)
         solution = _with_zeros(pencil, solution, free, count + more)
         first = count + max(solution.twins, 0)
         doubtful = solution.doubtful(accuracy)[:first]
@@ -169,25 +169,38 @@ def _with_zeros(
     )  # fmt: skip
 
 
-def _without_stiffness(pencil: Pencil, count: int, accuracy: float) -> ComplexArray | None:
+def _without_stiffness(
+    pencil: Pencil, count: int, accuracy: float, dense: bool
+) -> ComplexArray | None:  # fmt: skip
     """Motions (m, n) of frequency zero by the problem without its term in lambda (collective).
 
     Args:
         pencil: the problem.
         count: expected number of them.
         accuracy: relative residual of the eigenvalues.
+        dense: True for a problem that every rank solves.
 
     Returns:
-        The motions, None if that problem is not symmetric.
+        The motions, None if that problem is not symmetric, and too large for dense matrices.
     """
     undamped = pencil.undamped()
     if not undamped.symmetric:
-        return None
+        return _dense_null_space(pencil) if dense else None
     while True:
         solution = solve_pencil(undamped, count, _BEYOND, 0.0, accuracy)
         if not solution.zero.all() or len(solution.values) < count + _BEYOND:
             return solution.vectors[solution.zero]
         count *= 2
+
+
+def _dense_null_space(pencil: Pencil) -> ComplexArray:
+    """Motions and states (m, n) that the inverse at a shift gives back: no force resists them."""
+    K, C, M, nodal = _gathered(pencil)
+    shift = _DENSE_SHIFT * pencil.fastest
+    first = shift * C + shift**2 * M
+    back = (np.linalg.inv(K + first) @ first)[np.ix_(nodal, nodal)]
+    _, sizes, rows = np.linalg.svd(np.eye(len(back)) - back)
+    return _owned(pencil, rows[sizes <= _DOUBLE * max(sizes.max(initial=0.0), 1.0)])
 
 
 def _roots(squares: npt.NDArray[Any]) -> ComplexArray:
@@ -207,6 +220,16 @@ def _spectral(transformation: SLEPc.ST, inverse: ShiftedInverse) -> None:
     pc.setPythonContext(inverse)
 
 
+def _iterate(eps: SLEPc.EPS) -> None:
+    """Iterate (collective); LAPACK may fail to sort rounded eigenvalues, at other shifts others."""
+    try:
+        eps.solve()
+    except (PETSc.Error, SystemError) as error:
+        if not isinstance(error, PETSc.Error) and not isinstance(error.__cause__, PETSc.Error):
+            raise
+        raise SingularShiftError("the iteration for modes has failed") from error
+
+
 def _solve_linear(pencil: Pencil, count: int, shift: complex, limits: tuple[float, int]) -> _Found:
     """Krylov-Schur in ``lambda^2``."""
     inverse = ShiftedInverse(pencil, shift)
@@ -222,7 +245,7 @@ def _solve_linear(pencil: Pencil, count: int, shift: complex, limits: tuple[floa
     eps.setTolerances(*limits)
     _spectral(eps.getST(), inverse)
     eps.setFromOptions()
-    eps.solve()
+    _iterate(eps)
     real, imaginary = K.createVecs()
     values, vectors = [], []
     for i in range(eps.getConverged()):
@@ -304,7 +327,7 @@ def _solve_quadratic(
     eps.setTolerances(*limits)
     eps.setInitialSpace(_start(operator, companion, lin.system.comm.rank))
     eps.setFromOptions()
-    eps.solve()
+    _iterate(eps)
     real, imaginary = operator.createVecs()
     values, vectors = [], []
     for i in range(eps.getConverged()):
@@ -341,21 +364,28 @@ def _proper(
 
 def _solve_densely(pencil: Pencil, shift: float) -> _Found:
     """All finite eigenvalues by the same inverses, the same on every rank."""
-    lin = pencil.linearization
-    K, C, M = (
-        gather_rows(mat)
-        for mat in (pencil.matrices.stiffness, pencil.matrices.damping, pencil.matrices.mass)
-    )
-    kinds = np.zeros(lin.size, dtype=np.int64)
-    kinds[lin.unknowns :] = 1
-    nodal = np.concatenate(lin.system.comm.allgather(kinds)) == 0
+    K, C, M, nodal = _gathered(pencil)
     if pencil.quadratic:
         values, reduced = _dense_quadratic(K, C, M, nodal, shift, pencil.fastest)
     else:
         values, reduced = _dense_linear(K, M, nodal, shift, pencil.fastest)
+    return ShiftedInverse(pencil, complex(shift)), values, _owned(pencil, reduced.T)
+
+
+def _gathered(pencil: Pencil) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
+    """K, C and M on every rank, and True for unknowns, not for multipliers (collective)."""
+    lin, given = pencil.linearization, pencil.matrices
+    K, C, M = (gather_rows(mat) for mat in (given.stiffness, given.damping, given.mass))
+    kinds = np.zeros(lin.size, dtype=np.int64)
+    kinds[lin.unknowns :] = 1
+    return K, C, M, np.concatenate(lin.system.comm.allgather(kinds)) == 0
+
+
+def _owned(pencil: Pencil, vectors: npt.NDArray[Any]) -> ComplexArray:
+    """This rank's columns of vectors (k, n) of all unknowns (collective)."""
+    lin = pencil.linearization
     first = lin.system.comm.scan(lin.unknowns) - lin.unknowns
-    vectors = reduced.T[:, first : first + lin.unknowns].copy()
-    return ShiftedInverse(pencil, complex(shift)), values, vectors
+    return vectors[:, first : first + lin.unknowns].astype(np.complex128)
 
 
 def _dense_linear(
