@@ -27,8 +27,13 @@ def rod(*more, height: float = 0.01) -> ff.Model:
 
 
 def free() -> ff.Model:
+    """A free body beside one on a spring."""
     model = ff.Model("free")
-    model.add(ff.RigidBody("body", 1.0, (1.0, 1.0, 1.0)))
+    model.add(
+        ff.RigidBody("body", 1.0, (1.0, 1.0, 1.0)),
+        ff.RigidBody("held", 1.0, (1.0, 1.0, 1.0), position=(1.0, 0.0, 0.0)),
+        ff.SpringDamper("spring", ff.Ground((1.0, 0.0, 1.0)), ff.Marker("held"), stiffness=10.0),
+    )
     return model
 
 

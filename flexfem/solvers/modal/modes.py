@@ -7,6 +7,7 @@ to zero, the end of the spectrum that is never used (Meerbergen, Spence 1997). S
 solved densely.
 """
 
+from contextlib import suppress
 from dataclasses import replace
 from typing import Any
 
@@ -181,16 +182,17 @@ def _without_stiffness(
         dense: True for a problem that every rank solves.
 
     Returns:
-        The motions, None if that problem is not symmetric, and too large for dense matrices.
+        The motions, None if that problem is not symmetric, or singular as where rates of states
+        depend on no state, and too large for dense matrices.
     """
     undamped = pencil.undamped()
-    if not undamped.symmetric:
-        return _dense_null_space(pencil) if dense else None
-    while True:
-        solution = solve_pencil(undamped, count, _BEYOND, 0.0, accuracy)
-        if not solution.zero.all() or len(solution.values) < count + _BEYOND:
-            return solution.vectors[solution.zero]
-        count *= 2
+    with suppress(SingularShiftError, np.linalg.LinAlgError):
+        while undamped.symmetric:
+            solution = solve_pencil(undamped, count, _BEYOND, 0.0, accuracy)
+            if not solution.zero.all() or len(solution.values) < count + _BEYOND:
+                return solution.vectors[solution.zero]
+            count *= 2
+    return _dense_null_space(pencil) if dense else None
 
 
 def _dense_null_space(pencil: Pencil) -> ComplexArray:
