@@ -52,7 +52,7 @@ __all__ = [
 _AXES: FloatArray = _checks.freeze(np.eye(3))
 #: What is added to the sizes of an axis' components before they are compared, so that none are
 #: equal in the directions that users take.
-_BEHIND: FloatArray = _checks.freeze(np.array([0.0, 0.0473, 0.0871]))
+_BEHIND = 0.0, 0.0473, 0.0871
 
 
 @declared
@@ -331,7 +331,7 @@ def perpendicular(axis: FloatArray) -> tuple[FloatArray, FloatArray]:
 
     They are smooth functions of the axis about coordinate axes and the diagonals between them.
     """
-    sizes = [abs(x) + more for x, more in zip(axis.tolist(), _BEHIND.tolist(), strict=True)]
+    sizes = [abs(x) + more for x, more in zip(axis.tolist(), _BEHIND, strict=True)]
     p = _cross(axis, _AXES[sizes.index(min(sizes))])
     p /= sqrt(p.dot(p))
     return p, _cross(axis, p)

@@ -338,7 +338,7 @@ class BarrierContacts:
         mine = [_own_cells(one, carriers.home == comm.rank) for one in self.contacts]
         corners = [one.own.surface.complex.points[cells] for one, cells in
                    zip(self.contacts, mine, strict=True)]  # fmt: skip
-        own = np.unique(np.concatenate([self._axes, *(c.ravel() for c in corners)]))
+        own = np.concatenate([self._axes, *(c.ravel() for c in corners)])
         carriers.ask(own)
         self._bring_all(sets)
         boxes, box = [], np.array([[np.inf] * 3, [-np.inf] * 3])
@@ -359,7 +359,7 @@ class BarrierContacts:
             ]
             lists.append(np.unique(np.concatenate(inside)))
         received = np.concatenate(send_numbers(comm, lists))
-        wanted = np.union1d(own, received)
+        wanted = np.concatenate([own, received])
         carriers.ask(wanted)
         known = carriers.home == comm.rank
         known[wanted] = True

@@ -11,6 +11,7 @@ from flexfem._types import IntArray
 from flexfem.model.model import Model
 from flexfem.model.probes.cable import CableProbe
 from flexfem.model.probes.measured import ReactionProbe
+from flexfem.simulation.watch.gathering import gathered
 from flexfem.system.system import System
 
 __all__ = ["BriefContacts"]
@@ -53,8 +54,7 @@ class BriefContacts:
             joints[joint].index: _text(joints[joint].joint.owner, *found)
             for joint, found in self._found.items()
         }
-        every = {k: text for one in self._system.comm.allgather(own) for k, text in one.items()}
-        return [every[index] for index in sorted(every)]
+        return gathered(self._system.comm, own)
 
 
 def _text(owner: str, count: int, first: float) -> str:

@@ -36,6 +36,7 @@ from flexfem.system.system import BlockPart, PartStrains, Shifts, System
 __all__ = [
     "JointPattern",
     "TangentSolver",
+    "of_multipliers",
     "on_diagonals",
     "part_pattern",
     "part_values",
@@ -388,6 +389,20 @@ class TangentSolver:
 def on_diagonals(weights: FloatArray) -> FloatArray:
     """Diagonal matrices (n, width, width) of weights (n, width)."""
     return weights[:, np.newaxis] * np.eye(weights.shape[1])
+
+
+def of_multipliers(matrix: PETSc.Mat, factors: FloatArray) -> PETSc.Vec:
+    """Ones for the nodes and factors (r,) for the multipliers of this rank, its last unknowns.
+
+    Args:
+        matrix: an assembled one in one piece.
+        factors: of the rank's own rows.
+    """
+    found = matrix.createVecLeft()
+    found.set(1.0)
+    values = found.getArray()
+    values[len(values) - len(factors) :] = factors
+    return found
 
 
 def _add_at_nodes(block: FrameBlock, matrix: PETSc.Mat, values: FloatArray) -> None:

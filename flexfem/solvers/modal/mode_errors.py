@@ -69,6 +69,10 @@ class Solution:
         """
         return int(self.zero.sum()) - len(self.still)
 
+    def pairs(self, count: int) -> int:
+        """Number of eigenpairs of the first modes, with the twins of those of frequency zero."""
+        return count + max(self.twins, 0)
+
     @property
     def residuals(self) -> FloatArray:
         """(k,) errors relative to the eigenvalues, those of zeros to the largest of all.

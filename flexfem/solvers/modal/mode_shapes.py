@@ -137,9 +137,9 @@ def find(
     sources: list[int] = []
     shapes: list[ComplexArray] = []
     for value, members in _groups(solution):
-        real = not pencil.quadratic
         span = solution.still
         if value != 0.0:
+            real = not pencil.quadratic
             span = independent(pencil, solution.vectors[members], real=real, zero=False)
         basis = _canonical(linearization, span, moved)
         shapes += list(basis)
@@ -157,7 +157,7 @@ def find(
     )  # fmt: skip
     if improve is None:
         return modes
-    first = slice(count + max(solution.twins, 0))
+    first = slice(solution.pairs(count))
     settled = ~solution.zero[first] & ~solution.doubtful(accuracy)[first]
     later = _later(linearization, solution, np.flatnonzero(settled), improve)
     if later is None:

@@ -92,7 +92,7 @@ def solve_pencil(
         if free is None and pencil.quadratic and solution.zero.any():
             free = _without_stiffness(pencil, int(solution.zero.sum()), accuracy, dense)
         solution = _with_zeros(pencil, solution, free, count + more)
-        first = count + max(solution.twins, 0)
+        first = solution.pairs(count)
         doubtful = solution.doubtful(accuracy)[:first]
         lacking = count + solution.twins - len(solution.values)
         if not dense and lacking <= 0 and not doubtful.any():
@@ -160,13 +160,11 @@ def _with_zeros(
     vectors = solution.vectors[solution.zero]
     if free is not None:
         vectors = np.concatenate([free, vectors])
-    still = independent(pencil, vectors, real=True, zero=True)
-    twins = int(solution.zero.sum()) - len(still)
-    own = slice(count + max(twins, 0))
+    whole = replace(solution, still=independent(pencil, vectors, real=True, zero=True))
+    own = slice(whole.pairs(count))
     return replace(
-        solution, values=solution.values[own], vectors=solution.vectors[own],
-        zero=solution.zero[own], errors=solution.errors[own], noise=solution.noise[own],
-        still=still,
+        whole, values=whole.values[own], vectors=whole.vectors[own], zero=whole.zero[own],
+        errors=whole.errors[own], noise=whole.noise[own],
     )  # fmt: skip
 
 

@@ -445,9 +445,9 @@ def _held(system: System) -> dict[int, FloatArray]:
         others, relative to their size; in the nodes' axes, which rotate with the model.
     """
     rows = system.constraints
-    grounded = np.unique(rows.row_of_term[np.any(rows.term_nodes < 0, axis=1)])
+    grounded = rows.row_of_term[np.any(rows.term_nodes < 0, axis=1)]
     groups: dict[tuple[int, ...], list[int]] = {}
-    for k in np.unique(np.searchsorted(rows.start, grounded, side="right") - 1).tolist():
+    for k in np.unique(rows.joint_of_row[grounded]).tolist():
         terms = slice(*np.searchsorted(rows.row_of_term, rows.start[k : k + 2]).tolist())
         own = np.unique(rows.term_nodes[terms])
         if not rows.joints[k].joint.driven:

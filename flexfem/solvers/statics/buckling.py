@@ -12,7 +12,7 @@ from slepc4py import SLEPc
 import numpy as np
 
 from flexfem._types import FloatArray
-from flexfem.solvers.linear.tangent import TangentSolver
+from flexfem.solvers.linear.tangent import TangentSolver, of_multipliers
 from flexfem.solvers.statics.equilibrium import Equilibrium
 from flexfem.system.mechanics import END_POINT
 
@@ -33,12 +33,8 @@ def linear_in_stiffness(tangent: TangentSolver) -> PETSc.Mat:
     rows = tangent.system.constraints
     compliance = rows.compliance[rows.owned_rows]
     matrix = tangent.matrix.convert("aij", PETSc.Mat())
-    equations = matrix.createVecLeft()
-    equations.set(1.0)
-    values = equations.getArray()
-    # a rank's last unknowns are its multipliers
-    np.divide(1.0, compliance, where=compliance > 0.0, out=values[len(values) - len(compliance) :])
-    matrix.diagonalScale(equations)
+    elastic = compliance > 0.0
+    matrix.diagonalScale(of_multipliers(matrix, 1.0 / np.where(elastic, compliance, 1.0)))
     return matrix
 
 

@@ -16,7 +16,7 @@ import numpy as np
 from flexfem._types import FloatArray, IntArray
 from flexfem.la.direct import CountingFactors
 from flexfem.la.dropped import destroy_dropped
-from flexfem.solvers.linear.tangent import TangentSolver, on_diagonals
+from flexfem.solvers.linear.tangent import TangentSolver, of_multipliers, on_diagonals
 
 __all__ = ["Inertia", "softest_motion"]
 
@@ -74,11 +74,7 @@ class Inertia:
         self._falling = int(system.comm.allreduce(int(falling.sum())))
         roots = np.sqrt(np.maximum(np.abs(slopes), _NO_SLOPE))
         scales = np.where(falling, -1.0, 1.0) / roots
-        columns, equations = self._matrix.createVecs()
-        for vector, factors in ((columns, roots), (equations, scales)):
-            vector.set(1.0)
-            values = vector.getArray()
-            values[len(values) - len(factors) :] = factors  # multipliers are a rank's last unknowns
+        equations, columns = (of_multipliers(self._matrix, one) for one in (scales, roots))
         self._matrix.diagonalScale(equations, columns)
 
     def _create(self) -> CountingFactors:
