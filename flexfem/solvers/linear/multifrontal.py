@@ -21,23 +21,15 @@ import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
-from flexfem.kernels.compiled import inlined, kernel, subroutine
+from flexfem.kernels.compiled import kernel, subroutine
+from flexfem.solvers.linear.front_elimination import copy, eliminate
 
 __all__ = ["Fronts", "deepest", "distinct_pairs", "elimination", "gathered", "ordering"]
-
-#: Pivot relative to the largest entry of its row before elimination that counts as zero.
-_ZERO = 1e-14
 
 #: Limits for merging fronts: difference of their other rows, number of eliminated rows, and the
 #: part of these in the others: zeros cost less than further passes over the rest, until the pivots'
 #: rows cost more.
 _MORE, _MOST, _PART = 8, 18, 0.4
-#: Rows that are eliminated before the others are updated by a product of matrices.
-_BLOCK = 32
-#: Rows of the complement of a symmetric front that are computed together, from the diagonal on.
-_ROWS = 96
-#: Difference of entries of a symmetric front, relative to their diagonals.
-_ALIKE = 1e-13
 #: Entries of a matrix whose places are found at once.
 _AT_ONCE = 1_000_000
 
@@ -56,6 +48,8 @@ class _Tree(NamedTuple):
         entry_start: (f + 1,) first matrix entry of each front.
         entries: entries of the matrix by front.
         to: position of each of them in its front.
+        diagonal: entries on the diagonal.
+        diagonal_rows: their rows.
     """
 
     sizes: IntArray
@@ -68,6 +62,8 @@ class _Tree(NamedTuple):
     entry_start: IntArray
     entries: IntArray
     to: IntArray
+    diagonal: IntArray
+    diagonal_rows: IntArray
 
 
 class Fronts:
@@ -101,6 +97,7 @@ class Fronts:
         largest = int(self._tree.sizes.max(initial=0))
         self._front, self._work = np.zeros(largest**2), np.zeros(largest)
         self._stack = np.zeros(deepest(self._tree.sizes - self._tree.pivots, self._tree.parents))
+        self._scales = np.zeros(size)
         self.complement = np.zeros((size - count, size - count))
         m, n = self._tree.pivots.astype(float), self._tree.sizes - self._tree.pivots
         products = float(2.0 * (m * (m**2 / 3.0 + n * (m + n))).sum())
@@ -109,7 +106,13 @@ class Fronts:
     def factor(self, values: FloatArray) -> bool:
         """Factorise the matrix of these entries, duplicates summed; False if a pivot vanishes."""
         regular: bool = _factor(
-            self._tree, values, self._front, self._stack, self._values, self.complement
+            self._tree,
+            values,
+            self._front,
+            self._stack,
+            self._scales,
+            self._values,
+            self.complement,
         )
         return regular
 
@@ -203,7 +206,8 @@ def gathered(
 ) -> tuple[list[IntArray], list[int]]:
     """Rows of every front, and the number that it eliminates; the last has the remaining rows.
 
-    A row is merged into the front of the row before it if both have nearly the same rows.
+    A row is merged into the front of the row before it if both have nearly the same rows, and
+    always if they have the same ones.
 
     Args:
         touched: later rows to which each eliminated row is coupled, as of :func:`elimination`.
@@ -217,7 +221,7 @@ def gathered(
     for k, rows in enumerate(touched):
         follows = k + 1 < len(touched) and len(rows) > 0 and rows[0] == k + 1
         zeros = 1 + len(touched[k + 1]) - len(rows) if follows else size
-        if zeros > more or k + 1 >= first + max(most, int(part * len(rows))):
+        if zeros > more or (zeros and k + 1 >= first + max(most, int(part * len(rows)))):
             fronts.append(np.concatenate([np.arange(first, k + 1), rows]).astype(np.int64))
             pivots.append(k + 1 - first)
             first = k + 1
@@ -264,6 +268,7 @@ def _tree(
         front = first[entries[some]]
         row, column = (places(front, position[rows[entries[some]]]) for rows in (i, j))
         to[some] = row * sizes[front] + column
+    diagonal = np.flatnonzero(i == j)
     return _Tree(
         sizes=sizes,
         pivots=numbers,
@@ -275,6 +280,8 @@ def _tree(
         entry_start=starts(np.bincount(first, minlength=len(fronts))),
         entries=entries,
         to=to,
+        diagonal=diagonal,
+        diagonal_rows=i[diagonal].astype(np.int64),
     )
 
 
@@ -299,14 +306,15 @@ def deepest(sizes: IntArray, parents: IntArray) -> int:
 
 @kernel
 def _factor(
-    tree: _Tree, entries: FloatArray, work: FloatArray, stack: FloatArray, values: FloatArray,
-    complement: FloatArray,
+    tree: _Tree, entries: FloatArray, work: FloatArray, stack: FloatArray, scales: FloatArray,
+    values: FloatArray, complement: FloatArray,
 ) -> bool:  # fmt: skip
     """Eliminate the pivots of all fronts.
 
     The factors of a front are the rows of its pivots, then their columns in its other rows.
     """
     waiting = np.empty(tree.sizes.size, dtype=np.int64)
+    _scale(tree, entries, scales)
     depth = top = 0
     for f in range(tree.sizes.size):
         n, m = tree.sizes[f], tree.pivots[f]
@@ -319,25 +327,27 @@ def _factor(
             top = _take_over(tree, waiting[depth], stack, top, F)
         upper = values[tree.at[f] : tree.at[f] + m * n].reshape(m, n)
         lower = values[tree.at[f] + m * n : tree.at[f + 1]].reshape(m, n - m)
-        if not _eliminate(F, upper, lower):
+        if not eliminate(F, scales[tree.rows[tree.start[f] : tree.start[f + 1]]], upper, lower):
             return False
         if tree.parents[f] >= 0:
             waiting[depth] = f
             depth += 1
             rest = (n - m) * (n - m)
-            _copy(F[m:, m:], stack[top : top + rest].reshape(n - m, n - m))
+            copy(F[m:, m:], stack[top : top + rest].reshape(n - m, n - m))
             top += rest
         elif m == 0:
-            _copy(F, complement)
+            copy(F, complement)
     return True
 
 
-@inlined
-def _copy(source: FloatArray, out: FloatArray) -> None:
-    """Copy a matrix."""
-    for i in range(source.shape[0]):
-        for j in range(source.shape[1]):
-            out[i, j] = source[i, j]
+@subroutine
+def _scale(tree: _Tree, entries: FloatArray, scales: FloatArray) -> None:
+    """Write the square roots of the diagonal of the matrix, one for each row."""
+    scales[:] = 0.0
+    for k in range(tree.diagonal.size):
+        scales[tree.diagonal_rows[k]] += entries[tree.diagonal[k]]
+    for row in range(scales.size):
+        scales[row] = np.sqrt(abs(scales[row]))
 
 
 @subroutine
@@ -351,81 +361,6 @@ def _take_over(tree: _Tree, child: int, stack: FloatArray, top: int, F: FloatArr
         for j in range(m):
             row[into[j]] += stack[top + i * m + j]
     return top
-
-
-@subroutine
-def _eliminate(F: FloatArray, upper: FloatArray, lower: FloatArray) -> bool:
-    """Eliminate the first rows of a front; False if a pivot vanishes.
-
-    Args:
-        F: (n, n) the front; the pivot rows are eliminated from its other rows.
-        upper: (m, n) becomes the factors in the first rows.
-        lower: (m, n - m) becomes those in the other rows, transposed: long loops.
-    """
-    m, n = upper.shape
-    _copy(F[:m], upper)
-    symmetric = _is_symmetric(F)
-    if not symmetric:
-        _copy(F[m:, :m].T, lower)
-    largest = np.zeros(m)
-    for i in range(m):
-        for j in range(n):
-            largest[i] = max(largest[i], abs(upper[i, j]))
-    for first in range(0, m, _BLOCK):
-        end = min(first + _BLOCK, m)
-        for i in range(first, end):
-            for p in range(first, i):
-                upper[i, p] /= upper[p, p]
-                factor = upper[i, p]
-                for j in range(p + 1, n):
-                    upper[i, j] -= factor * upper[p, j]
-            if not abs(upper[i, i]) > _ZERO * largest[i]:
-                return False
-        for i in range(end, m):
-            for p in range(first, end):
-                upper[i, p] /= upper[p, p]
-                for j in range(p + 1, end):
-                    upper[i, j] -= upper[i, p] * upper[p, j]
-        if end < m:
-            rows = np.ascontiguousarray(upper[first:end, end:])
-            upper[end:, end:] -= np.ascontiguousarray(upper[end:, first:end]) @ rows
-        if not symmetric:
-            for p in range(first, end):
-                for q in range(first, p):
-                    factor = upper[q, p]
-                    for i in range(n - m):
-                        lower[p, i] -= factor * lower[q, i]
-                factor = 1.0 / upper[p, p]
-                for i in range(n - m):
-                    lower[p, i] *= factor
-            if end < m:
-                columns = np.ascontiguousarray(upper[first:end, end:m].T)
-                lower[end:] -= columns @ lower[first:end]
-    if symmetric:
-        for p in range(m):
-            factor = 1.0 / upper[p, p]
-            for i in range(n - m):
-                lower[p, i] = factor * upper[p, m + i]
-    step = _ROWS if symmetric else n
-    for first in range(m, n if m else m, step):
-        end = min(first + step, n)
-        begin = first if symmetric else m
-        rows = np.ascontiguousarray(upper[:, begin:])
-        F[first:end, begin:] -= np.ascontiguousarray(lower[:, first - m : end - m].T) @ rows
-        if symmetric:
-            _copy(F[first:end, end:].T, F[end:, first:end])
-    return True
-
-
-@subroutine
-def _is_symmetric(F: FloatArray) -> bool:
-    """True if a matrix is symmetric up to round-off."""
-    scales = np.sqrt(np.abs(np.diag(F)))
-    for i in range(F.shape[0]):
-        for j in range(i):
-            if abs(F[i, j] - F[j, i]) > _ALIKE * scales[i] * scales[j]:
-                return False
-    return True
 
 
 @kernel

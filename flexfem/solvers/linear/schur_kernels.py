@@ -10,7 +10,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.constraints.rows.data import RowArrays
-from flexfem.kernels.compiled import inlined, kernel
+from flexfem.kernels.compiled import kernel
 from flexfem.kernels.records import Float1D, Float2D, Int1D, Int2D, Memory, Record, unpack
 
 __all__ = [
@@ -98,29 +98,6 @@ def interface_response(memory: Memory, y: FloatArray) -> None:
                 y[columns[first + c, 0], columns[first + c, 1]] = total[c]
 
 
-@inlined
-def _response(
-    compliances: FloatArray, stride: int, force: FloatArray, active: int, count: int,
-    c: FloatArray,
-) -> None:  # fmt: skip
-    """Response ``c`` (6,) of a node with ``count`` columns to a force on ``active`` others.
-
-    The compliances begin with those of the two nodes, their rows are ``stride`` apart.
-    """
-    x, y, z, u, v, w = 0.0, 0.0, 0.0, 0.0, 0.0, 0.0
-    if count == 6:  # in registers, which takes half of the time
-        for m in range(active):
-            row, size = compliances[m * stride :], force[m]
-            x, y, z = x + row[0] * size, y + row[1] * size, z + row[2] * size
-            u, v, w = u + row[3] * size, v + row[4] * size, w + row[5] * size
-    c[0], c[1], c[2], c[3], c[4], c[5] = x, y, z, u, v, w
-    if count < 6:
-        for m in range(active):
-            row, size = compliances[m * stride :], force[m]
-            for k in range(count):
-                c[k] += row[k] * size
-
-
 @kernel
 def schur(memory: Memory, rows: Memory) -> None:
     """Entries of ``G~ C G^T``: for every body, all pairs of the sides of terms that act on it.
@@ -131,10 +108,11 @@ def schur(memory: Memory, rows: Memory) -> None:
     force_jacobian, step_jacobian = terms.force_jacobian, terms.step_jacobian
     sides, side_start, column_start = own.sides, own.side_start, own.column_start
     node_column, node_active = own.node_column, own.node_active
-    at, most = 0, 0
+    at, most, widest = 0, 0, 0
     for b in range(side_start.size - 1):
         most = max(most, side_start[b + 1] - side_start[b])
-    steps, c = np.empty((6, most)), np.empty(6)
+        widest = max(widest, column_start[b + 1] - column_start[b])
+    steps, moved = np.empty((6, most)), np.empty(widest)
     for b in range(side_start.size - 1):
         begin, end = side_start[b], side_start[b + 1]
         count, C = column_start[b + 1] - column_start[b], own.compliance_start[b]
@@ -143,23 +121,34 @@ def schur(memory: Memory, rows: Memory) -> None:
             for k in range(6):
                 steps[k, i - begin] = step[k]
         for j in range(begin, end):
-            force = force_jacobian[sides[j, 0], sides[j, 1]]
-            first, active = node_column[sides[j, 2]], node_active[sides[j, 2]]
+            force, first = force_jacobian[sides[j, 0], sides[j, 1]], node_column[sides[j, 2]]
+            # loops over all columns, and slices with indices from 0 on, become vectors
+            moved[:count] = 0.0
+            for m in range(node_active[sides[j, 2]]):
+                row, size = own.compliances[C + (first + m) * count :], force[m]
+                for k in range(count):
+                    moved[k] += row[k] * size
             i = begin
             while i < end:  # sides ordered by interface nodes
                 node, run = sides[i, 2], i
                 while i < end and sides[i, 2] == node:
                     i += 1
-                compliances = own.compliances[C + first * count + node_column[node] :]
-                _response(compliances, count, force, active, node_active[node], c)
-                x, y, z, u, v, w = c
-                # slices with indices from 0 on, which the compiler turns into vectors
                 G, values = steps[:, run - begin :], own.entries[at:]
-                for n in range(i - run):
-                    values[n] = (
-                        G[0, n] * x + G[1, n] * y + G[2, n] * z
-                        + G[3, n] * u + G[4, n] * v + G[5, n] * w
-                    )  # fmt: skip
+                active, y = node_active[node], moved[node_column[node] :]
+                if active == 6:
+                    for n in range(i - run):
+                        values[n] = (
+                            G[0, n] * y[0] + G[1, n] * y[1] + G[2, n] * y[2]
+                            + G[3, n] * y[3] + G[4, n] * y[4] + G[5, n] * y[5]
+                        )  # fmt: skip
+                elif active == 3:
+                    for n in range(i - run):
+                        values[n] = G[0, n] * y[0] + G[1, n] * y[1] + G[2, n] * y[2]
+                else:
+                    for n in range(i - run):
+                        values[n] = 0.0
+                        for k in range(active):
+                            values[n] += G[k, n] * y[k]
                 at += i - run
 
 
