@@ -22,6 +22,7 @@ __all__ = [
     "kernel",
     "on_demand",
     "subroutine",
+    "summed",
 ]
 
 install()
@@ -78,7 +79,10 @@ inlined = _Decorator(SubroutineCompiler, forceinline=True)
 #: The same with products and sums fused to one operation each, for loops of arithmetic alone.
 fused = _Decorator(fastmath={"contract"})
 
-#: Subroutines of those.
+#: The same with sums in any order, which become vectors: for loops that wait for their sums.
+summed = _Decorator(fastmath={"contract", "reassoc"})
+
+#: Subroutines of those with products and sums fused.
 fused_subroutine = _Decorator(SubroutineCompiler, fastmath={"contract"})
 
 #: Always inlined parts of those.

@@ -21,7 +21,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
-from flexfem.kernels.compiled import kernel, subroutine
+from flexfem.kernels.compiled import kernel, subroutine, summed
 from flexfem.solvers.linear.front_elimination import copy, eliminate
 
 __all__ = ["Fronts", "deepest", "distinct_pairs", "elimination", "gathered", "ordering"]
@@ -30,6 +30,9 @@ __all__ = ["Fronts", "deepest", "distinct_pairs", "elimination", "gathered", "or
 #: part of these in the others: zeros cost less than further passes over the rest, until the pivots'
 #: rows cost more.
 _MORE, _MOST, _PART = 8, 18, 0.4
+#: Pivots of a front that are solved for one after the other. Sums of what is known before are
+#: vectors, which would wait for each number that was just stored.
+_FEW = 8
 #: Entries of a matrix whose places are found at once.
 _AT_ONCE = 1_000_000
 
@@ -363,7 +366,7 @@ def _take_over(tree: _Tree, child: int, stack: FloatArray, top: int, F: FloatArr
     return top
 
 
-@kernel
+@summed
 def _reduce(tree: _Tree, values: FloatArray, work: FloatArray, x: FloatArray) -> None:
     """Forward substitution."""
     for f in range(tree.sizes.size):
@@ -371,28 +374,54 @@ def _reduce(tree: _Tree, values: FloatArray, work: FloatArray, x: FloatArray) ->
         rows = tree.rows[tree.start[f] : tree.start[f + 1]]
         for i in range(n):
             work[i] = x[rows[i]]
-        lower = at + m * n
-        for p in range(m):
-            value = work[p]
-            for k in range(p):
-                value -= values[at + p * n + k] * work[k]
-            work[p] = value
-            for i in range(m, n):
-                work[i] -= values[lower + p * (n - m) + i - m] * value
+        for begin in range(0, m, _FEW):
+            end = min(begin + _FEW, m)
+            for p in range(begin, end):
+                row, total = values[at + p * n :], work[p]
+                for k in range(begin):
+                    total -= row[k] * work[k]
+                work[p] = total
+            for p in range(begin, end):
+                total = work[p]
+                for k in range(begin, p):
+                    total -= values[at + p * n + k] * work[k]
+                work[p] = total
+        lower, others = at + m * n, work[m:n]
+        for p in range(0, m - m % 4, 4):
+            a, b = values[lower + p * (n - m) :], values[lower + (p + 1) * (n - m) :]
+            c, d = values[lower + (p + 2) * (n - m) :], values[lower + (p + 3) * (n - m) :]
+            for i in range(n - m):
+                others[i] -= (
+                    a[i] * work[p] + b[i] * work[p + 1] + c[i] * work[p + 2] + d[i] * work[p + 3]
+                )
+        for p in range(m - m % 4, m):
+            a = values[lower + p * (n - m) :]
+            for i in range(n - m):
+                others[i] -= a[i] * work[p]
         for i in range(n):
             x[rows[i]] = work[i]
 
 
-@kernel
+@summed
 def _complete(tree: _Tree, values: FloatArray, work: FloatArray, x: FloatArray) -> None:
     """Backward substitution."""
     for f in range(tree.sizes.size - 1, -1, -1):
         n, m, at = tree.sizes[f], tree.pivots[f], tree.at[f]
         rows = tree.rows[tree.start[f] : tree.start[f + 1]]
-        for i in range(m, n):
+        for i in range(n):
             work[i] = x[rows[i]]
-        for i in range(m - 1, -1, -1):
-            total = x[rows[i]]
-            for j in range(i + 1, n):
-                total -= values[at + i * n + j] * work[j]
-            work[i] = x[rows[i]] = total / values[at + i * n + i]
+        for begin in range(m - 1 - (m - 1) % _FEW, -1, -_FEW):
+            end = min(begin + _FEW, m)
+            later = work[end:n]
+            for p in range(begin, end):
+                row, total = values[at + p * n + end :], work[p]
+                for j in range(n - end):
+                    total -= row[j] * later[j]
+                work[p] = total
+            for p in range(end - 1, begin - 1, -1):
+                total = work[p]
+                for j in range(p + 1, end):
+                    total -= values[at + p * n + j] * work[j]
+                work[p] = total / values[at + p * n + p]
+        for p in range(m):
+            x[rows[p]] = work[p]
