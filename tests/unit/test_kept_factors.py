@@ -76,6 +76,33 @@ def test_old_factors_are_tried_less_often_while_they_fail(
     assert np.flatnonzero(tried).tolist() == [1, 3, 7, 15, 31, 32, 33]
 
 
+@pytest.mark.serial
+def test_factors_are_renewed_when_that_costs_least(rng: np.random.Generator) -> None:
+    """Values drift, so that old factors take more and more solves: the best time to renew them."""
+    matrix, drift = rng.normal(size=(2, 70, 70))
+    matrix += 30.0 * np.eye(70)
+    i, j = np.indices(matrix.shape).reshape(2, -1)
+    system = InterfaceSystem(MPI.COMM_SELF, i, j, 70, NOTHING, NOTHING)
+    steps, worth = 60, 8.0
+
+    def further_solves(worth: float) -> tuple[list[int], int]:
+        """Solves for each of the values beyond one, and the number of factorisations."""
+        kept, more = KeptFactors(MPI.COMM_SELF, system, i, j, worth), []
+        for step in range(steps):
+            assert kept.factor((matrix + 0.006 * step * drift).ravel(), True)
+            kept.solve(np.ones(70))
+            more.append(kept._more)
+        return more, kept.renewals
+
+    alone, renewals = further_solves(np.inf)
+    assert renewals == 1
+    assert max(alone) >= worth
+    best = min((worth + sum(alone[:n])) / n for n in range(1, steps))
+    more, renewals = further_solves(worth)
+    # kept until a single one takes as long as a factorisation they cost 1.5 times the best
+    assert (worth * renewals + sum(more)) / steps < 1.2 * best
+
+
 @pytest.mark.three_ranks
 @pytest.mark.usefixtures("eager")
 def test_a_net_moves_as_with_new_factors(monkeypatch: pytest.MonkeyPatch) -> None:

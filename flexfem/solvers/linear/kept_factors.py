@@ -24,7 +24,7 @@ _ACCURATE = 1e-8
 _SLOW = 0.2
 #: Operations of a factorisation, by matrix products, in the time of one of a solve, which waits for
 #: memory.
-_FASTER = 10.0
+_FASTER = 7.0
 #: Solves in the time of a factorisation, up to which old factors are never tried: an iteration
 #: takes two or three more of them at least.
 _LEAST = 6.0
@@ -64,18 +64,25 @@ class KeptFactors:
         self._i, self._j, self._worth = i, j, worth
         self._values: FloatArray | None = None
         self._fresh = False
-        self._more = 0
+        self._more = 0  # further solves for the present values, and for all since the last factors
+        self._served = self._all = 0
         self._pause = self._wait = 0  # values that are factorised after old factors failed
         self.renewals = 0
 
     def factor(self, values: FloatArray, regular: bool) -> bool:
         """Take new values, and factorise if the last ones took more solves than that is worth.
 
+        They also did if they took more than all since the last factorisation on average, with what
+        that cost: old factors become slower, and this mean is then the least.
+
         Collective; see :meth:`InterfaceSystem.factor`. The values must stay until the next ones.
         """
         if self._values is not None and not self._fresh:
             self._pause = 0  # old factors have served
-        keep = self._values is not None and self._more < self._worth and not self._wait
+            self._served += 1
+            self._all += self._more
+        mean = (self._worth + self._all) / max(self._served, 1)
+        keep = self._values is not None and self._more < min(self._worth, mean) and not self._wait
         self._wait = max(self._wait - 1, 0)
         self._values, self._more = values, 0
         if not keep:
@@ -87,6 +94,7 @@ class KeptFactors:
         """Factorise the present values; False if they are singular."""
         assert self._values is not None
         self.renewals += 1
+        self._served = self._all = 0
         regular = self._system.factor(self._values, regular)
         self._fresh = True
         if not regular:
