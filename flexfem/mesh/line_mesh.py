@@ -15,13 +15,19 @@ import numpy.typing as npt
 from flexfem import _checks
 from flexfem._memory import LINE_NODE, check_run
 from flexfem._types import FloatArray, IntArray
-from flexfem.mesh.geometry.frames import CORNER_ANGLE, node_tangents, section_frames
+from flexfem.mesh.geometry.frames import (
+    CORNER_ANGLE,
+    frames_of_lines,
+    node_tangents,
+    section_frames,
+)
 from flexfem.mesh.geometry.topology import edge_keys, group_order, orient
 from flexfem.mesh.nurbs.curve import NurbsCurve
 
 __all__ = [
     "CORNER_ANGLE",
     "LineMesh",
+    "frames_of_lines",
     "group_order",
     "node_tangents",
     "read_mesh",

@@ -17,7 +17,7 @@ from flexfem.core.marker import (
     SlidingMarker,
     SurfaceMarker,
 )
-from flexfem.mesh.line_mesh import LineMesh, section_frames
+from flexfem.mesh.line_mesh import LineMesh, frames_of_lines, section_frames
 from flexfem.mesh.nurbs.frames import control_rotations
 from flexfem.model.bodies.base import Body
 from flexfem.model.bodies.basic import Beam, RigidBody
@@ -86,19 +86,40 @@ def _owner(thing: Any) -> str:
 def _check_beams(model: Structure) -> None:
     """Check groups and orientations of all beams."""
     mesh, users = model.mesh, dict[str, Beam]()
+    right = _have_frames(model)
     for beam in model.beams:
         try:
             if beam.group is not None:
                 _check_group(model, beam, users)
             if beam.formulation == "nurbs":
                 control_rotations(model.curve(beam), beam.orientation)
-            elif mesh is not None and beam.orientation is not None:
+            elif mesh is None or beam.orientation is None:
+                continue
+            elif callable(beam.orientation) or not right:
                 section_frames(mesh.points, mesh.group_cells(str(beam.group)), beam.orientation)
         except (TypeError, ValueError) as error:
             message = str(error).removeprefix(f"{_owner(beam)}: ")
             raise type(error)(f"{_owner(beam)}: {message}") from None
     if mesh is not None:
         _check_ownership(model, mesh)
+
+
+def _have_frames(model: Structure) -> bool:
+    """True if no vector by which a beam of the mesh is oriented is wrong, all tested at once."""
+    mesh = model.mesh
+    if mesh is None:
+        return False
+    beams = [
+        beam for beam in model.beams
+        if beam.formulation != "nurbs" and beam.group in mesh.line_groups
+        and beam.orientation is not None and not callable(beam.orientation)
+    ]  # fmt: skip
+    lines = [mesh.group_cells(str(beam.group)) for beam in beams]
+    try:
+        frames_of_lines(mesh.points, lines, [beam.orientation for beam in beams])
+    except (TypeError, ValueError):
+        return False
+    return True
 
 
 def _check_shells(model: Structure) -> None:

@@ -15,6 +15,7 @@ from flexfem.mesh.geometry.topology import trace_lines
 from flexfem.mesh.library import build_mesh
 from flexfem.mesh.line_mesh import (
     LineMesh,
+    frames_of_lines,
     group_order,
     node_tangents,
     read_mesh,
@@ -172,6 +173,24 @@ def assert_rotations(frames):
 def test_straight_line_along_x_has_the_inertial_axes():
     frames = section_frames(np.arange(4.0)[:, None] * EX, path_cells(3))
     np.testing.assert_array_equal(frames, np.broadcast_to(np.eye(3), (3, 2, 3, 3)))
+
+
+def test_frames_of_many_lines_are_those_of_each(rng):
+    """Arcs, straight lines and a branched one, without orientation, by vectors or by functions."""
+    straight = np.array([[0, 1], [1, 2], [2, 3]])
+    shapes = [straight, straight[[2, 0, 1]], straight[:1], np.array([[0, 1], [1, 2], [1, 3]])]
+    ways = [None, (0.0, 0.3, 1.0), lambda points: points + 1.0, (1.0, 2.0, -0.5)]
+    given = [(shape, way) for shape in shapes for way in ways]
+    lines = [shape + 4 * k for k, (shape, _) in enumerate(given)]
+    points = rng.normal(size=(4 * len(given), 3))
+    ways = [way for _, way in given]
+    found = frames_of_lines(points, lines, ways)
+    for line, way, frames in zip(lines, ways, found, strict=True):
+        # round-off of sums in another order; frames of a neighbour differ by order 1
+        np.testing.assert_allclose(frames, section_frames(points, line, way), atol=1e-14)
+    along = points[lines[0][0, 1]] - points[lines[0][0, 0]]
+    with pytest.raises(ValueError, match="is parallel to the tangent at"):
+        frames_of_lines(points, [lines[2][:1], lines[0][:1]], [(0.0, 0.3, 1.0), along])
 
 
 @pytest.mark.parametrize("direction", [EX, EY, EZ, -EZ, np.array([1.0, 2.0, 3.0])])

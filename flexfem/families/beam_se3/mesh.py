@@ -23,7 +23,7 @@ from flexfem.families.common.initial_velocities import initial_velocities
 from flexfem.lie import se3
 from flexfem.materials.section import Section
 from flexfem.mesh.geometry.topology import trace_lines
-from flexfem.mesh.line_mesh import section_frames
+from flexfem.mesh.line_mesh import frames_of_lines
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.model import Model
 
@@ -53,13 +53,15 @@ class _Cells:
     walls: list[Walls]
 
     @classmethod
-    def of(cls, model: Model, beam: Beam) -> _Cells:
-        """Cells of a beam in the order along it."""
-        mesh = model.mesh
-        assert mesh is not None  # checked by validate()
-        nodes = mesh.cells[_along(model, beam)]
-        axes = section_frames(mesh.points, nodes, beam.orientation)
-        frames, rest = se3.frame(mesh.points[nodes], axes), np.empty((0, 6))
+    def of(cls, beam: Beam, nodes: IntArray, frames: FloatArray) -> _Cells:
+        """Cells of a beam in the order along it.
+
+        Args:
+            beam: the beam.
+            nodes: (m, 2) in the mesh.
+            frames: (m, 2, 12) of sections without twist at their ends.
+        """
+        rest = np.empty((0, 6))
         arcs = np.zeros(len(nodes) + 1)
         if _varies(beam):
             _check_chain(beam, nodes)
@@ -116,8 +118,12 @@ class BeamMesh:
         """
         beams, mesh = model.beams_of("se3"), model.mesh
         assert mesh is not None  # checked by validate()
-        parts = [_Cells.of(model, beam) for beam in beams]
-        counts = [len(part.nodes) for part in parts]
+        lines = [mesh.cells[_along(model, beam)] for beam in beams]
+        counts = [len(line) for line in lines]
+        axes = frames_of_lines(mesh.points, lines, [beam.orientation for beam in beams])
+        at_start = se3.frame(mesh.points[np.concatenate(lines)], np.concatenate(axes))
+        each = zip(beams, lines, np.split(at_start, np.cumsum(counts)[:-1]), strict=True)
+        parts = [_Cells.of(*one) for one in each]
         used, nodes = np.unique(np.concatenate([p.nodes for p in parts]), return_inverse=True)
         points = mesh.points[used]
         nodes = nodes.reshape(-1, 2).astype(np.int64)

@@ -2,7 +2,7 @@
 """Tangents and section frames of lines given by their nodes."""
 
 from collections import defaultdict, deque
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 
 import numpy as np
 import numpy.typing as npt
@@ -101,6 +101,45 @@ def section_frames(
     else:
         e2 = projected(_orientation_vectors(points, cells, orientation), e1, points[cells])
     return np.stack([e1, e2, np.cross(e1, e2)], axis=-1)
+
+
+def frames_of_lines(
+    points: FloatArray, lines: Sequence[IntArray], orientations: Sequence[Orientation]
+) -> list[FloatArray]:
+    """Return the section frames of each of many lines that have no node in common.
+
+    Lines whose orientation is a vector are done at once: a call for each takes as long as some
+    hundred cells.
+
+    Args:
+        points: Node positions, shape (n, 3), metres.
+        lines: Node indices of the cells of each line, shape (m, 2).
+        orientations: That of each line, see `section_frames`.
+
+    Returns:
+        What `section_frames` returns, for each line.
+
+    Raises:
+        TypeError: See `section_frames`, of any of the lines.
+        ValueError: Likewise.
+    """
+    at_once = [k for k, one in enumerate(orientations) if one is not None and not callable(one)]
+    if len(at_once) < 2:
+        return [section_frames(points, *line) for line in zip(lines, orientations, strict=True)]
+    some, counts = [lines[k] for k in at_once], [len(lines[k]) for k in at_once]
+    vectors = [
+        _checks.vector("orientation", "vector", orientations[k], nonzero=True) for k in at_once
+    ]
+    cells = np.concatenate(some)
+    e1 = node_tangents(points, cells)
+    given = np.repeat(np.array(vectors), counts, axis=0)[:, np.newaxis]
+    e2 = projected(np.broadcast_to(given, e1.shape), e1, points[cells])
+    found = np.split(np.stack([e1, e2, np.cross(e1, e2)], axis=-1), np.cumsum(counts)[:-1])
+    done = dict(zip(at_once, found, strict=True))
+    return [
+        done[k] if k in done else section_frames(points, line, one)
+        for k, (line, one) in enumerate(zip(lines, orientations, strict=True))
+    ]
 
 
 def _orientation_vectors(
