@@ -532,6 +532,16 @@ def test_energies_are_refused(function: Any, values: dict[str, Any], message: st
     check(start(ff.laws.Hyperelastic(function, values)), 'Solid "j": ', message)
 
 
+@pytest.mark.parametrize("plane", [None, "strain", "stress", "axisymmetric"])
+def test_poissons_ratios_are_no_bulk_moduli(plane: str | None) -> None:
+    """In plane strain the shape resists as well, and about an axis no rotation shows round-off."""
+    message = "the law has no stiffness against changes of volume: its bulk modulus is 0.3 Pa, "
+    law = ff.laws.NeoHookean(1e4, 0.3)
+    options = {"mesh": RECTANGLE, "plane": plane} if plane else {}
+    check(built(solid(law, degree=1, **options)), 'Solid "j": ', message)
+    built(solid(ff.laws.NeoHookean.from_young(1e4, -0.9), degree=1, **options))()
+
+
 DAMPING = {
     "tensor": (lambda F, rate, p: rate, r"dissipation must return a scalar, got shape \(3, 3\)"),
     "no rate": (lambda F, rate, p: ufl.det(F), "the dissipation does not depend on the rate of F"),

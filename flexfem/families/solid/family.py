@@ -50,6 +50,8 @@ _COST = 2.0
 
 #: Strain with which laws are tried at the start, and a bound of zero relative to its energy.
 _STRAIN, _ZERO = 1e-2, 1e-7
+#: Bulk modulus relative to the shear modulus below which it is none: a Poisson's ratio of -0.9998.
+_VOLUMETRIC = 1e-4
 #: A rotation in space that is not in the symmetry group of any likely body.
 _TURN = np.array([0.7, -0.4, 1.1])
 
@@ -474,9 +476,31 @@ def check_start(comm: MPI.Intracomm, owner: str, group: SolidCells, points: Floa
                 f"{owner}: the law has no stiffness: a {name} of {_STRAIN:g} changes its energy by "
                 f"{resisted:.4g} J"
             )
+    _check_moduli(comm, owner, group)
     least = min(0.5 * sum(strained[:2]), 0.5 * sum(strained[2:])) - rest
     if abs(rotated - rest) > _ZERO * max(least, abs(rest)):
         raise InputError(
             f"{owner}: the energy changes by {rotated - rest:.4g} J as the body rotates, where it "
             f"must stay; a strain of {_STRAIN:g} changes it by {least:.4g} J"
+        )
+
+
+def _check_moduli(comm: MPI.Intracomm, owner: str, group: SolidCells) -> None:
+    """Refuse moduli of volume that are other numbers, which no strain in a plane may show.
+
+    Raises:
+        InputError: on all ranks.
+    """
+    found = (group.rest_moduli > 0.0).all(axis=1)  # NaN where a law does not say them
+    weakest = np.inf, 0.0, 0.0
+    if found.any():
+        moduli = group.rest_moduli[found]
+        shear, bulk = moduli[np.argmin(moduli[:, 1] / moduli[:, 0])].tolist()
+        weakest = bulk / shear, bulk, shear
+    ratio, bulk, shear = min(comm.allgather(weakest))
+    if ratio < _VOLUMETRIC:
+        raise InputError(
+            f"{owner}: the law has no stiffness against changes of volume: its bulk modulus is "
+            f"{bulk:.4g} Pa, its shear modulus {shear:.4g} Pa; for a Poisson's ratio there is "
+            "NeoHookean.from_young"
         )
