@@ -43,9 +43,9 @@ def sweep_spin(
     frequency ``f + spin/2 pi`` or ``spin/2 pi - f`` in fixed axes, negative where it rotates
     against the spin; other modes have several and keep f there. Modes are named ``forward_1``,
     ``backward_1``, ... by the sense of their whirl in fixed axes at the last speed, or ``mode_1``,
-    ..., counted by their frequencies at the first speed, of which the lowest are kept. A mode that
-    is not found at a speed is nan. The columns of the probes in the steady rotation come last:
-    displacements and strains over the speed for example.
+    ..., counted by the moduli of their eigenvalues at the first speed, of which the lowest are
+    kept. A mode that is not found at a speed is nan. The columns of the probes in the steady
+    rotation come last: displacements and strains over the speed for example.
 
     Args:
         model: the model, the same on every rank.
@@ -100,8 +100,8 @@ class _SpinSweep(SpeedSweep):
         return modes_at(self.point, self.options, min(_MORE * count, self.point.freedoms - count))
 
     def required(self, modes: Modes) -> int:
-        """See :meth:`SpeedSweep.required`: those that are missing at a speed are nan there."""
-        return min(len(modes), self.options.modes)
+        """See :meth:`SpeedSweep.required`."""
+        return self.options.modes
 
     def keep(self, speed: float, modes: Modes) -> dict[str, float]:
         """See :meth:`SpeedSweep.keep`."""
@@ -119,8 +119,11 @@ class _SpinSweep(SpeedSweep):
                 j = number[i]
                 f, sense = modes.frequencies[j], self._senses[k][j]
                 table[k, i] = f, _fixed(f, sense, speeds[k]), modes.damping[j], sense
-        # the lowest at the first speed; those that are not found at all speeds come last
-        table = table[:, np.argsort(table[0, :, 0], kind="stable")[: self.options.modes]]
+        # the lowest at the first speed, as find_modes has them: motions that do not oscillate are
+        # not lower than slow ones; those that are not found there come last
+        sizes, there = np.full(len(numbers[-1]), np.inf), np.flatnonzero(numbers[0] >= 0)
+        sizes[there] = np.abs(found[0].eigenvalues[numbers[0][there]])
+        table = table[:, np.argsort(sizes, kind="stable")[: self.options.modes]]
         columns = [f"{name}_{value}" for name in _names(table[-1]) for value in _VALUES]
         states = np.array([list(state.values()) for state in self.states])
         values = table.reshape(len(speeds), -1)

@@ -52,8 +52,8 @@ class LinearModel:
         A, B, C, D: (n, n), (n, m), (p, n), (p, m).
         inputs, outputs: names; a drive with several rows has one input ``<joint>_<row>`` for each.
         y0: (p,) outputs in the state about which the model is linearised.
-        status: "ok"; or the reason why there is no such state, with empty arrays; or the fault of
-            the modes, with a warning and arrays of the motions of those found.
+        status: "ok"; or the reason why there is no such state, or no mode, with empty arrays; or
+            the fault of the modes, with a warning and arrays of the motions of those found.
         state_error: relative change of the modes of the reduction by one more step towards the
             equilibrium; None without modes and about a given state.
     """
@@ -110,22 +110,14 @@ def linearize(
     status = point.settle(options.spin)
     outputs = output_names(model)
     if status is not Status.OK:
-        nothing = np.zeros((0, 0))
-        return LinearModel(
-            nothing,
-            nothing,
-            nothing,
-            nothing,
-            (),
-            outputs,
-            np.zeros(0),
-            with_hint(point.failure(status), modes_hint(status, options.spin)),
-        )
+        return _nothing(outputs, with_hint(point.failure(status), modes_hint(status, options.spin)))
     shapes, reason, error = None, "ok", None
     if options.modes > 0:
         found = settled_modes(point, options.modes, 0.0, _ACCURACY)
         shapes, reason = found.shapes, doubts(found, options.modes)
         error = found.state_error
+        if len(found) == 0:
+            return _nothing(outputs, reason)
         if reason != "ok" and point.system.comm.rank == 0:
             warnings.warn(f"linearize: {reason}", RuntimeWarning, stacklevel=2)
     reduction = reduce_equations(point.linearization, len(model.loads), shapes)
@@ -136,6 +128,11 @@ def linearize(
         names = {"inputs": np.array(linear.inputs), "outputs": np.array(linear.outputs)}
         write_arrays(options.output / "linear_model.npz", arrays | names, point.system.comm)
     return linear
+
+
+def _nothing(outputs: tuple[str, ...], status: str) -> LinearModel:
+    none = np.zeros((0, 0))
+    return LinearModel(none, none, none, none, (), outputs, np.zeros(0), status)
 
 
 def output_names(model: Model) -> tuple[str, ...]:

@@ -144,12 +144,11 @@ def doubts(found: Modes, asked: int, accuracy: float | None = None) -> str:
         asked: number of modes requested.
         accuracy: of the options; None if there are no options of the search.
     """
+    if found.failure:
+        return with_hint(found.failure, modes_hint(Status.SINGULAR, 0.0))
     near = "" if accuracy is None else ", or give a target near them"
     if len(found) < asked:
-        finer = " or a larger accuracy" if accuracy is not None and accuracy < _FINE else ""
-        return with_hint(
-            f"only {len(found)} of {asked} modes converged", f"request fewer modes{finer}{near}"
-        )
+        return with_hint(f"only {len(found)} of {asked} modes converged", _more(found, accuracy))
     if found.missing:
         return with_hint(
             f"{found.missing} modes in the range of the {asked} found were missed",
@@ -172,6 +171,23 @@ def doubts(found: Modes, asked: int, accuracy: float | None = None) -> str:
     taken = f"; accuracy {worst:.1g} accepts them" if worst < _COARSE else ""
     return with_hint(
         f"{text}, more than accuracy {accuracy:g}", f"request fewer modes{near}{taken}"
+    )
+
+
+def _more(found: Modes, accuracy: float | None) -> str:
+    """Return advice where fewer modes were found than requested, see :func:`doubts`."""
+    if found.crowd == np.inf:
+        finer = " or a larger accuracy" if accuracy is not None and accuracy < _FINE else ""
+        near = "" if accuracy is None else ", or give a target near them"
+        return f"request fewer modes{finer}{near}"
+    ways = ["take less damping"]
+    if accuracy is not None:
+        ways.insert(0, "give a target near modes that oscillate")
+    if len(found):
+        ways.insert(0, f"request {len(found)}")
+    return (
+        f"stiff motions that damping keeps from oscillating all decay at about {found.crowd:.3g} "
+        f"1/s, before further modes: {', or '.join(ways)}"
     )
 
 

@@ -14,7 +14,7 @@ from flexfem._types import FloatArray, IntArray
 from flexfem.analyses.modes import RotorOptions
 from flexfem.model.model import Model
 from flexfem.simulation.equilibria.rotor_point import RotorPoint
-from flexfem.simulation.modes import modes_at
+from flexfem.simulation.modes import doubts, modes_at
 from flexfem.simulation.run.failure_reasons import with_hint
 from flexfem.simulation.run.guard import guarded
 from flexfem.simulation.run.outcome import Outcome, Results
@@ -115,11 +115,16 @@ class _RotorSweep(SpeedSweep):
         self._parts.append(shares(modes))
         return {"torque": self.point.torque, "variation": self.point.variation}
 
-    def finish(self) -> dict[str, float]:
+    def finish(self) -> dict[str, float | None]:
         """See :meth:`SpeedSweep.finish`: eigenvalues at another azimuth of the rotor."""
         values = self.modes[-1].eigenvalues[: self.options.modes]
         self.point.rotate()
-        gaps = np.abs(self.found().eigenvalues[:, np.newaxis] - values).min(axis=0, initial=np.inf)
+        other = self.found()
+        if other.failure:
+            if self.reason == "ok":
+                self.reason = f"at another azimuth {doubts(other, self.options.modes)}"
+            return {"azimuth": None}
+        gaps = np.abs(other.eigenvalues[:, np.newaxis] - values).min(axis=0, initial=np.inf)
         change = float((gaps / np.abs(values)).max(initial=0.0))
         if change > self.options.variation and self.reason == "ok":
             self.reason = with_hint(

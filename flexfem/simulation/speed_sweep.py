@@ -113,7 +113,7 @@ class SpeedSweep(ABC):
 
     def _step(self, speed: float) -> str:
         """Add the results at a speed; the reason of a failure, else empty (collective)."""
-        point, at = self.point, f"at the spin {speed:.6g} rad/s"
+        point, options, at = self.point, self.options, f"at the spin {speed:.6g} rad/s"
         status = point.settle(speed)
         state = point.columns() if status is Status.OK else {}
         if error := agreed(current(), point.system.comm):  # a user-defined function
@@ -121,10 +121,12 @@ class SpeedSweep(ABC):
         if status is not Status.OK:
             return with_hint(f"{point.failure(status)} {at}", modes_hint(status, speed))
         modes = self.found()
+        if modes.failure:
+            return f"{at} {doubts(modes, options.modes)}"
         if len(modes) == 0:
             return with_hint(f"no mode was found {at}", "request fewer modes, or more speeds")
         required = self.required(modes)
-        doubt = doubts(modes.first(required), required, self.options.accuracy)
+        doubt = doubts(modes.first(required), required, options.accuracy)
         if doubt != "ok" and self.reason == "ok":
             self.reason = f"{at} {doubt}"
         self.speeds.append(speed)

@@ -245,6 +245,23 @@ def test_free_parts_beside_a_state_have_all_their_modes(scale):
         assert np.sum(found.modes.eigenvalues == 0.0) == springs.count(0.0)
 
 
+@pytest.mark.parametrize("rate", [0.0, 0.5, 5.0])
+def test_states_that_act_on_nothing_have_no_modes(rate):
+    """Measurements beside a chain: nothing moves in their eigenvectors, which are not free."""
+
+    def filtered(t, ends, z):
+        return np.zeros((1, 3)), None, np.array([rate * (ends.positions[0, 0] - 3.0 - z[0])])
+
+    chain = (1.0, 2.0), (3.0, 4.0), (0.0, 0.1)
+    alone = ff.find_modes(_chain(*chain), ff.ModeOptions(modes=2, quiet=True))
+    model = _chain(*chain)
+    model.add(ff.Force("filter", [ff.Marker("body_0")], filtered, states=1, initial=(0.0,)))
+    found = ff.find_modes(model, ff.ModeOptions(modes=2, quiet=True))
+    assert found.status == "ok"
+    np.testing.assert_allclose(found.modes.eigenvalues, alone.modes.eigenvalues, rtol=1e-9)
+    assert found.summary["checks"]["zero_below"] < 1e-6
+
+
 def test_two_free_bars_have_all_their_modes():
     """Bending that the first shift determines badly is no motion of frequency zero."""
     lengths = 0.57079918, 0.81070819
@@ -292,6 +309,125 @@ def test_a_shift_at_which_nothing_can_be_factorised_is_left(monkeypatch):
     found = ff.find_modes(_free_bar(0.0), options)
     assert found.status == "ok"
     np.testing.assert_allclose(found.modes.eigenvalues, expected, rtol=1e-8)
+
+
+@pytest.mark.serial
+def test_problems_that_no_shift_can_factorise_are_a_status(monkeypatch, tmp_path, capsys):
+    """Whoever asks for modes is told the reason, and keeps what was found before."""
+    from flexfem.cli.command import command
+    from flexfem.solvers.modal import modes as solver
+
+    options, reason = ff.ModeOptions(modes=2, quiet=True), "the linearised equations are singular"
+    solve, calls = solver._solve, []
+
+    def singular_from(number):
+        def solve_some(*arguments):
+            calls.append(0)
+            if len(calls) > number:
+                raise solver.SingularShiftError.at(3.0)
+            return solve(*arguments)
+
+        calls.clear()
+        monkeypatch.setattr(solver, "_solve", solve_some)
+
+    singular_from(0)
+    outcome = ff.find_modes(_rotor(), dataclasses.replace(options, output=tmp_path / "modes"))
+    assert outcome.status.startswith(f"{reason} at the shift 3 1/s; check for bodies without mass")
+    assert_on_page(outcome.status)
+    assert len(calls) == 4
+    assert (len(outcome.modes), len(outcome.history["t"])) == (0, 0)
+    assert outcome.summary["checks"]["not_counted"].startswith(reason)
+    linear = ff.linearize(_rotor(), ff.LinearOptions(modes=2, quiet=True))
+    assert linear.status == outcome.status
+    assert linear.A.size == 0
+    with pytest.raises(RuntimeError, match=f"gradient: {reason}"):
+        ff.gradient(_rotor(), "frequency:1-2", ["disk.mass"], options)
+    damped = _rotor()
+    damped.add(ff.ModalDamping("damping", 0.01, modes=2))
+    with pytest.raises(ValueError, match=f'ModalDamping "damping": {reason}') as raised:
+        ff.find_modes(damped, options)
+    assert_on_page(str(raised.value))
+    assert command(["run", "blade", "--smoke", "--output", str(tmp_path / "case")]) == 1
+    assert reason in "".join(capsys.readouterr())
+    singular_from(1)
+    sweep = ff.CampbellOptions(modes=2, spin=10.0, spin_end=20.0, speeds=3, quiet=True)
+    stopped = ff.sweep_spin(_rotor(), sweep)
+    assert stopped.status.startswith(f"at the spin 15 rad/s {reason}")
+    assert_on_page(stopped.status)
+    assert stopped.history["t"].tolist() == [10.0]
+
+
+@pytest.mark.parametrize("dense", [0, 1000])
+def test_next_shifts_are_near_the_target_as_well(dense, monkeypatch):
+    """Modes are those of the target, not those of where the equations could be factorised."""
+    from flexfem.solvers.modal import modes as solver
+
+    monkeypatch.setattr(solver, "_DENSE_FOR_MANY", 0)
+    monkeypatch.setattr(solver, "_DENSE", dense)
+    options = ff.ModeOptions(modes=3, target=30.0, split_above=1, quiet=True)
+    expected = ff.find_modes(_rotor(2e-4), options).modes.eigenvalues
+    solve, calls = solver._solve, []
+
+    def singular_at_first(*arguments):
+        calls.append(0)
+        if len(calls) < 3:
+            raise solver.SingularShiftError.at(3.0)
+        return solve(*arguments)
+
+    monkeypatch.setattr(solver, "_solve", singular_at_first)
+    found = ff.find_modes(_rotor(2e-4), options)
+    assert found.status == "ok"
+    np.testing.assert_allclose(found.modes.eigenvalues, expected, rtol=1e-8)
+
+
+def _damped_cantilevers(damping):
+    steel = ff.Material(youngs_modulus=2e11, poisson_ratio=0.3, density=7800.0)
+    lines = {f"bar_{k}": [(0, 3.0 * k, 0), (x, 3.0 * k, 0)] for k, x in enumerate((1.0, 1.3))}
+    model = ff.Model(mesh=ff.LineMesh.straight(lines, 8))
+    for k, name in enumerate(lines):
+        model.add(
+            ff.Beam(name, ff.Section.rectangle(0.02, 0.03, steel), damping=damping),
+            ff.Rigid(f"clamp_{k}", ff.Ground((0, 3.0 * k, 0)), ff.Marker(name, "start")),
+        )
+    return model
+
+
+@pytest.mark.parametrize(("damping", "count"), [(0.1, 0), (0.01, 3)])
+def test_motions_that_damping_keeps_from_oscillating_are_named(damping, count):
+    """All that are faster than 2/tau decay at 1/tau, before others: three oscillate more slowly."""
+    model = _damped_cantilevers(damping)
+    found = ff.find_modes(model, ff.ModeOptions(modes=8, quiet=True))
+    rate = f"all decay at about {1.0 / damping:.0f} 1/s, before further modes: "
+    assert found.status.startswith(f"only {count} of 8 modes converged; stiff motions that ")
+    assert rate in found.status
+    assert_on_page(found.status)
+    assert len(found.modes) == count
+    if count:
+        assert f": request {count}, or give a target " in found.status
+        fewer = ff.find_modes(model, ff.ModeOptions(modes=count, quiet=True))
+        assert fewer.status == "ok"
+        omega = ff.find_modes(_damped_cantilevers(0.0), ff.ModeOptions(modes=count, quiet=True))
+        w = omega.modes.eigenvalues.imag
+        expected = -0.5 * damping * w**2 + 1j * w * np.sqrt(1.0 - (0.5 * damping * w) ** 2)
+        np.testing.assert_allclose(fewer.modes.eigenvalues, expected, rtol=1e-7)
+    linear = ff.linearize(model, ff.LinearOptions(modes=8, quiet=True)) if not count else None
+    assert linear is None or (linear.status.endswith(": take less damping") and not linear.A.size)
+
+
+def test_campbell_diagrams_keep_the_lowest_modes_beside_motions_that_do_not_oscillate():
+    """These have no frequency, but decay faster than the lowest modes oscillate."""
+    section = ff.Section.general((1e5,) * 3 + (80.0, 100.0, 100.0), (1, 1, 1, 2e-3, 1e-3, 1e-3))
+    ends = ff.Ground(), ff.Marker("beam", "start")
+    model = _straight_beam().beam_model(section, 10, damping=0.01)
+    model.add(ff.Revolute("bearing", *ends, axis=AXIS), ff.PrescribedAngle("at", *ends, axis=AXIS))
+    whole = ff.find_modes(model, ff.ModeOptions(modes=4, quiet=True)).modes
+    sweep = ff.CampbellOptions(modes=4, spin=0.0, spin_end=1.0, speeds=2, quiet=True)
+    outcome = ff.sweep_spin(model, sweep)
+    assert outcome.status == "ok"
+    assert list(whole.frequencies > 1.0) == [True, True, False, False]
+    if outcome.history:
+        found = [outcome.history[f"mode_{k + 1}_frequency"][0] for k in range(4)]
+        np.testing.assert_allclose(found, whole.frequencies, rtol=1e-8, atol=1e-4)
 
 
 def _free_bar(damping):

@@ -75,6 +75,8 @@ def _elastic_modes(twin: System, dampings: Sequence[ModalDamping]) -> tuple[Floa
     asked = min(count + 6, freedoms)
     while True:
         solution = solve_pencil(pencil, asked, _MORE, 0.0, _ACCURACY)
+        if solution.failure:
+            raise ValueError(f"{owner}: {solution.failure}")
         elastic = np.flatnonzero(~solution.zero & (solution.values.imag > 0.0))
         zeros = len(solution.values) - len(elastic)
         if len(elastic) >= count or asked == freedoms or zeros + count <= asked:

@@ -12,7 +12,9 @@ from flexfem._types import BoolArray, FloatArray
 from flexfem.solvers.modal.pencil import Pencil
 from flexfem.solvers.modal.shifted_inverse import ShiftedInverse
 
-__all__ = ["ZERO", "ComplexArray", "Solution", "independent", "square_errors", "square_noise"]
+__all__ = [
+    "ZERO", "ComplexArray", "Solution", "independent", "moving", "square_errors", "square_noise",
+]  # fmt: skip
 
 ComplexArray = npt.NDArray[np.complex128]
 
@@ -29,6 +31,8 @@ _PART = 1e-3
 _DEPENDENT, _DEPENDENT_AT_ZERO = 1e-8, 1e-4
 #: Residual of zeros, relative to the largest eigenvalue, that is always too large.
 _NEAR_ZERO = 1e-6
+#: Square of the motion of a vector, relative to its states, that is round-off.
+_UNMOVED = 1e-20
 
 
 @dataclass(frozen=True)
@@ -47,6 +51,7 @@ class Solution:
         shift: shift of the inverted problem, 1/s.
         inert: True where every frequency is zero, of which no residual says that it is.
         still: (m, n) independent motions of frequency zero, orthonormal in the mass.
+        failure: reason why there are no eigenpairs at all, else empty.
     """
 
     values: ComplexArray
@@ -59,6 +64,16 @@ class Solution:
     shift: complex
     inert: bool
     still: ComplexArray
+    failure: str = ""
+
+    @classmethod
+    def failed(cls, pencil: Pencil, shift: complex, failure: str) -> "Solution":
+        """No eigenpairs, for a reason."""
+        none, vectors = np.empty(0), np.empty((0, pencil.linearization.unknowns), np.complex128)
+        return cls(
+            none.astype(np.complex128), vectors, none > 0.0, none, none, None, failure, shift,
+            pencil.inert, vectors, failure,
+        )  # fmt: skip
 
     @property
     def twins(self) -> int:
@@ -174,6 +189,21 @@ def square_noise(pencil: Pencil, vectors: ComplexArray) -> FloatArray:
     mass = _mass_norms(pencil, vectors) ** 2
     noise: FloatArray = np.finfo(float).eps * energy / np.where(mass > 0.0, mass, 1.0)
     return noise
+
+
+def moving(pencil: Pencil, vectors: ComplexArray) -> BoolArray:
+    """(k,) True for vectors (k, n) in which something moves (collective).
+
+    Eigenvectors of states that act on nothing, such as those of a measurement, are states alone.
+    """
+    lin, M = pencil.linearization, pencil.matrices.mass
+    if not lin.system.comm.allreduce(lin.states.count):
+        return np.ones(len(vectors), dtype=np.bool_)
+    own = float(M.getDiagonal().getArray().max(initial=0.0))
+    largest = max(lin.system.comm.allgather(own))
+    whole = lin.total(np.einsum("ki,ki->k", vectors.conj(), vectors)).real
+    found: BoolArray = _mass_norms(pencil, vectors) ** 2 > _UNMOVED * largest * whole
+    return found
 
 
 def independent(

@@ -29,6 +29,8 @@ _EQUAL = 1e-7
 _POWERS = 4
 #: The first motion with at least this share of the largest projection is taken.
 _LEADING = 0.5
+#: Distance from the target, relative to that of the last mode found, within which others crowd.
+_FAR = 10.0
 #: Eigenvalues computed beyond those requested, so that the last one is complete.
 _MORE = 3
 
@@ -55,6 +57,9 @@ class Modes:
         state_error: largest residual, of those that are neither zero nor doubtful, where the
             equilibrium is one step of Newton's method more accurate; None unless it was checked.
         unsettled: True if it is neither below the tolerance nor round-off.
+        failure: reason why there are no modes at all, else empty.
+        crowd: rate at which more motions decay than can be told apart, 1/s, where fewer modes were
+            found than requested and it is not far beyond them; else infinite.
     """
 
     linearization: Linearization
@@ -69,6 +74,8 @@ class Modes:
     zero_below: float
     state_error: float | None = None
     unsettled: bool = False
+    failure: str = ""
+    crowd: float = np.inf
 
     @property
     def frequencies(self) -> FloatArray:
@@ -150,12 +157,15 @@ def find(
     kept = np.array(shapes, dtype=np.complex128).reshape(len(shapes), linearization.unknowns)[order]
     worst = np.array(sources, dtype=np.int64)[order]  # of the members of each eigenvalue
     part = linearization.total(kept.conj() @ moved[:3].T)
+    reach = float(np.abs(np.array(found)[order] - 1j * target).max(initial=0.0)) or np.inf
+    crowd = pencil.overdamped_rate() if len(order) < count else np.inf
     modes = Modes(
         linearization, np.array(found)[order], kept, _times(pencil, kept), np.abs(part) ** 2,
         solution.residuals[worst], solution.doubtful(accuracy)[worst], solution.missing,
-        solution.uncounted, solution.zero_below,
+        solution.uncounted, solution.zero_below, failure=solution.failure,
+        crowd=crowd if abs(crowd + 1j * target) <= _FAR * reach else np.inf,
     )  # fmt: skip
-    if improve is None:
+    if improve is None or modes.failure:
         return modes
     first = slice(solution.pairs(count))
     settled = ~solution.zero[first] & ~solution.doubtful(accuracy)[first]

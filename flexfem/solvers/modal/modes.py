@@ -7,7 +7,8 @@ to zero, the end of the spectrum that is never used (Meerbergen, Spence 1997). S
 solved densely.
 """
 
-from contextlib import suppress
+from collections.abc import Iterator
+from contextlib import contextmanager, suppress
 from dataclasses import replace
 from typing import Any
 
@@ -25,6 +26,7 @@ from flexfem.solvers.modal.mode_errors import (
     ComplexArray,
     Solution,
     independent,
+    moving,
     square_errors,
     square_noise,
 )
@@ -49,6 +51,8 @@ _FINITE = 3e-3
 _PASSES, _TIGHTER, _FINEST = 4, 1e-2, 1e-15
 #: The next shift where nothing but zeros is found, and where the first one is singular.
 _LOWER, _HIGHER = 1e-2, 10.0
+#: Distance of the first shift from a target that may be an eigenvalue, relative.
+_BESIDE = 1e-7
 #: Double zeros relative to the square of the shift.
 _DOUBLE = 1e-12
 #: Number of modes beyond those of frequency zero, which show that these are complete.
@@ -72,25 +76,29 @@ def solve_pencil(
         more: number of eigenvalues beyond them.
         target: rad/s.
         accuracy: relative residual of the eigenvalues.
+
+    Returns:
+        The eigenpairs; none, and the reason, if the problem is singular wherever it was inverted.
     """
     size = pencil.linearization.sizes[1]
     dense = size <= _DENSE or (size <= _DENSE_FOR_MANY and 4 * (count + more) > size)
     shift, tolerance = _first_shift(pencil, target, dense), accuracy
     free: ComplexArray | None = None
+    sought, beside, failure = False, _BESIDE, ""
     found: list[tuple[int, int, Solution]] = []
     for k in range(_PASSES):
         limits = tolerance, _FIRST if k < _PASSES - 1 else _ITERATIONS
         try:
-            solution = _solve(pencil, count + more, shift, limits, dense)
-        except (SingularShiftError, np.linalg.LinAlgError):
+            solution = _solve(pencil, count + more, (shift, target), limits, dense)
+        except SingularShiftError as error:
             if found:
                 break
-            if k == _PASSES - 1:
-                raise
-            shift *= _HIGHER
+            failure, beside = str(error), _HIGHER * beside
+            shift = 1j * target * (1.0 + beside) if target > 0.0 else _HIGHER * shift
             continue
-        if free is None and pencil.quadratic and solution.zero.any():
+        if not sought and pencil.quadratic and solution.zero.any():
             free = _without_stiffness(pencil, int(solution.zero.sum()), accuracy, dense)
+            sought = True
         solution = _with_zeros(pencil, solution, free, count + more)
         first = solution.pairs(count)
         doubtful = solution.doubtful(accuracy)[:first]
@@ -107,28 +115,33 @@ def solve_pencil(
             tolerance = max(_TIGHTER * tolerance, _FINEST)
         if target == 0.0 and (doubtful.any() or lacking > 0):
             shift = complex(solution.scale(doubtful) or _LOWER * shift.real)
-    return min(found)[2]
+    return min(found)[2] if found else Solution.failed(pencil, shift, failure)
 
 
 def _first_shift(pencil: Pencil, target: float, dense: bool) -> complex:
     """Return the first shift: a little off the target, which may be an eigenvalue."""
     if target > 0.0:
-        return 1j * target * (1.0 + 1e-7)
+        return 1j * target * (1.0 + _BESIDE)
     return complex(max(pencil.shift, _DENSE_SHIFT * pencil.fastest if dense else 0.0))
 
 
 def _solve(
-    pencil: Pencil, count: int, shift: complex, limits: tuple[float, int], dense: bool
+    pencil: Pencil, count: int, at: tuple[complex, float], limits: tuple[float, int], dense: bool
 ) -> Solution:  # fmt: skip
-    """Eigenpairs by one factorisation (collective)."""
+    """Eigenpairs by one factorisation, at a shift near a target (collective).
+
+    Raises:
+        SingularShiftError: on all ranks.
+    """
+    shift, target = at
     if dense:
         inverse, values, vectors = _solve_densely(pencil, abs(shift))
     elif pencil.quadratic:
         inverse, values, vectors = _solve_quadratic(pencil, 2 * count, shift, limits)
     else:
         inverse, values, vectors = _solve_linear(pencil, count, shift, limits)
-    keep = np.flatnonzero(values.imag >= 0.0)
-    distance = np.abs(values[keep] - 1j * shift.imag)
+    keep = np.flatnonzero((values.imag >= 0.0) & moving(pencil, vectors))
+    distance = np.abs(values[keep] - 1j * target)
     # zeros may be there twice
     most = 2 * count if pencil.quadratic else count
     order = keep[np.argsort(distance, kind="stable")][:most]
@@ -159,7 +172,7 @@ def _with_zeros(
     """
     vectors = solution.vectors[solution.zero]
     if free is not None:
-        vectors = np.concatenate([free, vectors])
+        vectors = np.concatenate([free[moving(pencil, free)], vectors])
     whole = replace(solution, still=independent(pencil, vectors, real=True, zero=True))
     own = slice(whole.pairs(count))
     return replace(
@@ -184,13 +197,25 @@ def _without_stiffness(
         depend on no state, and too large for dense matrices.
     """
     undamped = pencil.undamped()
-    with suppress(SingularShiftError, np.linalg.LinAlgError):
-        while undamped.symmetric:
-            solution = solve_pencil(undamped, count, _BEYOND, 0.0, accuracy)
-            if not solution.zero.all() or len(solution.values) < count + _BEYOND:
-                return solution.vectors[solution.zero]
-            count *= 2
-    return _dense_null_space(pencil) if dense else None
+    while undamped.symmetric:
+        solution = solve_pencil(undamped, count, _BEYOND, 0.0, accuracy)
+        if solution.failure:
+            break
+        if not solution.zero.all() or len(solution.values) < count + _BEYOND:
+            return solution.vectors[solution.zero]
+        count *= 2
+    with suppress(SingularShiftError):
+        return _dense_null_space(pencil) if dense else None
+    return None
+
+
+@contextmanager
+def _dense_factors(shift: float) -> Iterator[None]:
+    """Raise the error of factors where numpy finds none at a shift."""
+    try:
+        yield
+    except np.linalg.LinAlgError as error:
+        raise SingularShiftError.at(shift) from error
 
 
 def _dense_null_space(pencil: Pencil) -> ComplexArray:
@@ -198,8 +223,9 @@ def _dense_null_space(pencil: Pencil) -> ComplexArray:
     K, C, M, nodal = _gathered(pencil)
     shift = _DENSE_SHIFT * pencil.fastest
     first = shift * C + shift**2 * M
-    back = (np.linalg.inv(K + first) @ first)[np.ix_(nodal, nodal)]
-    _, sizes, rows = np.linalg.svd(np.eye(len(back)) - back)
+    with _dense_factors(shift):
+        back = (np.linalg.inv(K + first) @ first)[np.ix_(nodal, nodal)]
+        _, sizes, rows = np.linalg.svd(np.eye(len(back)) - back)
     return _owned(pencil, rows[sizes <= _DOUBLE * max(sizes.max(initial=0.0), 1.0)])
 
 
@@ -365,10 +391,11 @@ def _proper(
 def _solve_densely(pencil: Pencil, shift: float) -> _Found:
     """All finite eigenvalues by the same inverses, the same on every rank."""
     K, C, M, nodal = _gathered(pencil)
-    if pencil.quadratic:
-        values, reduced = _dense_quadratic(K, C, M, nodal, shift, pencil.fastest)
-    else:
-        values, reduced = _dense_linear(K, M, nodal, shift, pencil.fastest)
+    with _dense_factors(shift):
+        if pencil.quadratic:
+            values, reduced = _dense_quadratic(K, C, M, nodal, shift, pencil.fastest)
+        else:
+            values, reduced = _dense_linear(K, M, nodal, shift, pencil.fastest)
     return ShiftedInverse(pencil, complex(shift)), values, _owned(pencil, reduced.T)
 
 

@@ -76,6 +76,21 @@ class Pencil:
             self, matrices=matrices, damped=False, symmetric=symmetric, gyroscopic=False
         )  # fmt: skip
 
+    def overdamped_rate(self) -> float:
+        """Least rate, 1/s, at which stiff motions decay without oscillation (collective).
+
+        Damping proportional to stiffness gathers them at one rate, where they are as many as the
+        mesh has unknowns, too near to one another to be told apart. Infinite if there are none.
+        """
+        lin, given = self.linearization, self.matrices
+        k, c, m = (
+            mat.getDiagonal().getArray()[: lin.unknowns]
+            for mat in (given.stiffness, given.damping, given.mass)
+        )
+        over = (m > 0.0) & (k > 0.0) & (c > 0.0) & (c**2 > 4.0 * k * m)
+        own = float(np.min(k[over] / c[over], initial=np.inf))
+        return float(min(lin.system.comm.allgather(own)))
+
     @property
     def shift(self) -> float:
         """Distance from zero at which the problem is inverted first, 1/s."""

@@ -6,7 +6,7 @@ A shift off the real axis makes P complex. With real matrices it is factorised a
 Comput. 23 (2001) 480-498).
 """
 
-from typing import Any
+from typing import Any, Self
 
 from petsc4py import PETSc
 
@@ -21,6 +21,11 @@ __all__ = ["ShiftedInverse", "SingularShiftError", "real_form"]
 
 class SingularShiftError(Exception):
     """A matrix has no factors at a shift: it is an eigenvalue, or rounding makes it one."""
+
+    @classmethod
+    def at(cls, shift: complex) -> Self:
+        """The error at a shift, 1/s."""
+        return cls(f"the linearised equations are singular at the shift {abs(shift):.3g} 1/s")
 
 
 def real_form(real: PETSc.Mat, imaginary: PETSc.Mat, factor: float) -> PETSc.Mat:
@@ -58,7 +63,7 @@ class ShiftedInverse:
         matrix = self._matrix()
         self._solver = DirectSolver(matrix, "modes_")
         if not self._solver.factor(matrix):
-            raise SingularShiftError(f"the linearised equations are singular at {shift:.3g} 1/s")
+            raise SingularShiftError.at(shift)
         self._b, self._z = matrix.createVecs()
 
     def _matrix(self) -> PETSc.Mat:
