@@ -284,6 +284,34 @@ def _free_bars(lengths):
     return model
 
 
+@pytest.mark.three_ranks
+@pytest.mark.parametrize(("damping", "dense"), [(0.0, 100), (1e-5, 0), (0.0, 1000)])
+def test_free_bars_beside_one_under_a_load_that_follows_it_have_all_their_modes(
+    damping, dense, monkeypatch
+):
+    """No count tells of lost ones: the stiffness is not symmetric."""
+    from flexfem.solvers.modal import modes as solver
+
+    monkeypatch.setattr(solver, "_DENSE_FOR_MANY", 0)
+    monkeypatch.setattr(solver, "_DENSE", dense)
+    steel = ff.Material(youngs_modulus=2e11, poisson_ratio=0.3, density=7800.0)
+    alone, beside = (
+        ff.Model(mesh=ff.LineMesh.straight(lines, 8))
+        for lines in ({"a": [(0, 0, 0), (1, 0, 0)]},
+                      {"a": [(0, 0, 0), (1, 0, 0)], "b": [(0, 3, 0), (1.3, 3, 0)]})
+    )  # fmt: skip
+    for model, names in ((alone, "a"), (beside, "ab")):
+        section = ff.Section.rectangle(0.02, 0.03, steel)
+        model.add(*(ff.Beam(name, section, damping=damping) for name in names))
+        model.add(ff.Rigid("clamp", ff.Ground(), ff.Marker("a", "start")))
+        model.add(ff.PointForce("push", ff.Marker("a", "end"), (-200.0, 0, 0), follower=True))
+    lowest = ff.find_modes(alone, ff.ModeOptions(modes=2, quiet=True)).modes.eigenvalues
+    found = ff.find_modes(beside, ff.ModeOptions(modes=10, split_above=1, quiet=True))
+    assert found.status == "ok"
+    assert not found.modes.eigenvalues[:6].any()
+    np.testing.assert_allclose(found.modes.eigenvalues[6:8], lowest, rtol=1e-6, atol=1e-6)
+
+
 @pytest.mark.serial
 def test_nothing_but_free_motions():
     """They are round-off where anything is stiff, and told where nothing is, whatever the mass."""

@@ -20,6 +20,7 @@ import numpy.typing as npt
 
 from flexfem._types import BoolArray, FloatArray
 from flexfem.la.dense import gather_rows
+from flexfem.solvers.modal.linearization import Linearization
 from flexfem.solvers.modal.mode_count import missing_modes
 from flexfem.solvers.modal.mode_errors import (
     ZERO,
@@ -57,6 +58,12 @@ _BESIDE = 1e-7
 _DOUBLE = 1e-12
 #: Number of modes beyond those of frequency zero, which show that these are complete.
 _BEYOND = 3
+#: Shift relative to the slowest mode, and how often it is applied until free motions are left.
+_SLOWER, _POWERS = 0.1, 8
+#: Parts of a vector that are not given back: of one that is free, and of others.
+_GIVEN_BACK, _OTHERS = 1e-2, 0.5
+#: Part of a vector beyond a basis that is no round-off.
+_NEW = 1e-12
 #: Squared norm of a vector, relative to the largest, that counts as zero.
 _CONJUGATE = 1e-12
 
@@ -97,7 +104,7 @@ def solve_pencil(
             shift = 1j * target * (1.0 + beside) if target > 0.0 else _HIGHER * shift
             continue
         if not sought and pencil.quadratic and solution.zero.any():
-            free = _without_stiffness(pencil, int(solution.zero.sum()), accuracy, dense)
+            free = _without_stiffness(pencil, solution, accuracy)
             sought = True
         solution = _with_zeros(pencil, solution, free, count + more)
         first = solution.pairs(count)
@@ -181,32 +188,82 @@ def _with_zeros(
     )  # fmt: skip
 
 
-def _without_stiffness(
-    pencil: Pencil, count: int, accuracy: float, dense: bool
-) -> ComplexArray | None:  # fmt: skip
-    """Motions (m, n) of frequency zero by the problem without its term in lambda (collective).
+def _without_stiffness(pencil: Pencil, solution: Solution, accuracy: float) -> ComplexArray | None:
+    """Motions (m, n) of frequency zero, without the term in lambda if that can be (collective).
+
+    Args:
+        pencil: the problem.
+        solution: its eigenpairs, some of them zero.
+        accuracy: relative residual of the eigenvalues.
+
+    Returns:
+        The motions, None if they cannot be found apart from the eigenpairs.
+    """
+    count = int(solution.zero.sum())
+    undamped = pencil.undamped()
+    while undamped.symmetric:
+        still = solve_pencil(undamped, count, _BEYOND, 0.0, accuracy)
+        if still.failure:  # as where rates of states depend on no state
+            break
+        if not still.zero.all() or len(still.values) < count + _BEYOND:
+            return still.vectors[still.zero]
+        count *= 2
+    slowest = np.abs(solution.values).min(initial=np.inf, where=~solution.zero)
+    with suppress(SingularShiftError):
+        return _null_space(pencil, count, min(pencil.shift, _SLOWER * float(slowest)))
+    return None
+
+
+def _null_space(pencil: Pencil, count: int, shift: float) -> ComplexArray:
+    """Motions and states (m, n) that the inverse gives back: no force resists them (collective).
+
+    ``(K + sigma C + sigma^2 M)^-1 (sigma C + sigma^2 M)`` leaves those that K does not resist as
+    they are, and nearly nothing of others if sigma is far below their eigenvalues. A block of
+    vectors, of which some are others, finds how many there are. Eigenvectors do not: an iteration
+    from one vector sees multiple zeros by rounding alone.
 
     Args:
         pencil: the problem.
         count: expected number of them.
-        accuracy: relative residual of the eigenvalues.
-        dense: True for a problem that every rank solves.
+        shift: sigma, 1/s.
 
-    Returns:
-        The motions, None if that problem is not symmetric, or singular as where rates of states
-        depend on no state, and too large for dense matrices.
+    Raises:
+        SingularShiftError: on all ranks.
     """
-    undamped = pencil.undamped()
-    while undamped.symmetric:
-        solution = solve_pencil(undamped, count, _BEYOND, 0.0, accuracy)
-        if solution.failure:
-            break
-        if not solution.zero.all() or len(solution.values) < count + _BEYOND:
-            return solution.vectors[solution.zero]
-        count *= 2
-    with suppress(SingularShiftError):
-        return _dense_null_space(pencil) if dense else None
-    return None
+    lin, given, inverse = pencil.linearization, pencil.matrices, ShiftedInverse(pencil, shift)
+
+    def back(vectors: FloatArray) -> FloatArray:
+        forces = [
+            shift * inverse.times(given.damping, u) + shift**2 * inverse.times(given.mass, u)
+            for u in vectors
+        ]
+        return np.array([inverse.solve(force) for force in forces]).reshape(vectors.shape)
+
+    width, random = count + _BEYOND, np.random.default_rng(lin.system.comm.rank)
+    while True:
+        block = random.normal(size=(width, lin.unknowns))
+        for _ in range(_POWERS):
+            block = _orthonormal(lin, back(block))
+        kept = lin.total(back(block) @ block.T)
+        with _dense_factors(shift):
+            turn, sizes, _ = np.linalg.svd(np.eye(len(kept)) - kept)
+        if len(block) < width or np.sum(sizes > _OTHERS) >= _BEYOND:
+            return (turn[:, sizes <= _GIVEN_BACK].T @ block).astype(np.complex128)
+        width *= 2
+
+
+def _orthonormal(lin: Linearization, vectors: FloatArray) -> FloatArray:
+    """Orthonormal basis (k, n) of vectors (m, n), one after the other (collective)."""
+    basis = np.empty((0, lin.unknowns))
+    for given in vectors:
+        u = given - lin.total(basis @ given) @ basis
+        u -= (
+            lin.total(basis @ u) @ basis
+        )  # what the first leaves is round-off of what it takes away
+        size, rest = np.sqrt(lin.total(np.array([given @ given, u @ u])))
+        if rest > _NEW * size:
+            basis = np.concatenate([basis, u[np.newaxis] / rest])
+    return basis
 
 
 @contextmanager
@@ -216,17 +273,6 @@ def _dense_factors(shift: float) -> Iterator[None]:
         yield
     except np.linalg.LinAlgError as error:
         raise SingularShiftError.at(shift) from error
-
-
-def _dense_null_space(pencil: Pencil) -> ComplexArray:
-    """Motions and states (m, n) that the inverse at a shift gives back: no force resists them."""
-    K, C, M, nodal = _gathered(pencil)
-    shift = _DENSE_SHIFT * pencil.fastest
-    first = shift * C + shift**2 * M
-    with _dense_factors(shift):
-        back = (np.linalg.inv(K + first) @ first)[np.ix_(nodal, nodal)]
-        _, sizes, rows = np.linalg.svd(np.eye(len(back)) - back)
-    return _owned(pencil, rows[sizes <= _DOUBLE * max(sizes.max(initial=0.0), 1.0)])
 
 
 def _roots(squares: npt.NDArray[Any]) -> ComplexArray:
