@@ -110,7 +110,8 @@ def linearize(
     status = point.settle(options.spin)
     outputs = output_names(model)
     if status is not Status.OK:
-        return _nothing(outputs, with_hint(point.failure(status), modes_hint(status, options.spin)))
+        hint = modes_hint(status, options.spin, bool(point.system.contacts))
+        return _nothing(outputs, with_hint(point.failure(status), hint))
     shapes, reason, error = None, "ok", None
     if options.modes > 0:
         found = settled_modes(point, options.modes, 0.0, _ACCURACY)

@@ -197,7 +197,8 @@ def _reason(
     if found is None:
         what = "steady rotation" if options.spin else "equilibrium"
         text = f"{point.failure(status)} in the search for the {what}"
-        return with_hint(text, modes_hint(status, options.spin))
+        hint = modes_hint(status, options.spin, bool(point.system.contacts))
+        return with_hint(text, hint)
     return doubts(found, options.modes, options.accuracy)
 
 

@@ -120,6 +120,41 @@ def test_sheet_on_a_barrier_bounces_on_its_curvature():
         assert squares == pytest.approx(3 * [6.0 * k * (1.0 - q) / q**4 / 3.0], rel=1e-7)
 
 
+@pytest.mark.serial
+def test_what_contact_alone_holds_has_modes_where_it_touches(shared_tmp_path):
+    """A damped ball on a guide falls onto a plane; its slope is that of heights of two weights."""
+    heights, states = [], []
+    for gravity in (10.0, 10.001):
+        model = ff.Model("ball")
+        ball = ff.RigidBody("ball", 1.0, (1, 1, 1), position=(0, 0, 0.1001), shape=ff.Sphere(0.1))
+        ends = ff.Ground((0, 0, 5.0)), ff.Marker("ball")
+        model.add(
+            ball, ff.Gravity((0.0, 0.0, -gravity)),
+            ff.Prismatic("guide", ff.Ground((0, 0, 0.1001)), ends[1], axis=(0, 0, 1)),
+            ff.SpringDamper("dashpot", *ends, stiffness=0.0, damping=300.0),
+            ff.Contact("floor", surfaces=ff.RigidPlane(ff.Ground()), stiffness=1e5),
+            ff.Probe("at", ff.Marker("ball"), ("z",), lambda t, s: s.position[2:]),
+        )  # fmt: skip
+        folder = shared_tmp_path / f"motion_{gravity}"
+        folder.mkdir(exist_ok=True)
+        file, history = checkpoint(model, folder, 200, 1e-3)
+        heights.append(history["z"][-1] if history else 0.0)
+        states.append(file)
+    # the search has no direction where nothing touches
+    apart = ff.find_modes(model, ff.ModeOptions(modes=1, start="equilibrium", quiet=True))
+    assert apart.status.endswith(
+        "; contact holds bodies that touch: give state, a checkpoint where they do"
+    )
+    assert_on_page(apart.status)
+    options = ff.ModeOptions(modes=1, state=states[1], start="equilibrium", quiet=True)
+    found = ff.find_modes(model, options)
+    assert found.status == "ok"
+    stiffness = 1e-3 / (heights[0] - heights[1])
+    # of first order in the change of the weight
+    assert abs(found.modes.eigenvalues[0]) ** 2 == pytest.approx(stiffness, rel=1e-3)
+    assert found.modes.eigenvalues[0].real == pytest.approx(-150.0, rel=1e-8)
+
+
 def test_errors_of_equilibria_are_found_and_mended(monkeypatch):
     """A blade that spins and sags: frequencies about a state found too roughly are off."""
     from flexfem.simulation import modes

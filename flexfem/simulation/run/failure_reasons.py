@@ -95,15 +95,21 @@ def with_hint(reason: str, hint: str | None) -> str:
     return f"{reason}; {hint}" if hint else reason
 
 
-def modes_hint(status: Status, spin: float) -> str:
+def modes_hint(status: Status, spin: float, touching: bool = False) -> str:
     """Return advice if the state about which modes are requested was not found.
 
     Args:
         status: reason of the failure.
         spin: speed of the steady rotation, rad/s; only without one there is a choice of states.
+        touching: True if there is contact, which may hold what nothing else does.
     """
     if status is Status.SINGULAR:
-        return "check for bodies without mass and for motions without stiffness"
+        text = "check for bodies without mass and for motions without stiffness"
+        if touching:
+            return (
+                f"{text}; contact holds bodies that touch: give state, a checkpoint where they do"
+            )
+        return text
     loads = "run the analysis statics to find how far its loads can grow"
     if spin:
         return f"reduce spin to find how fast the model can rotate, or {loads}"
