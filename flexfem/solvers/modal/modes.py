@@ -17,6 +17,7 @@ from slepc4py import SLEPc
 
 import numpy as np
 import numpy.typing as npt
+import scipy.linalg
 
 from flexfem._types import BoolArray, FloatArray
 from flexfem.la.dense import gather_rows
@@ -436,22 +437,26 @@ def _proper(
 
 def _solve_densely(pencil: Pencil, shift: float) -> _Found:
     """All finite eigenvalues by the same inverses, the same on every rank."""
-    K, C, M, nodal = _gathered(pencil)
+    K, C, M, nodal, rigid = _gathered(pencil)
     with _dense_factors(shift):
         if pencil.quadratic:
-            values, reduced = _dense_quadratic(K, C, M, nodal, shift, pencil.fastest)
+            free = scipy.linalg.null_space(K[np.ix_(rigid, nodal)])
+            values, reduced = _dense_quadratic(K, C, M, nodal, free, shift, pencil.fastest)
         else:
             values, reduced = _dense_linear(K, M, nodal, shift, pencil.fastest)
     return ShiftedInverse(pencil, complex(shift)), values, _owned(pencil, reduced.T)
 
 
-def _gathered(pencil: Pencil) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray]:
-    """K, C and M on every rank, and True for unknowns, not for multipliers (collective)."""
+def _gathered(
+    pencil: Pencil,
+) -> tuple[FloatArray, FloatArray, FloatArray, BoolArray, BoolArray]:
+    """K, C and M on every rank, and True for unknowns, and for rigid rows (collective)."""
     lin, given = pencil.linearization, pencil.matrices
     K, C, M = (gather_rows(mat) for mat in (given.stiffness, given.damping, given.mass))
-    kinds = np.zeros(lin.size, dtype=np.int64)
-    kinds[lin.unknowns :] = 1
-    return K, C, M, np.concatenate(lin.system.comm.allgather(kinds)) == 0
+    nodal = np.arange(lin.size) < lin.unknowns
+    comm = lin.system.comm
+    every, rigid = (np.concatenate(comm.allgather(x)) for x in (nodal, lin.rigid_rows() > 0.0))
+    return K, C, M, every, rigid
 
 
 def _owned(pencil: Pencil, vectors: npt.NDArray[Any]) -> ComplexArray:
@@ -480,15 +485,19 @@ def _dense_linear(
 
 
 def _dense_quadratic(
-    K: FloatArray, C: FloatArray, M: FloatArray, nodal: BoolArray, unit: float, fastest: float
-) -> tuple[ComplexArray, ComplexArray]:
-    """Finite eigenvalues and vectors (n, k) of the quadratic problem, see :class:`_Inverse`."""
-    n = int(nodal.sum())
-    mass, first = unit * unit * M, unit * C + unit * unit * M
-    inverse = np.linalg.inv(K + first)[nodal]
-    by_u, by_w = -inverse @ first[:, nodal], -inverse @ mass[:, nodal]
-    found, vectors = np.linalg.eig(np.block([[by_u, by_w], [by_u + np.eye(n), by_w]]))
-    # eigenvalues of constraints come in defective pairs, which round-off moves by its root
+    K: FloatArray, C: FloatArray, M: FloatArray, nodal: BoolArray, free: FloatArray, unit: float,
+    fastest: float,
+) -> tuple[ComplexArray, ComplexArray]:  # fmt: skip
+    """Finite eigenvalues and vectors (n, k) of the quadratic problem, see :class:`_Companion`.
+
+    Of the free motions (n, m) alone: the others have zeros in defective pairs, which are round-off,
+    and may spoil the vectors of all.
+    """
+    mass, first, count = unit * unit * M, unit * C + unit * unit * M, free.shape[1]
+    inverse = free.T @ np.linalg.inv(K + first)[nodal]
+    by_u, by_w = -inverse @ first[:, nodal] @ free, -inverse @ mass[:, nodal] @ free
+    found, vectors = np.linalg.eig(np.block([[by_u, by_w], [by_u + np.eye(count), by_w]]))
+    # motions without mass have such pairs, too, which round-off moves by its root
     finite = np.abs(found) * fastest > 1e-3 * unit
     values = (unit * (1.0 + 1.0 / found[finite])).astype(np.complex128)
-    return values, vectors[:n, finite].astype(np.complex128)
+    return values, (free @ vectors[:count, finite]).astype(np.complex128)
