@@ -8,6 +8,7 @@ masses is the diagonal (Wathen, IMA J. Numer. Anal. 7 (1987) 449-457).
 
 from collections.abc import Callable
 from functools import partial
+from math import isfinite
 
 from petsc4py import PETSc
 
@@ -59,8 +60,9 @@ class KrylovFactor:
 
     Symmetric matrices are solved by conjugate gradients, and by GMRES if these find that a matrix
     is not positive definite; others by GMRES. A solve that does not converge leaves NaN as its
-    solution, and counts: no caller can take it for one. The hierarchy of one matrix serves the next
-    ones, see :meth:`take`.
+    solution, and counts: no caller can take it for one. So does every solve with a matrix that is
+    not finite, as that of a trial state with cells turned inside out is. The hierarchy of one
+    matrix serves the next ones, see :meth:`take`.
 
     Attributes:
         size: rows of this rank.
@@ -87,16 +89,21 @@ class KrylovFactor:
         self._tolerance = tolerance if motions is not None else min(tolerance, _MASSES)
         self._counts = counts
         self._expected = self._taken = 0
+        self._ksp: PETSc.KSP | None = None
+        self._symmetric = False
         self._read(matrix, motions, held)
-        self._renew()
+        if self._finite:
+            self._renew()
 
     def _read(self, matrix: PETSc.Mat, motions: FloatArray | None, held: BoolArray | None) -> None:
         """Take a matrix (collective)."""
         self._matrix, self._motions, self._held = matrix, motions, held
         if held is not None:
             _level(matrix, held)
-        self._symmetric = _is_symmetric(matrix)
         self._transposed: KrylovFactor | None = None
+        self._finite, symmetric = _properties(matrix)
+        if self._finite:
+            self._symmetric = symmetric
 
     def take(self, matrix: PETSc.Mat, motions: FloatArray | None, held: BoolArray | None) -> None:
         """Solve with another matrix like the last one, arguments as at the start (collective).
@@ -106,7 +113,10 @@ class KrylovFactor:
         """
         symmetric = self._symmetric
         self._read(matrix, motions, held)
-        if self._taken > _SLOW * self._expected or self._symmetric != symmetric:
+        if not self._finite:
+            return
+        slow = self._taken > _SLOW * self._expected
+        if self._ksp is None or slow or self._symmetric != symmetric:
             self._renew()
             return
         self._old, self._taken = True, 0
@@ -186,8 +196,9 @@ class KrylovFactor:
     def _solve(self, accuracy: float, rhs: PETSc.Vec, solution: PETSc.Vec) -> None:
         """Solve (collective unless the matrix is this rank's alone)."""
         self._counts.solves += 1
-        while not self._converges(accuracy, rhs, solution):
-            if not self._improved():
+        self._iterated = 0
+        while not (self._finite and self._converges(accuracy, rhs, solution)):
+            if not (self._finite and self._improved()):
                 self._counts.failed += 1
                 solution.set(np.nan)
                 return
@@ -196,23 +207,37 @@ class KrylovFactor:
         """Change what may help a solve to converge; False if nothing does (collective)."""
         if self._old:
             self._renew()
+            self._iterated = 0
             return True
-        slow = self._ksp.getConvergedReason() == PETSc.KSP.ConvergedReason.DIVERGED_MAX_IT
-        if slow or self._ksp.getType() != PETSc.KSP.Type.CG:
+        ksp, reasons = self._ksp, PETSc.KSP.ConvergedReason
+        assert ksp is not None
+        reason = ksp.getConvergedReason()
+        if ksp.getType() != PETSc.KSP.Type.CG:
+            # PETSc's GMRES ends at a restart if rounding has moved its residual by a tenth of what
+            # it was at the last one, and may be anywhere then: it goes on from its solution
+            goes_on = reason == reasons.DIVERGED_BREAKDOWN and ksp.getIterationNumber() > 0
+            ksp.setInitialGuessNonzero(True)
+            return bool(goes_on and self._iterated < _MOST)
+        if reason == reasons.DIVERGED_MAX_IT:
             return False
-        self._ksp.setType(PETSc.KSP.Type.GMRES)  # the matrix is not positive definite
-        self._ksp.setGMRESRestart(_RESTART)
+        ksp.setType(PETSc.KSP.Type.GMRES)  # the matrix is not positive definite
+        ksp.setGMRESRestart(_RESTART)
+        self._iterated = 0
         return True
 
     def _converges(self, accuracy: float, rhs: PETSc.Vec, solution: PETSc.Vec) -> bool:
-        self._ksp.setTolerances(rtol=accuracy)
-        self._ksp.solve(rhs, solution)
-        taken = self._ksp.getIterationNumber()
+        ksp = self._ksp
+        assert ksp is not None
+        ksp.setTolerances(rtol=accuracy, max_it=_MOST - self._iterated)
+        ksp.solve(rhs, solution)
+        ksp.setInitialGuessNonzero(False)
+        taken = ksp.getIterationNumber()
         self._counts.iterations += taken
-        self._taken = max(self._taken, taken)
+        self._iterated += taken
+        self._taken = max(self._taken, self._iterated)
         if not self._old:
             self._expected = self._taken
-        return bool(self._ksp.getConvergedReason() > 0)
+        return bool(ksp.getConvergedReason() > 0)
 
     def multiplier(self, vector: FloatArray, product: FloatArray) -> Callable[[], None]:
         """Refuse: the matrix is not ``kept``."""
@@ -237,8 +262,8 @@ def _level(matrix: PETSc.Mat, held: BoolArray) -> None:
     matrix.setDiagonal(diagonal)
 
 
-def _is_symmetric(matrix: PETSc.Mat) -> bool:
-    """True if a matrix is symmetric, found by products of two vectors (collective)."""
+def _properties(matrix: PETSc.Mat) -> tuple[bool, bool]:
+    """True if a matrix is finite, and if it is symmetric, by products of vectors (collective)."""
     x, y = matrix.createVecs()
     first, last = x.getOwnershipRange()
     own = np.arange(first, last, dtype=np.float64)
@@ -247,7 +272,8 @@ def _is_symmetric(matrix: PETSc.Mat) -> bool:
     Ax, Ay = y.duplicate(), y.duplicate()
     matrix.mult(x, Ax)
     matrix.mult(y, Ay)
-    return bool(abs(y.dot(Ax) - x.dot(Ay)) <= _SYMMETRIC * y.norm() * Ax.norm())
+    size = y.norm() * Ax.norm()
+    return isfinite(size), bool(abs(y.dot(Ax) - x.dot(Ay)) <= _SYMMETRIC * size)
 
 
 def _orthonormal(matrix: PETSc.Mat, motions: FloatArray) -> list[PETSc.Vec]:

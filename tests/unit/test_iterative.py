@@ -126,6 +126,26 @@ def test_solves_without_convergence_leave_no_solution() -> None:
     assert counts.failed == 1
 
 
+@pytest.mark.serial
+@pytest.mark.parametrize("first", [np.nan, 1.0])
+def test_matrices_that_are_not_finite_fail_and_the_next_ones_are_solved(first: float) -> None:
+    n, counts, factor = 30, SolveCounts(), None
+    right, found = np.arange(1.0, n + 1.0), np.zeros(n)
+    for value in (first, np.inf, 2.0):
+        matrix = PETSc.Mat().createDense(
+            (n, n), array=np.diag(np.full(n, value)), comm=PETSc.COMM_SELF
+        )
+        matrix = matrix.convert("aij", PETSc.Mat())
+        motions = np.tile(np.eye(3), n // 3)
+        if factor is None:
+            factor = KrylovFactor(matrix, motions, None, 1e-12, counts)
+        else:
+            factor.take(matrix, motions, None)
+        factor.solver(right, found)()
+        np.testing.assert_allclose(found, right / value if np.isfinite(value) else np.nan)
+    assert (counts.solves, counts.failed) == (3, 2 if np.isnan(first) else 1)
+
+
 def test_runs_end_where_solves_do_not_converge(monkeypatch: pytest.MonkeyPatch) -> None:
     solve = KrylovFactor._converges
 
