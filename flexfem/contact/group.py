@@ -62,12 +62,15 @@ class ContactGroup:
 
     @property
     def forces(self) -> FloatArray:
-        """Force on the slaves (3,) and sum of the sizes of normal forces, N, of this rank: (4,)."""
+        """Force on the slaves (3,) and sum of the sizes of normal forces, N, of this rank: (4,).
+
+        Of the accepted state; friction and damping are those that have acted at the end of the
+        last step: the next one begins with others, on the contacts that are closed then.
+        """
         signs = [one.sign for one in self.passes] + [1.0] * len(self.rigid)
         total = np.zeros(4)
         for sign, made in zip(signs, self.every, strict=True):
             normal = made.forces
             total[3] += np.linalg.norm(normal, axis=1).sum()
-            friction = made.closed.forces
-            total[:3] += sign * (normal.sum(0) - friction.sum(0))
+            total[:3] += sign * (normal.sum(0) - made.closed.acted)
         return total

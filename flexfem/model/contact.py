@@ -316,7 +316,8 @@ class ContactProbe(AnyProbe):
     Columns: name_gap, the least one between surfaces, m, or the gap below which they repel if none
     is smaller; name_penetration, the largest one, m; name_fx, name_fy, name_fz, the force on the
     ``bodies`` that have nodes, N; name_normal, the sum of the sizes of all normal forces, N;
-    name_closed, the number of touching points, those of both passes.
+    name_closed, the number of touching points, those of both passes. Forces of the penalty are
+    those at the end of the last step, friction that which has acted there.
 
     Attributes:
         name: Unique name in the model.

@@ -93,6 +93,24 @@ def test_tangents_are_the_derivative_of_the_forces():
     assert check_tangents(simulation.system)[0] > 0.0
 
 
+def test_recorded_friction_is_what_acts_on_nodes_that_bounce():
+    """A sheet that slides and touches in every fourth step or so, each time for two or three."""
+    model = ff.Model("bounce", surface=sheet("up", 6, 0.2, (0.0, 0.0, 5.1e-4)))
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)), ff.Shell("up", SECTION, velocity=(1.0, 0.0, 0.0)),
+        ff.Contact("floor", "up", surfaces=ff.RigidPlane(ff.Ground()), friction=0.3),
+        ff.MomentumProbe("momentum"), ff.ContactProbe("touch", "floor"),
+    )  # fmt: skip
+    _, history = moved(model, 100, dt=1e-3, tolerance=1e-9, rho_inf=1.0)
+    if MPI.COMM_WORLD.rank:
+        return
+    assert 0.1 < np.mean(history["touch_closed"] > 0.0) < 0.6
+    given = history["momentum_px"] - history["momentum_px"][0]
+    assert given[-1] < -0.2 * history["momentum_px"][0]
+    # forces that the normal force of the same instant limits are less than half of it
+    np.testing.assert_allclose(1e-3 * history["touch_fx"].sum(), given[-1], rtol=1e-6)
+
+
 def test_impact_keeps_the_momenta_and_loses_what_is_reported():
     _, history = moved(impact(stiffness=1e6), 40, tolerance=1e-11)
     if MPI.COMM_WORLD.rank:

@@ -66,6 +66,8 @@ class ClosedContacts:
         origins: Number of the contact of the step before that gave each its tangential force, -1
             for none, shape (c,).
         lost: Energy dissipated in all accepted steps, J.
+        acted: Sum of the forces at the end of the step before, on the contacts of its start, also
+            of those that have opened in it, shape (3,), newtons.
     """
 
     law: ContactLaw
@@ -80,13 +82,14 @@ class ClosedContacts:
     origins: IntArray = field(init=False)
     slips: FloatArray = field(init=False)
     numbers: FloatArray = field(init=False)
+    acted: FloatArray = field(init=False)
 
     def __post_init__(self) -> None:
         """Allocate forces and tangents."""
         count = len(self.slaves)
         self.forces, self.tangents = np.zeros((count, 3)), np.zeros((count, 3, 3))
         self.origins = np.full(count, -1)
-        self.slips = np.zeros((count, 3))
+        self.slips, self.acted = np.zeros((count, 3)), np.zeros(3)
         self.numbers = np.array([self.law.friction, self._stick, 0.0])
 
     @classmethod
@@ -133,7 +136,7 @@ class ClosedContacts:
             before = float(0.5 * ((tangential**2).sum(1) / sticking).sum())
         made = ClosedContacts(self.law, slaves, normals, pushes, pulls, stiffness, lost)
         made.lost += before - made.stored
-        made.origins = origins
+        made.origins, made.acted = origins, self.forces.sum(axis=0)
         return made
 
     def packed(self, count: int, extra: FloatArray) -> FloatArray:
