@@ -17,8 +17,6 @@ from collections.abc import Callable, Sequence
 from functools import partial
 from typing import ClassVar
 
-from mpi4py import MPI
-
 import numpy as np
 
 from flexfem._checks import InputError
@@ -230,10 +228,7 @@ class _Step:
         system = self._system
         self._motions.to_steps(motion)
         moved = move_apart(system, lambda: END_POINT.move(system, 1.0))
-        settled = moved.part == 1.0
-        if settled and system.contacts:
-            settled = system.comm.allreduce(moved.unsettled, op=MPI.MAX) <= 1.0
-        return moved.part, settled
+        return moved.part, moved.part == 1.0 and moved.unsettled <= 1.0
 
     def _close(self) -> bool:
         """Project positions onto the constraints along the dependent motions (collective)."""

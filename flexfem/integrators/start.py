@@ -346,9 +346,11 @@ def laws_settled(system: System, found: FloatArray) -> bool:
     """
     rows = system.constraints
     rubbing = _rubbing(rows)
-    change = float(np.max(np.abs(found - rows.multipliers)[rubbing], initial=0.0))
-    size = float(np.max(np.abs(found)[rubbing], initial=0.0))
-    return not system.comm.allreduce(change > 1e-12 * size, op=MPI.LOR)
+    change = np.max(np.abs(found - rows.multipliers)[rubbing], initial=0.0)
+    size = np.max(np.abs(found)[rubbing], initial=0.0)
+    largest = np.array([change, size])
+    system.comm.Allreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
+    return not bool(largest[0] > 1e-12 * largest[1])
 
 
 def _rubbing(rows: Constraints) -> BoolArray:

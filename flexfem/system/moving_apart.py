@@ -4,8 +4,6 @@
 from collections.abc import Callable
 from typing import NamedTuple
 
-from mpi4py import MPI
-
 import numpy as np
 
 from flexfem.system.system import System
@@ -27,7 +25,8 @@ class Moved(NamedTuple):
     Attributes:
         largest: largest entry of the whole steps on this rank, m or rad.
         part: part of them that has been taken, the same on all ranks.
-        unsettled: how much contact forces have changed on this rank, over what ends an iteration.
+        unsettled: how much contact forces have changed, over what ends an iteration, the same on
+            all ranks.
         success: False if a further equation of the motion could not be solved.
     """
 
@@ -91,7 +90,7 @@ def share_apart(system: System, move: Callable[[float], None]) -> tuple[float, f
     contacts = system.contacts[0]
     contacts.mark()
     share = _safe_share(contacts.safe_part, move, _KEEP, _KEPT)
-    return share, float(system.comm.allreduce(contacts.unsettled(), op=MPI.MAX))
+    return share, contacts.unsettled()
 
 
 def _safe_share(

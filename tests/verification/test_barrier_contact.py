@@ -8,6 +8,8 @@ import pytest
 
 import flexfem as ff
 from flexfem._checks import InputError
+from flexfem.integrators.split.step import Split
+from flexfem.simulation.motion.stepping import Simulation
 from tests.verification.motions import run_undamped
 
 
@@ -47,6 +49,20 @@ def test_a_sheet_that_lands_flat_makes_no_energy(dt: float) -> None:
             scale = np.abs(alone[name]).max()
             # equality on ranks; a pair that a rank misses changes these by a hundredth
             np.testing.assert_allclose(found[name], alone[name], rtol=0.0, atol=1e-9 * scale)
+
+
+def test_impulses_of_shared_nodes_count_once() -> None:
+    """Whether impulses last, by which steps are predicted, is no matter of who has the nodes."""
+    options = ff.RunOptions(dt=1e-3, t_end=1.0, quiet=True, split_above=20)
+    simulation = Simulation(sheet_above_ground(), options)
+    split, block = Split.of(simulation.system), simulation.system.parts[0].block
+    assert split is not None
+    ghosts = np.unique(np.concatenate(block.comm.allgather(block.node_ids[block.owned :])))
+    # nodes that ranks share change by so much that all of them together change by 0.09
+    change = 0.09 * np.sqrt(36.0 / max(len(ghosts), 1))
+    split._jumps[0][:] = 1.0
+    split._last_jumps[0][:] = 1.0 - change * np.isin(block.node_ids, ghosts)[:, np.newaxis]
+    assert split._lasts()
 
 
 @pytest.mark.serial
@@ -100,6 +116,42 @@ def test_damping_does_not_change_where_a_beam_rests_on_a_contact() -> None:
     # 3/8 of the weight are borne by a support that does not yield
     weight = 1000.0 * np.pi * 0.005**2 * 0.5 * 9.81
     assert 0.36 * weight < found[0][1] < 0.38 * weight
+
+
+def heavy_and_light() -> ff.Model:
+    """Two boxes that fall on the ground beside each other, one of 1 kg, the other of 0.2 mg."""
+    model, size = ff.Model("unlike"), np.array([0.1, 0.08, 0.06])
+    falls = ((1.0, (2.063, -0.455, 2.878), 0.2844, 1.057),
+             (1.66e-7, (2.483, -0.143, 2.183), 0.1209, 0.658))  # fmt: skip
+    for k, (mass, turning, tilt, speed) in enumerate(falls):
+        c, s = np.cos(tilt), np.sin(tilt)
+        model.add(
+            ff.RigidBody(f"box_{k}", mass, mass / 12.0 * np.diag((size**2).sum() - size**2),
+                         position=(k, 0.0, 0.03 * c + 0.05 * s + 2e-4),
+                         rotation=[[c, 0, s], [0, 1, 0], [-s, 0, c]], velocity=(0.1, 0, -speed),
+                         angular_velocity=turning, shape=ff.Box(size)),
+            ff.PositionProbe(f"x_{k}", ff.Marker(f"box_{k}")),
+        )  # fmt: skip
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.Contact("all", surfaces=ff.RigidPlane(ff.Ground()), law="barrier"),
+    )
+    return model
+
+
+@pytest.mark.three_ranks
+def test_iterations_end_alike_where_ranks_have_unlike_forces() -> None:
+    """Forces are accurate to a part of the largest one of all ranks, not of each rank's own."""
+    options = ff.RunOptions(dt=1e-3, t_end=0.012, quiet=True)
+    found, alone = (
+        ff.simulate(heavy_and_light(), options, comm=comm)
+        for comm in (MPI.COMM_WORLD, MPI.COMM_SELF)
+    )
+    if MPI.COMM_WORLD.rank == 0:
+        # more on two ranks with the largest force of each, and positions differ by 7e-5 m
+        assert found.summary["newton_iterations"] == alone.summary["newton_iterations"]
+        for name in (f"x_{k}_{a}" for k in range(2) for a in "xyz"):
+            np.testing.assert_allclose(found.history[name], alone.history[name], atol=1e-9)
 
 
 def tumbling() -> ff.Model:

@@ -262,21 +262,35 @@ class BarrierContacts:
         return self.safe_part(keep)
 
     def unsettled(self) -> float:
-        """How much the last correction changes forces on this rank, over what ends an iteration.
+        """How much the last correction changes forces, over what ends an iteration (collective).
 
         Corrections are small enough where forces change by 1e-8 of the largest one, and points
-        move by a thousandth of the gap at which they repel.
+        move by a thousandth of the gap at which they repel. The largest one is that of all ranks:
+        a rank whose own forces are all small must not ask for more than one rank alone would.
         """
         steps = self._points - self._last
         change = largest = 0.0
-        self._ways = [one.way(self._last, self._points) for one in self.contacts]
-        way = max(self._ways)
         for one in self.every:
             if one.closed:
                 largest = max(largest, one.pushes.max())
                 moved = one.slopes * one.motions(steps, self._still)
                 change = max(change, float(np.abs(moved).max()))
+        change, largest, *self._ways = self._largest([change, largest, *self._own_ways()])
+        way = max(self._ways)
         return max(change / (_SETTLED * largest) if largest > 0.0 else 0.0, way / _NEAR)
+
+    def _own_ways(self) -> list[float]:
+        """Ways of this rank's pairs in the last correction, by contact, see ``ContactPairs``."""
+        return [one.way(self._last, self._points) for one in self.contacts]
+
+    def _largest(self, values: list[float]) -> list[float]:
+        """Largest of each number on all ranks (collective)."""
+        if self._comm.size == 1:
+            return values
+        found = np.array(values)
+        self._comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
+        every: list[float] = found.tolist()
+        return every
 
     def _place(self) -> None:
         """Positions of the trial state (collective)."""
@@ -384,12 +398,13 @@ class BarrierContacts:
         self._search()
         if self._over_step:
             self.spins.update()
-        for k, one in enumerate(self.contacts):
-            near = self._over_step and not self.cut
-            if near:
-                way = self._ways[k] if self._ways else one.way(self._last, self._points)
-                near = way < _CLOSE
-            one.evaluate(over_step=self._over_step, near=near)
+        near = [False] * len(self.contacts)
+        if self._over_step and not self.cut:
+            # of all ranks: which tangent a contact takes is no matter of who has its pairs
+            ways = self._ways or self._largest(self._own_ways())
+            near = [way < _CLOSE for way in ways]
+        for one, close in zip(self.contacts, near, strict=True):
+            one.evaluate(over_step=self._over_step, near=close)
         self.evaluated, self._entries = True, None
         self._evaluated[:] = self._points
 

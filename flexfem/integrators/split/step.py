@@ -238,8 +238,10 @@ class Split(EndPoint):
         change = np.abs(excess - rows.own.excess[pressing]).max(initial=0.0)
         size = np.abs(rows.multipliers[pressing]).max(initial=0.0)
         rows.own.excess[pressing] = excess
-        other = bool(change > _ALIKE * size)
-        return comm.allreduce(other, op=MPI.LOR) if comm.size > 1 else other
+        found = np.array([change, size])
+        if comm.size > 1:
+            comm.Allreduce(MPI.IN_PLACE, found, op=MPI.MAX)
+        return bool(found[0] > _ALIKE * found[1])
 
     def evaluate(self, system: System, shifts: Shifts, strains: PartStrains | None = None) -> None:
         """See :class:`EndPoint`."""
@@ -309,8 +311,10 @@ class Split(EndPoint):
     def _lasts(self) -> bool:
         """True if the impulses of the step are those of the last one, about (collective)."""
         squares = np.zeros(2)
-        for now, last in zip(self._jumps, self._last_jumps, strict=True):
-            squares += np.sum((now - last) ** 2), np.sum(now**2)
+        jumps = zip(self._system.parts, self._jumps, self._last_jumps, strict=True)
+        for part, now, last in jumps:
+            own = slice(part.block.owned)  # ghosts count once, on the rank that owns them
+            squares += np.sum((now[own] - last[own]) ** 2), np.sum(now[own] ** 2)
             last[:] = now
         if self._system.comm.size > 1:
             self._system.comm.Allreduce(MPI.IN_PLACE, squares)

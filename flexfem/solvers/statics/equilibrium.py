@@ -323,7 +323,7 @@ class Equilibrium:
             noise = size > _STAGNATION * previous and size <= _NOISE * limits.tolerance
             done = (size <= limits.tolerance or noise) and self._balanced()
             moved = self._advance(change, load)
-            if done and moved.part == 1.0 and self.largest(moved.unsettled) <= 1.0:
+            if done and moved.part == 1.0 and moved.unsettled <= 1.0:
                 return Status.OK
             previous = size
         return Status.NOT_CONVERGED
