@@ -66,6 +66,7 @@ class _Attempt:
         self.refine, self.defect, self.stale = refine, defect, inf
         self._keep_interface, self._renewed = False, 0.0
         self._touched = self._cut = False
+        self._coarse = True  # no correction has been below the tolerance
         frozen.begin_step()
         self._refined: Refined | None = None
 
@@ -77,7 +78,6 @@ class _Attempt:
             refine=self.refine and not self._cut, contraction=frozen.secants.contraction,
         )  # fmt: skip
         if self._refined is not None:
-            self.defect = self._refined.defect
             self.stale = min(self.stale, self._refined.stale)
         if success and frozen.sprung and not self._cut and frozen.system.repels:
             change = -frozen.secants.improve(-change)
@@ -104,6 +104,9 @@ class _Attempt:
         if self._cut:
             frozen.secants.forget()
         self._touched = self._touched or frozen.sprung
+        if self._refined is not None and (size > tolerance or self._coarse):
+            # that of corrections which contacts ask for below the tolerance is one of rounding
+            self.defect, self._coarse = self._refined.defect, size > tolerance
         if self.refine:
             near = size <= _NEAR or motion <= _STILL
         else:
