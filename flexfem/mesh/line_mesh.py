@@ -125,7 +125,10 @@ class LineMesh:
         first = np.arange(len(ends))[:, None] * (elements + 1) + np.arange(elements)
         cells = np.stack([first, first + 1], axis=-1).reshape(-1, 2)
         numbers = np.arange(len(cells)).reshape(len(ends), elements)
-        return cls(points, cells, dict(zip(lines, numbers, strict=True)))
+        mesh = cls(points, cells, dict(zip(lines, numbers, strict=True)))
+        nodes = np.arange(len(points)).reshape(len(ends), elements + 1)
+        mesh._orders.update(zip(lines, nodes, strict=True))  # to find each takes as long as a beam
+        return mesh
 
     @classmethod
     def join(cls, meshes: Sequence["LineMesh"]) -> Self:
