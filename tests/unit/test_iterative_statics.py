@@ -106,6 +106,7 @@ def _ends(model: ff.Model, **options: Any) -> Any:
     return found
 
 
+@pytest.mark.slow_on_ranks
 def test_load_steps_that_turn_cells_inside_out_are_divided() -> None:
     """The matrix there is not finite, and of such a one PETSc makes no hierarchy."""
     found = _ends(_pulled(5000.0, held_by_joint=False), load_steps=1)

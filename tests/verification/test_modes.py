@@ -439,6 +439,7 @@ def _damped_cantilevers(damping):
     return model
 
 
+@pytest.mark.slow_on_ranks
 @pytest.mark.parametrize(("damping", "count"), [(0.1, 0), (0.01, 3)])
 def test_motions_that_damping_keeps_from_oscillating_are_named(damping, count):
     """All that are faster than 2/tau decay at 1/tau, before others: three oscillate more slowly."""

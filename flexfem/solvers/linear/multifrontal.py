@@ -5,12 +5,10 @@ Rows that are eliminated together, and the rows to which they are coupled, form 
 front. The Schur complement of its other rows is added to the front that eliminates the first of
 them. Rows that are not to be eliminated form the last front, which becomes their Schur complement.
 
-Symmetric fronts are eliminated by half of the products.
-
 Rows shared between ranks need this complement. PETSc's LU computes none, and petsc4py has no call
-for that of MUMPS. Where no rows are shared, a factorisation and two solves take 56, 215, 796 and
-2730 us for 108, 300, 768 and 1728 rows of grids, in PETSc's LU 27, 161, 869 and 3690 us, and in
-MUMPS 140, 376, 1130 and 2800 us (``tests/benchmarks/fronts_against_petsc.py``).
+for that of MUMPS. Where no rows are shared, a factorisation and two solves take 58, 205, 761 and
+2760 us for 108, 300, 768 and 1728 rows of grids, in PETSc's LU 28, 165, 863 and 3840 us, and in
+MUMPS 140, 377, 1180 and 3070 us (``tests/benchmarks/fronts_against_petsc.py``).
 """
 
 from typing import NamedTuple

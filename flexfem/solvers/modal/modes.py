@@ -258,9 +258,8 @@ def _orthonormal(lin: Linearization, vectors: FloatArray) -> FloatArray:
     basis = np.empty((0, lin.unknowns))
     for given in vectors:
         u = given - lin.total(basis @ given) @ basis
-        u -= (
-            lin.total(basis @ u) @ basis
-        )  # what the first leaves is round-off of what it takes away
+        # once more: what the first leaves is round-off of what it takes away
+        u -= lin.total(basis @ u) @ basis
         size, rest = np.sqrt(lin.total(np.array([given @ given, u @ u])))
         if rest > _NEW * size:
             basis = np.concatenate([basis, u[np.newaxis] / rest])
