@@ -215,9 +215,10 @@ class KrylovFactor:
         if ksp.getType() != PETSc.KSP.Type.CG:
             # PETSc's GMRES ends at a restart if rounding has moved its residual by a tenth of what
             # it was at the last one, and may be anywhere then: it goes on from its solution
-            goes_on = reason == reasons.DIVERGED_BREAKDOWN and ksp.getIterationNumber() > 0
-            ksp.setInitialGuessNonzero(True)
-            return bool(goes_on and self._iterated < _MOST)
+            gave_up = reason == reasons.DIVERGED_BREAKDOWN and ksp.getIterationNumber() > 0
+            goes_on = bool(gave_up and self._iterated < _MOST)
+            ksp.setInitialGuessNonzero(goes_on)
+            return goes_on
         if reason == reasons.DIVERGED_MAX_IT:
             return False
         ksp.setType(PETSc.KSP.Type.GMRES)  # the matrix is not positive definite

@@ -93,9 +93,7 @@ def _check_beams(model: Structure) -> None:
                 _check_group(model, beam, users)
             if beam.formulation == "nurbs":
                 control_rotations(model.curve(beam), beam.orientation)
-            elif mesh is None or beam.orientation is None:
-                continue
-            elif callable(beam.orientation) or not right:
+            elif mesh is not None and beam.orientation is not None and not right:
                 section_frames(mesh.points, mesh.group_cells(str(beam.group)), beam.orientation)
         except (TypeError, ValueError) as error:
             message = str(error).removeprefix(f"{_owner(beam)}: ")
@@ -105,17 +103,16 @@ def _check_beams(model: Structure) -> None:
 
 
 def _have_frames(model: Structure) -> bool:
-    """True if no vector by which a beam of the mesh is oriented is wrong, all tested at once."""
+    """True if no orientation of a beam of the mesh is wrong, all tested at once."""
     mesh = model.mesh
     if mesh is None:
         return False
     beams = [
         beam for beam in model.beams
-        if beam.formulation != "nurbs" and beam.group in mesh.line_groups
-        and beam.orientation is not None and not callable(beam.orientation)
+        if beam.formulation != "nurbs" and beam.orientation is not None
     ]  # fmt: skip
-    lines = [mesh.group_cells(str(beam.group)) for beam in beams]
     try:
+        lines = [mesh.group_cells(str(beam.group)) for beam in beams]
         frames_of_lines(mesh.points, lines, [beam.orientation for beam in beams])
     except (TypeError, ValueError):
         return False

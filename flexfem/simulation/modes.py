@@ -180,11 +180,10 @@ def _more(found: Modes, accuracy: float | None) -> str:
         finer = " or a larger accuracy" if accuracy is not None and accuracy < _FINE else ""
         near = "" if accuracy is None else ", or give a target near them"
         return f"request fewer modes{finer}{near}"
-    ways = ["take less damping"]
+    ways = [f"request {len(found)}"] if len(found) else []
     if accuracy is not None:
-        ways.insert(0, "give a target near modes that oscillate")
-    if len(found):
-        ways.insert(0, f"request {len(found)}")
+        ways.append("give a target near modes that oscillate")
+    ways.append("take less damping")
     return (
         f"stiff motions that damping keeps from oscillating all decay at about {found.crowd:.3g} "
         f"1/s, before further modes: {', or '.join(ways)}"

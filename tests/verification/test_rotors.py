@@ -148,6 +148,7 @@ def test_modes_that_are_left_out_are_told() -> None:
         np.testing.assert_allclose(last, lagging(8.0), rtol=1e-6)
 
 
+@pytest.mark.serial
 def test_rotors_without_symmetry_are_refused() -> None:
     with pytest.raises(ValueError, match="'blade_2' is not 'blade_1' rotated by a multiple of 120"):
         found(rotor(), 2, axis="x")

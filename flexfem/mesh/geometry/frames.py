@@ -100,7 +100,7 @@ def section_frames(
         e2 = _rotation_minimising(points, cells, e1)
     else:
         e2 = projected(_orientation_vectors(points, cells, orientation), e1, points[cells])
-    return np.stack([e1, e2, np.cross(e1, e2)], axis=-1)
+    return _completed(e1, e2)
 
 
 def frames_of_lines(
@@ -108,8 +108,7 @@ def frames_of_lines(
 ) -> list[FloatArray]:
     """Return the section frames of each of many lines that have no node in common.
 
-    Lines whose orientation is a vector are done at once: a call for each takes as long as some
-    hundred cells.
+    Lines with an orientation are done at once: a call for each takes as long as some hundred cells.
 
     Args:
         points: Node positions, shape (n, 3), metres.
@@ -123,23 +122,22 @@ def frames_of_lines(
         TypeError: See `section_frames`, of any of the lines.
         ValueError: Likewise.
     """
-    at_once = [k for k, one in enumerate(orientations) if one is not None and not callable(one)]
-    if len(at_once) < 2:
-        return [section_frames(points, *line) for line in zip(lines, orientations, strict=True)]
-    some, counts = [lines[k] for k in at_once], [len(lines[k]) for k in at_once]
-    vectors = [
-        _checks.vector("orientation", "vector", orientations[k], nonzero=True) for k in at_once
-    ]
-    cells = np.concatenate(some)
-    e1 = node_tangents(points, cells)
-    given = np.repeat(np.array(vectors), counts, axis=0)[:, np.newaxis]
-    e2 = projected(np.broadcast_to(given, e1.shape), e1, points[cells])
-    found = np.split(np.stack([e1, e2, np.cross(e1, e2)], axis=-1), np.cumsum(counts)[:-1])
-    done = dict(zip(at_once, found, strict=True))
-    return [
-        done[k] if k in done else section_frames(points, line, one)
-        for k, (line, one) in enumerate(zip(lines, orientations, strict=True))
-    ]
+    given = list(zip(lines, orientations, strict=True))
+    oriented = [(line, one) for line, one in given if one is not None]
+    done = iter(list[FloatArray]())
+    if oriented:
+        cells = np.concatenate([line for line, _ in oriented])
+        vectors = [_orientation_vectors(points, line, one) for line, one in oriented]
+        e1 = node_tangents(points, cells)
+        e2 = projected(np.concatenate(vectors), e1, points[cells])
+        ends = np.cumsum([len(line) for line, _ in oriented])[:-1]
+        done = iter(np.split(_completed(e1, e2), ends))
+    return [section_frames(points, line) if one is None else next(done) for line, one in given]
+
+
+def _completed(e1: FloatArray, e2: FloatArray) -> FloatArray:
+    """Return rotation matrices [e1 e2 e3] (columns)."""
+    return np.stack([e1, e2, np.cross(e1, e2)], axis=-1)
 
 
 def _orientation_vectors(

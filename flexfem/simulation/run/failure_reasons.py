@@ -105,11 +105,8 @@ def modes_hint(status: Status, spin: float, touching: bool = False) -> str:
     """
     if status is Status.SINGULAR:
         text = "check for bodies without mass and for motions without stiffness"
-        if touching:
-            return (
-                f"{text}; contact holds bodies that touch: give state, a checkpoint where they do"
-            )
-        return text
+        held = "contact holds bodies that touch: give state, a checkpoint where they do"
+        return with_hint(text, held if touching else None)
     loads = "run the analysis statics to find how far its loads can grow"
     if spin:
         return f"reduce spin to find how fast the model can rotate, or {loads}"

@@ -13,7 +13,6 @@ __all__ = ["copy", "eliminate"]
 
 #: Pivot relative to the largest entry of its row before elimination that counts as zero.
 _ZERO = 1e-14
-
 #: Rows that are eliminated before the next ones are updated by a product of matrices, and before
 #: all others of a symmetric front are.
 _BLOCK, _WIDE = 32, 128
