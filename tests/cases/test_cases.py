@@ -198,7 +198,8 @@ def test_others_on_two_ranks(
     case: str, histories: dict[int, Path], scripts: Callable[[int, list[list[str]]], str],
     tmp_path: Path,
 ) -> None:  # fmt: skip
-    scripts(2, [[case, "--smoke", "--split-above", SPLIT, "--output", str(tmp_path)]])
+    more = [part.format(folder=tmp_path) for part in MORE.get(case, [])]
+    scripts(2, [[case, "--smoke", "--split-above", SPLIT, *more, "--output", str(tmp_path)]])
     assert_same(histories[1] / f"{case}-auto-4000", tmp_path)
 
 
