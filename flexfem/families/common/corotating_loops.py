@@ -26,8 +26,9 @@ __all__ = [
     "turn_nodes",
 ]
 
-#: Iterations of a polar decomposition, which doubles the digits in each.
-_POLAR, _SAME = 30, 1e-14
+#: Iterations of a polar decomposition, which doubles the digits in each, and the change after which
+#: none is left to be found: half of its square remains.
+_POLAR, _SAME = 30, 1e-8
 
 
 @kernel
@@ -206,26 +207,28 @@ def add_rotations(
         points: (n, 3) present positions.
         out: sums.
     """
-    t, b, n = np.empty(3), np.empty(3), np.empty(3)
     for m in range(len(triangles)):
-        t[:] = 0.0
-        b[:] = 0.0
+        t0 = t1 = t2 = b0 = b1 = b2 = 0.0
         for k in range(3):
-            for a in range(3):
-                t[a] += gradients[m, 0, k] * points[triangles[m, k], a]
-                b[a] += gradients[m, 1, k] * points[triangles[m, k], a]
-        t /= np.sqrt(t[0] * t[0] + t[1] * t[1] + t[2] * t[2])
-        b -= (t[0] * b[0] + t[1] * b[1] + t[2] * b[2]) * t
-        b /= np.sqrt(b[0] * b[0] + b[1] * b[1] + b[2] * b[2])
-        for a in range(3):
-            c, d = (a + 1) % 3, (a + 2) % 3
-            n[a] = t[c] * b[d] - t[d] * b[c]
-        A = axes[m]
-        for k in range(3):
-            row = out[triangles[m, k]]
-            for i in range(3):
-                for j in range(3):
-                    row[3 * i + j] += areas[m] * (t[i] * A[0, j] + b[i] * A[1, j] + n[i] * A[2, j])
+            x, c, d = points[triangles[m, k]], gradients[m, 0, k], gradients[m, 1, k]
+            t0, t1, t2 = t0 + c * x[0], t1 + c * x[1], t2 + c * x[2]
+            b0, b1, b2 = b0 + d * x[0], b1 + d * x[1], b2 + d * x[2]
+        over = 1.0 / np.sqrt(t0 * t0 + t1 * t1 + t2 * t2)
+        t0, t1, t2 = over * t0, over * t1, over * t2
+        along = t0 * b0 + t1 * b1 + t2 * b2
+        b0, b1, b2 = b0 - along * t0, b1 - along * t1, b2 - along * t2
+        over = 1.0 / np.sqrt(b0 * b0 + b1 * b1 + b2 * b2)
+        b0, b1, b2 = over * b0, over * b1, over * b2
+        n0, n1, n2 = t1 * b2 - t2 * b1, t2 * b0 - t0 * b2, t0 * b1 - t1 * b0
+        A, size = axes[m], areas[m]
+        for j in range(3):
+            c, d, e = size * A[0, j], size * A[1, j], size * A[2, j]
+            x, y, z = c * t0 + d * b0 + e * n0, c * t1 + d * b1 + e * n1, c * t2 + d * b2 + e * n2
+            for k in range(3):
+                row = out[triangles[m, k]]
+                row[j] += x
+                row[3 + j] += y
+                row[6 + j] += z
 
 
 @inlined
@@ -234,7 +237,10 @@ def _polar(M: FloatArray, R: FloatArray, X: FloatArray) -> bool:
 
     Higham, SIAM J. Sci. Stat. Comput. 7 (1986) 1160. ``X`` (9,) is work space.
     """
-    size = np.sqrt((M * M).sum() / 3.0)
+    total = 0.0
+    for k in range(9):
+        total += M[k] * M[k]
+    size = np.sqrt(total / 3.0)
     if not size > 0.0:
         return False
     for k in range(9):
@@ -248,9 +254,9 @@ def _polar(M: FloatArray, R: FloatArray, X: FloatArray) -> bool:
         determinant = R[0] * X[0] + R[1] * X[1] + R[2] * X[2]
         if not determinant > 1e-6:
             return False
-        change = 0.0
+        change, half = 0.0, 0.5 / determinant
         for k in range(9):
-            new = 0.5 * (R[k] + X[k] / determinant)
+            new = 0.5 * R[k] + half * X[k]
             change = max(change, abs(new - R[k]))
             R[k] = new
         if change < _SAME:

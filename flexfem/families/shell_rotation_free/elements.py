@@ -191,9 +191,7 @@ class RotationFreeShells:
         velocities = self._velocities(block)
         forces[:] = 0.0
         for k, group in enumerate(self.groups):
-            triangles = group.triangles
-            response = triangles.response(points, velocities, request.of_group(k))
-            triangles.add_forces(points, forces, response=response)
+            group.triangles.add_present_forces(points, velocities, request.of_group(k), forces)
         if self._spread is not None:
             inertial_into(block.frames, block.acceleration, self._vectors)
             add_consistent_inertia(self.corners, self._spread, self._vectors, gravity, forces)

@@ -9,20 +9,22 @@ from flexfem.families.shell_rotation_free.steps import (
     AREA,
     DAMPING,
     POINTS,
+    Several,
     axes_of,
     bent,
     curvature,
     gradient,
     resultants,
-    start,
+    strain_of,
     stress_of,
     turn_of,
     vectors_of,
 )
 from flexfem.kernels.by_hand import batched_by_hand
+from flexfem.kernels.compiled import inlined_fused
 from flexfem.kernels.vectors import add_to, load
 
-__all__ = ["action", "forces", "strain_rates", "strains"]
+__all__ = ["action", "damped_forces", "forces", "strain_rates", "strains"]
 
 
 @batched_by_hand
@@ -32,16 +34,74 @@ def forces(
     """Internal forces on the nodes (p, 3), times the first of the factors."""
     count, flat = int(constants[0]), int(constants[1])
     f, k = vectors_of(coefficients, POINTS, count, flat, coordinates)
-    k10, k11, k12, k20, k21, k22, k30, k31, k32 = bent(k, coordinates)
-    l, g, h, t0, t1, t2, b0, b1, b2, n0, n1, n2 = axes_of(f)  # noqa: E741
-    # stress resultants times the area
-    z1 = n0 * k10 + n1 * k11 + n2 * k12
-    z2 = n0 * k20 + n1 * k21 + n2 * k22
-    z3 = n0 * k30 + n1 * k31 + n2 * k32
+    k, axes = bent(k, coordinates), axes_of(f)
     area = constants[2] * load(coordinates, AREA)
-    s11, s22, s12, m1, m2, m3 = stress_of(
-        coefficients, constants[4], area, coordinates, (l, h, g), (z1, z2, z3)
+    stress = stress_of(coefficients, constants[4], area, _strain(k, axes, coordinates))
+    _spread(tensor, count, flat, coordinates, k, axes, stress)
+
+
+@batched_by_hand
+def damped_forces(
+    tensor: FloatArray, coefficients: FloatArray, constants: FloatArray, coordinates: FloatArray
+) -> None:
+    """The same with those of the strain rates; the steps are velocities."""
+    count, flat = int(constants[0]), int(constants[1])
+    f, k = vectors_of(coefficients, POINTS, count, flat, coordinates)
+    k, axes = bent(k, coordinates), axes_of(f)
+    area, time = constants[2] * load(coordinates, AREA), load(coordinates, DAMPING)
+    e1, e2, e3, e4, e5, e6 = _strain(k, axes, coordinates)
+    v1, v2, v3, v4, v5, v6 = _rates(coefficients, count, flat, coordinates, k, axes)
+    strain = (
+        area * (e1 + time * v1), area * (e2 + time * v2), area * (e3 + time * v3),
+        area * (e4 + time * v4), area * (e5 + time * v5), area * (e6 + time * v6),
+    )  # fmt: skip
+    stress = resultants(coefficients, strain)
+    _spread(tensor, count, flat, coordinates, k, axes, stress)
+
+
+@inlined_fused
+def _strain(k: Several, axes: Several, coordinates: FloatArray) -> Several:
+    """Strains (6,) from the three k and the axes."""
+    k10, k11, k12, k20, k21, k22, k30, k31, k32 = k
+    l, g, h, _, _, _, _, _, _, n0, n1, n2 = axes  # noqa: E741
+    bends = (
+        n0 * k10 + n1 * k11 + n2 * k12,
+        n0 * k20 + n1 * k21 + n2 * k22,
+        n0 * k30 + n1 * k31 + n2 * k32,
     )
+    return strain_of((l, h, g), bends, coordinates)
+
+
+@inlined_fused
+def _rates(
+    coefficients: FloatArray, count: int, flat: int, coordinates: FloatArray, k: Several,
+    axes: Several,
+) -> Several:  # fmt: skip
+    """Rates (6,) of the strains; the steps are velocities."""
+    k10, k11, k12, k20, k21, k22, k30, k31, k32 = k
+    n0, n1, n2 = axes[9], axes[10], axes[11]
+    change, d = vectors_of(coefficients, POINTS + 3 * count, count, flat, coordinates)
+    d10, d11, d12, d20, d21, d22, d30, d31, d32 = d
+    dl, dh, dg, _, _, _, w0, w1, w2 = turn_of(change, axes)
+    return (
+        dl,
+        dh,
+        dg,
+        n0 * d10 + n1 * d11 + n2 * d12 + (w0 * k10 + w1 * k11 + w2 * k12),
+        n0 * d20 + n1 * d21 + n2 * d22 + (w0 * k20 + w1 * k21 + w2 * k22),
+        n0 * d30 + n1 * d31 + n2 * d32 + (w0 * k30 + w1 * k31 + w2 * k32),
+    )
+
+
+@inlined_fused
+def _spread(
+    tensor: FloatArray, count: int, flat: int, coordinates: FloatArray, k: Several, axes: Several,
+    stress: Several,
+) -> None:  # fmt: skip
+    """Add the forces on the nodes that are dual to stress resultants times the area."""
+    k10, k11, k12, k20, k21, k22, k30, k31, k32 = k
+    l, g, h, t0, t1, t2, b0, b1, b2, n0, n1, n2 = axes  # noqa: E741
+    s11, s22, s12, m1, m2, m3 = stress
     # forces dual to f_1 and f_2
     x, y = m1 * k10 + m2 * k20 + m3 * k30, m1 * k11 + m2 * k21 + m3 * k31
     z = m1 * k12 + m2 * k22 + m3 * k32
@@ -75,17 +135,14 @@ def action(
     """
     count, flat = int(constants[0]), int(constants[1])
     f, k = vectors_of(coefficients, POINTS, count, flat, coordinates)
-    k10, k11, k12, k20, k21, k22, k30, k31, k32 = bent(k, coordinates)
-    axes = axes_of(f)
+    k, axes = bent(k, coordinates), axes_of(f)
+    k10, k11, k12, k20, k21, k22, k30, k31, k32 = k
     l, g, h, t0, t1, t2, b0, b1, b2, n0, n1, n2 = axes  # noqa: E741
     # changes of f_1, f_2 and d of the k
-    f, k = vectors_of(coefficients, POINTS + 3 * count, count, flat, coordinates)
-    d10, d11, d12, d20, d21, d22, d30, d31, d32 = k
+    f, d = vectors_of(coefficients, POINTS + 3 * count, count, flat, coordinates)
+    d10, d11, d12, d20, d21, d22, d30, d31, d32 = d
     dl, dh, dg, turn_t, turn_b, turn_n, w0, w1, w2 = turn_of(f, axes)
-    # the vectors k along the normal, and the changes of that
-    z1 = n0 * k10 + n1 * k11 + n2 * k12
-    z2 = n0 * k20 + n1 * k21 + n2 * k22
-    z3 = n0 * k30 + n1 * k31 + n2 * k32
+    # changes of the vectors k along the normal
     e4 = n0 * d10 + n1 * d11 + n2 * d12 + w0 * k10 + w1 * k11 + w2 * k12
     e5 = n0 * d20 + n1 * d21 + n2 * d22 + w0 * k20 + w1 * k21 + w2 * k22
     e6 = n0 * d30 + n1 * d31 + n2 * d32 + w0 * k30 + w1 * k31 + w2 * k32
@@ -94,9 +151,8 @@ def action(
     area = size * (constants[2] + constants[3] * load(coordinates, DAMPING))
     changes = area * dl, area * dh, area * dg, area * e4, area * e5, area * e6
     ds11, ds22, ds12, dm1, dm2, dm3 = resultants(coefficients, changes)
-    s11, s22, s12, m1, m2, m3 = stress_of(
-        coefficients, constants[4], size * constants[2], coordinates, (l, h, g), (z1, z2, z3)
-    )
+    strain = _strain(k, axes, coordinates)
+    s11, s22, s12, m1, m2, m3 = stress_of(coefficients, constants[4], size * constants[2], strain)
     # moments times k along t, b, n, and the changes of the first two
     x, y = m1 * k10 + m2 * k20 + m3 * k30, m1 * k11 + m2 * k21 + m3 * k31
     z = m1 * k12 + m2 * k22 + m3 * k32
@@ -143,14 +199,7 @@ def strains(
     """Strains (6,)."""
     count, flat = int(constants[0]), int(constants[1])
     f, k = vectors_of(coefficients, POINTS, count, flat, coordinates)
-    l, g, h, _, _, _, _, _, _, n0, n1, n2 = axes_of(f)  # noqa: E741
-    k10, k11, k12, k20, k21, k22, k30, k31, k32 = bent(k, coordinates)
-    add_to(tensor, 0, l - start(coordinates, 0))
-    add_to(tensor, 1, h - start(coordinates, 1))
-    add_to(tensor, 2, g - start(coordinates, 2))
-    add_to(tensor, 3, n0 * k10 + n1 * k11 + n2 * k12 - start(coordinates, 3))
-    add_to(tensor, 4, n0 * k20 + n1 * k21 + n2 * k22 - start(coordinates, 4))
-    add_to(tensor, 5, n0 * k30 + n1 * k31 + n2 * k32 - start(coordinates, 5))
+    _add_six(tensor, _strain(bent(k, coordinates), axes_of(f), coordinates))
 
 
 @batched_by_hand
@@ -160,15 +209,17 @@ def strain_rates(
     """Rates of the strains (6,); the steps are velocities."""
     count, flat = int(constants[0]), int(constants[1])
     f, k = vectors_of(coefficients, POINTS, count, flat, coordinates)
-    k10, k11, k12, k20, k21, k22, k30, k31, k32 = bent(k, coordinates)
-    axes = axes_of(f)
-    n0, n1, n2 = axes[9], axes[10], axes[11]
-    change, k = vectors_of(coefficients, POINTS + 3 * count, count, flat, coordinates)
-    d10, d11, d12, d20, d21, d22, d30, d31, d32 = k
-    dl, dh, dg, _, _, _, w0, w1, w2 = turn_of(change, axes)
-    add_to(tensor, 0, dl)
-    add_to(tensor, 1, dh)
-    add_to(tensor, 2, dg)
-    add_to(tensor, 3, n0 * d10 + n1 * d11 + n2 * d12 + (w0 * k10 + w1 * k11 + w2 * k12))
-    add_to(tensor, 4, n0 * d20 + n1 * d21 + n2 * d22 + (w0 * k20 + w1 * k21 + w2 * k22))
-    add_to(tensor, 5, n0 * d30 + n1 * d31 + n2 * d32 + (w0 * k30 + w1 * k31 + w2 * k32))
+    k, axes = bent(k, coordinates), axes_of(f)
+    _add_six(tensor, _rates(coefficients, count, flat, coordinates, k, axes))
+
+
+@inlined_fused
+def _add_six(tensor: FloatArray, values: Several) -> None:
+    """Add to the first six results."""
+    e1, e2, e3, e4, e5, e6 = values
+    add_to(tensor, 0, e1)
+    add_to(tensor, 1, e2)
+    add_to(tensor, 2, e3)
+    add_to(tensor, 3, e4)
+    add_to(tensor, 4, e5)
+    add_to(tensor, 5, e6)

@@ -36,7 +36,7 @@ __all__ = [
     "curvature",
     "gradient",
     "resultants",
-    "start",
+    "strain_of",
     "stress_of",
     "turn_of",
     "vectors_of",
@@ -188,21 +188,24 @@ def resultants(coefficients: FloatArray, e: Several) -> Several:
 
 
 @inlined_fused
-def stress_of(
-    coefficients: FloatArray, given: float, area: Several, coordinates: FloatArray,
-    stretches: Several, bends: Several,
-) -> Several:  # fmt: skip
-    """Stress resultants times the area: the given ones, if there are any."""
+def strain_of(stretches: Several, bends: Several, coordinates: FloatArray) -> Several:
+    """Strains: l, h, g and the k along the normal less their values of zero strain."""
+    (l, h, g), (z1, z2, z3) = stretches, bends  # noqa: E741
+    return (
+        l - start(coordinates, 0), h - start(coordinates, 1), g - start(coordinates, 2),
+        z1 - start(coordinates, 3), z2 - start(coordinates, 4), z3 - start(coordinates, 5),
+    )  # fmt: skip
+
+
+@inlined_fused
+def stress_of(coefficients: FloatArray, given: float, area: Several, strain: Several) -> Several:
+    """Stress resultants times the area: the given ones, if there are any, or those of strains."""
     if given > 0.0:
         return (
             area * load(coefficients, GIVEN), area * load(coefficients, GIVEN + 1),
             area * load(coefficients, GIVEN + 2), area * load(coefficients, GIVEN + 3),
             area * load(coefficients, GIVEN + 4), area * load(coefficients, GIVEN + 5),
         )  # fmt: skip
-    (l, h, g), (z1, z2, z3) = stretches, bends  # noqa: E741
-    strain = (
-        area * (l - start(coordinates, 0)), area * (h - start(coordinates, 1)),
-        area * (g - start(coordinates, 2)), area * (z1 - start(coordinates, 3)),
-        area * (z2 - start(coordinates, 4)), area * (z3 - start(coordinates, 5)),
-    )  # fmt: skip
-    return resultants(coefficients, strain)
+    e1, e2, e3, e4, e5, e6 = strain
+    whole = area * e1, area * e2, area * e3, area * e4, area * e5, area * e6
+    return resultants(coefficients, whole)

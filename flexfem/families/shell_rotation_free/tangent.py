@@ -22,6 +22,7 @@ from flexfem.families.shell_rotation_free.steps import (
     bent,
     curvature,
     gradient,
+    strain_of,
     stress_of,
     vectors_of,
 )
@@ -238,9 +239,8 @@ def tangent(
     c, H = work[LANES * _CHANGES :], work[LANES * _FLAT :]
     bends = _write_changes(k, axes, dual, c)
     size = load(coordinates, AREA)
-    stress = stress_of(
-        coefficients, constants[4], constants[2] * size, coordinates, (l, h, g), bends
-    )
+    strain = strain_of((l, h, g), bends, coordinates)
+    stress = stress_of(coefficients, constants[4], constants[2] * size, strain)
     normal = stress[3] * bends[0] + stress[4] * bends[1] + stress[5] * bends[2]
     area = size * (constants[2] + constants[3] * load(coordinates, DAMPING))
     _write_flat(coefficients, area, lengths, stress, H)

@@ -276,6 +276,30 @@ class RotationFreeTriangles:
         densities: FloatArray = 0.5 * (strains * self.stresses(strains)).sum(axis=1)
         return densities
 
+    def add_present_forces(
+        self, points: FloatArray, velocities: FloatArray | None, assumed: FloatArray | None,
+        residual: FloatArray,
+    ) -> None:  # fmt: skip
+        """Add the internal forces of :meth:`response` to the residual (n, 3)."""
+        linear = self.law is None and assumed is None
+        if linear and velocities is not None and self.damping.any():
+            self.add_damped_forces(points, velocities, residual)
+        else:
+            self.add_forces(points, residual, response=self.response(points, velocities, assumed))
+
+    def add_damped_forces(
+        self, points: FloatArray, velocities: FloatArray, residual: FloatArray
+    ) -> None:
+        """Add the internal forces of the linear law with damping to the residual (n, 3).
+
+        Strains and rates are not written down: 0.11 us a triangle instead of 0.28.
+        """
+        nodes = self._at(points, velocities)
+        call = self._call(
+            kernels.damped_forces, self._width, nodes, (1.0, 0.0), None, stepped=True
+        )  # fmt: skip
+        add_forces(*call, 1.0, residual)
+
     def add_forces(
         self, points: FloatArray, residual: FloatArray, scale: float = 1.0,
         response: Response | None = None,

@@ -107,6 +107,12 @@ class UFLRotationFreeTriangles(RotationFreeTriangles):
         forces = _transposed_times(rates, scale * stresses).reshape(-1, 5, 3)
         self._scatter(np.swapaxes(self._to_points, 1, 2) @ forces, residual)
 
+    @override
+    def add_damped_forces(
+        self, points: FloatArray, velocities: FloatArray, residual: FloatArray
+    ) -> None:
+        self.add_forces(points, residual, response=self.response(points, velocities))
+
     def _scatter(self, forces: FloatArray, residual: FloatArray) -> None:
         """Add forces (m, p, 3) of the triangles to their nodes (n, 3)."""
         there = self.patches.nodes >= 0
