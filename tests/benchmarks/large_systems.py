@@ -8,11 +8,13 @@ loops in two directions. Each run is a fresh process with one thread a rank, in 
 loads what is compiled before, and starts at rest. Declaration and set-up are processor time of the
 rank that takes most, steps what the clock says. Exponents are the slopes of log(time) over
 log(unknowns) from the second size to the last; "faster by" is the time of a step on the first
-number of ranks over that on this one. Run from the source tree, on an idle machine::
+number of ranks over that on this one. With ``--rounds`` the numbers of ranks take turns; times and
+ratios are the medians of the rounds, with the least and the largest ratio. Run from the source
+tree, on an idle machine::
 
     python -m tests.benchmarks.large_systems
     python -m tests.benchmarks.large_systems --systems rigid --sizes 10000,100000 --ranks 1
-    python -m tests.benchmarks.large_systems --systems net --sizes 20,40,80 --ranks 1,2
+    python -m tests.benchmarks.large_systems --systems chain --sizes 512 --rounds 9
 """
 
 import argparse
@@ -26,6 +28,7 @@ import sys
 import time
 from collections.abc import Callable
 from pathlib import Path
+from statistics import median
 from typing import Any
 
 import flexfem as ff
@@ -105,6 +108,11 @@ def run(name: str, size: int, ranks: int, seconds: float) -> dict[str, Any]:
     return found
 
 
+def middle(runs: list[dict[str, Any]]) -> dict[str, Any]:
+    """Medians of what these runs of one system have measured."""
+    return {key: median(one[key] for one in runs) for key in runs[0]}
+
+
 def exponent(rows: list[dict[str, Any]], key: str) -> float:
     """Slope to the last size from the second, as calls from Python are most of the first's time."""
     first, last = rows[min(1, len(rows) - 2)], rows[-1]
@@ -118,6 +126,7 @@ def main() -> None:
     parser.add_argument("--sizes", help="of one system, instead of its own ones")
     parser.add_argument("--ranks", default="1,2")
     parser.add_argument("--seconds", type=float, default=5.0, help="of the steps of each run")
+    parser.add_argument("--rounds", type=int, default=1, help="runs on each number of ranks")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.one:
@@ -134,13 +143,22 @@ def main() -> None:
             sizes = tuple(int(size) for size in given.sizes.split(","))
         rows: dict[int, list[dict[str, Any]]] = {count: [] for count in ranks}
         for size in sizes:
+            rounds: dict[int, list[dict[str, Any]]] = {count: [] for count in ranks}
+            for _ in range(given.rounds):
+                for count in ranks:
+                    rounds[count].append(run(name, size, count, given.seconds))
             for count in ranks:
-                x = run(name, size, count, given.seconds)
+                x = middle(rounds[count])
                 rows[count].append(x)
-                faster = rows[ranks[0]][-1]["step"] / x["step"]
+                faster = sorted(
+                    first["step"] / this["step"]
+                    for first, this in zip(rounds[ranks[0]], rounds[count], strict=True)
+                )
+                spread = f" ({faster[0]:.2f} to {faster[-1]:.2f})" if len(faster) > 1 else ""
                 print(f"| {name} | {size} | {x['unknowns']} | {count} | {x['declared']:.2f} | "
                       f"{x['set_up']:.2f} | {x['memory'] / 1e6:.0f} | {1e3 * x['step']:.2f} | "
-                      f"{x['iterations']:.1f} | {x['factorizations']} | {faster:.2f} |",
+                      f"{x['iterations']:.1f} | {x['factorizations']:.0f} | "
+                      f"{median(faster):.2f}{spread} |",
                       flush=True)  # fmt: skip
         for count in ranks if len(sizes) > 1 else ():
             print(f"{name}, ranks {count}: a step takes as the power "

@@ -13,8 +13,8 @@ __all__ = ["copy", "eliminate"]
 
 #: Pivot relative to the largest entry of its row before elimination that counts as zero.
 _ZERO = 1e-14
-#: Rows that are eliminated before the next ones are updated by a product of matrices, and before
-#: all others of a symmetric front are.
+#: Pivots that are eliminated from one another one by one, before products of matrices do so, and
+#: rows of a symmetric front from which all pivots before are eliminated by one product.
 _BLOCK, _WIDE = 32, 128
 #: Rows of a symmetric front that are updated together, from the diagonal on.
 _ROWS = 96
@@ -102,18 +102,16 @@ def _eliminate_symmetric(
     over = np.empty(m)
     for begin in range(0, m, _WIDE):
         stop = min(begin + _WIDE, m)
+        _subtract_from_rows(upper[:begin, begin:], over[:begin], upper[begin:stop, begin:])
         for first in range(begin, stop, _BLOCK):
             end = min(first + _BLOCK, stop)
-            for p in range(first, end):
-                if not abs(upper[p, p]) > least[p]:
+            before = over[begin:first]
+            _subtract_from_rows(upper[begin:first, first:], before, upper[first:end, first:])
+            for i in range(first, end):
+                _subtract_rows(upper, over, first, i)
+                if not abs(upper[i, i]) > least[i]:
                     return False
-                over[p] = 1.0 / upper[p, p]
-                for i in range(p + 1, end):
-                    factor = upper[p, i] * over[p]
-                    for j in range(i, n):
-                        upper[i, j] -= factor * upper[p, j]
-            _subtract(upper[first:end, end:], over[first:end], upper[end:stop, end:])
-        _subtract(upper[begin:stop, stop:], over[begin:stop], upper[stop:, stop:])
+                over[i] = 1.0 / upper[i, i]
     for p in range(m):
         for i in range(p + 1, m):
             upper[i, p] = over[p] * upper[p, i]
@@ -128,16 +126,39 @@ def _eliminate_symmetric(
 
 
 @subroutine
+def _subtract_rows(upper: FloatArray, over: FloatArray, first: int, i: int) -> None:
+    """Eliminate the pivots from ``first`` to that before ``i`` from row ``i``, four at a time."""
+    row, four = upper[i, i:], i - (i - first) % 4
+    for p in range(first, four, 4):
+        a, b, c, d = upper[p, i:], upper[p + 1, i:], upper[p + 2, i:], upper[p + 3, i:]
+        by_a, by_b = over[p] * a[0], over[p + 1] * b[0]
+        by_c, by_d = over[p + 2] * c[0], over[p + 3] * d[0]
+        for j in range(row.size):
+            row[j] -= by_a * a[j] + by_b * b[j] + by_c * c[j] + by_d * d[j]
+    for p in range(four, i):
+        a, by_a = upper[p, i:], over[p] * upper[p, i]
+        for j in range(row.size):
+            row[j] -= by_a * a[j]
+
+
+@subroutine
+def _subtract_from_rows(rows: FloatArray, over: FloatArray, out: FloatArray) -> None:
+    """Subtract the first rows of ``rows^T diag(over) rows``, as many as ``out`` has."""
+    if not over.size:
+        return
+    left = np.empty((over.size, out.shape[0]))
+    for p in range(over.size):
+        for i in range(out.shape[0]):
+            left[p, i] = over[p] * rows[p, i]
+    out -= left.T @ np.ascontiguousarray(rows)
+
+
+@subroutine
 def _subtract(rows: FloatArray, over: FloatArray, out: FloatArray) -> None:
     """Subtract rows^T diag(over) rows, of which the first rows from the diagonal on are wanted."""
     for first in range(0, out.shape[0], _ROWS):
         end = min(first + _ROWS, out.shape[0])
-        right = np.ascontiguousarray(rows[:, first:])
-        left = np.empty((over.size, end - first))
-        for p in range(over.size):
-            for i in range(end - first):
-                left[p, i] = over[p] * right[p, i]
-        out[first:end, first:] -= left.T @ right
+        _subtract_from_rows(rows[:, first:], over, out[first:end, first:])
 
 
 @subroutine

@@ -47,8 +47,8 @@ class _Tree(NamedTuple):
         into: place of each of them in the front's parent.
         at: (f + 1,) first entry of the factors of each front.
         entry_start: (f + 1,) first matrix entry of each front.
-        entries: entries of the matrix by front.
-        to: position of each of them in its front.
+        entries: entries of the matrix by front, numbers of 32 bits where these suffice.
+        to: position of each of them in its front, likewise.
         diagonal: entries on the diagonal.
         diagonal_rows: their rows.
     """
@@ -61,8 +61,8 @@ class _Tree(NamedTuple):
     into: IntArray
     at: IntArray
     entry_start: IntArray
-    entries: IntArray
-    to: IntArray
+    entries: IndexArray
+    to: IndexArray
     diagonal: IntArray
     diagonal_rows: IntArray
 
@@ -263,7 +263,10 @@ def _tree(
     into = np.full(len(listed), -1, dtype=np.int64)
     into[rest] = places(np.repeat(parents, sizes)[rest], listed[rest])
     first = owner[np.minimum(position[i], position[j])]
-    entries, to = np.argsort(first, kind="stable"), np.empty(len(i), dtype=np.int64)
+    # read at every factorisation, and most of the memory beside values and factors
+    few = max(len(i), int(sizes.max(initial=0)) ** 2) <= np.iinfo(np.int32).max
+    kind: type[np.signedinteger] = np.int32 if few else np.int64
+    entries, to = np.argsort(first, kind="stable").astype(kind), np.empty(len(i), dtype=kind)
     for k in range(0, len(i), _AT_ONCE):
         some = slice(k, k + _AT_ONCE)
         front = first[entries[some]]
