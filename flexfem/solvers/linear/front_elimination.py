@@ -9,7 +9,7 @@ import numpy as np
 from flexfem._types import FloatArray
 from flexfem.kernels.compiled import inlined, subroutine
 
-__all__ = ["copy", "eliminate"]
+__all__ = ["copy", "eliminate", "eliminate_pivots", "subtract_products"]
 
 #: Pivot relative to the largest entry of its row before elimination that counts as zero.
 _ZERO = 1e-14
@@ -100,6 +100,31 @@ def _eliminate_symmetric(
     """
     m, n = upper.shape
     over = np.empty(m)
+    if not eliminate_pivots(upper, over, least):
+        return False
+    for p in range(m):
+        for i in range(p + 1, m):
+            upper[i, p] = over[p] * upper[p, i]
+        for i in range(n - m):
+            lower[p, i] = over[p] * upper[p, m + i]
+    if m:
+        subtract_products(upper[:, m:], over, F[m:, m:])
+        for first in range(m, n, _ROWS):
+            end = min(first + _ROWS, n)
+            copy(F[first:end, end:].T, F[end:, first:end])
+    return True
+
+
+@subroutine
+def eliminate_pivots(upper: FloatArray, over: FloatArray, least: FloatArray) -> bool:
+    """Eliminate the first rows of a symmetric matrix from one another; False if a pivot vanishes.
+
+    Args:
+        upper: (m, n) these rows, of which the entries from the diagonal on are read and written.
+        over: (m,) becomes one over the pivots.
+        least: (m,) sizes at which pivots vanish.
+    """
+    m = over.size
     for begin in range(0, m, _WIDE):
         stop = min(begin + _WIDE, m)
         _subtract_from_rows(upper[:begin, begin:], over[:begin], upper[begin:stop, begin:])
@@ -112,16 +137,6 @@ def _eliminate_symmetric(
                 if not abs(upper[i, i]) > least[i]:
                     return False
                 over[i] = 1.0 / upper[i, i]
-    for p in range(m):
-        for i in range(p + 1, m):
-            upper[i, p] = over[p] * upper[p, i]
-        for i in range(n - m):
-            lower[p, i] = over[p] * upper[p, m + i]
-    if m:
-        _subtract(upper[:, m:], over, F[m:, m:])
-        for first in range(m, n, _ROWS):
-            end = min(first + _ROWS, n)
-            copy(F[first:end, end:].T, F[end:, first:end])
     return True
 
 
@@ -154,8 +169,8 @@ def _subtract_from_rows(rows: FloatArray, over: FloatArray, out: FloatArray) -> 
 
 
 @subroutine
-def _subtract(rows: FloatArray, over: FloatArray, out: FloatArray) -> None:
-    """Subtract rows^T diag(over) rows, of which the first rows from the diagonal on are wanted."""
+def subtract_products(rows: FloatArray, over: FloatArray, out: FloatArray) -> None:
+    """Subtract ``rows^T diag(over) rows``, from the diagonal on, and some more."""
     for first in range(0, out.shape[0], _ROWS):
         end = min(first + _ROWS, out.shape[0])
         _subtract_from_rows(rows[:, first:], over, out[first:end, first:])

@@ -13,6 +13,7 @@ from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.kernels.compiled import kernel, subroutine
 from flexfem.kernels.records import Index1D, Int1D, Memory, Record, unpack
+from flexfem.solvers.linear.front_elimination import copy, eliminate_pivots, subtract_products
 from flexfem.solvers.linear.multifrontal import deepest, elimination, gathered, ordering
 
 __all__ = ["NodeTree", "SymmetricFronts"]
@@ -22,9 +23,6 @@ __all__ = ["NodeTree", "SymmetricFronts"]
 _MORE = 4
 #: Pivot relative to the diagonal entry before elimination that counts as zero.
 _ZERO = 1e-14
-#: Rows that are eliminated before the others are updated by a product of matrices, and columns of
-#: the complement of a front in such a product.
-_BLOCK, _COLUMNS = 48, 192
 #: Difference of entries, relative to the diagonal, of matrices that are the same up to round-off.
 _SAME = 1e-12
 #: Entries of a block of factors from which BLAS multiplies with it: a call costs as much as some.
@@ -214,6 +212,7 @@ def _factor(
     width, fronts = tree.width, tree.parents.size
     local = np.zeros(tree.order.size, dtype=np.int64)  # first row of each node in the front
     waiting = np.empty(fronts, dtype=np.int64)
+    over, least = np.empty((2, width * np.diff(tree.first).max()))
     depth = top = 0
     for f in range(fronts):
         a, e = tree.first[f], tree.first[f + 1]
@@ -237,20 +236,26 @@ def _factor(
         if a == tree.eliminated:
             complement[:] = F
             continue
-        if not _eliminate(F, m):
+        for p in range(m):
+            least[p] = _ZERO * F[p, p]
+        if not eliminate_pivots(F[:m], over[:m], least[:m]):
             return False
         at = tree.at[f]
         pivots = factors[at : at + m * m].reshape(m, m)
         others = factors[at + m * m : tree.at[f + 1]].reshape(m, r)
         for i in range(m):
+            if not over[i] > 0.0:
+                return False
+            root = np.sqrt(over[i])
             for j in range(i, m):
-                pivots[i, j] = F[i, j]
+                pivots[i, j] = root * F[i, j]
             for j in range(r):
-                others[i, j] = F[i, m + j]
+                others[i, j] = root * F[i, m + j]
         if tree.parents[f] >= 0:
             waiting[depth] = f
             depth += 1
-            _complement(F[m:, m:], others, stack[top : top + r * r].reshape(r, r))
+            subtract_products(F[:m, m:], over[:m], F[m:, m:])
+            copy(F[m:, m:], stack[top : top + r * r].reshape(r, r))
             top += r * r
     return True
 
@@ -286,45 +291,6 @@ def _take_over(
             for k in range(width):
                 for l in range(width):  # noqa: E741
                     F[row + k, column + l] += given[width * i + k, width * j + l]
-
-
-@subroutine
-def _eliminate(F: FloatArray, m: int) -> bool:
-    """Cholesky's factors of the first m rows in their place; False if a pivot is too small."""
-    n = F.shape[0]
-    for first in range(0, m, _BLOCK):
-        end = min(first + _BLOCK, m)
-        for p in range(first, end):
-            before = F[p, p]
-            for q in range(first, p):
-                before += F[q, p] * F[q, p]
-            if not F[p, p] > _ZERO * before:
-                return False
-            over = 1.0 / np.sqrt(F[p, p])
-            for j in range(p, n):
-                F[p, j] *= over
-            for i in range(p + 1, end):
-                factor = F[p, i]
-                for j in range(i, n):
-                    F[i, j] -= factor * F[p, j]
-        if end < m:
-            rows = np.ascontiguousarray(F[first:end, end:])
-            F[end:m, end:] -= np.ascontiguousarray(rows[:, : m - end].T) @ rows
-    return True
-
-
-@subroutine
-def _complement(F: FloatArray, rows: FloatArray, out: FloatArray) -> None:
-    """``F - rows^T rows``, the upper triangle and some more."""
-    count = F.shape[0]
-    for first in range(0, count, _COLUMNS):
-        end = min(first + _COLUMNS, count)
-        if rows.size:
-            right = np.ascontiguousarray(rows[:, first:])
-            product = np.ascontiguousarray(right[:, : end - first].T) @ right
-            for i in range(first, end):
-                for j in range(first, count):
-                    out[i, j] = F[i, j] - product[i - first, j - first]
 
 
 @kernel
