@@ -15,7 +15,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.carriers import Carriers
-from flexfem.contact.detection.broad_phase import triangle_boxes
+from flexfem.contact.detection.broad_phase import enclose, touching, triangle_boxes
 from flexfem.contact.frames import SurfaceFrames
 from flexfem.contact.group import ContactGroup
 from flexfem.contact.nearby import stiffness_nearby
@@ -161,12 +161,11 @@ class Contacts:
         low, high = np.empty((len(mine), 3)), np.empty((len(mine), 3))
         triangle_boxes(self.points, triangles, thickness + made.skin, low, high)
         box = np.array([[np.inf] * 3, [-np.inf] * 3])
-        if len(made.slaves.nodes):
-            at, reach = self.points[made.slaves.nodes], made.slaves.offsets[:, np.newaxis]
-            box[:] = (at - reach).min(0), (at + reach).max(0)
+        at, reach = self.points[made.slaves.nodes], made.slaves.offsets[:, np.newaxis]
+        enclose(at - reach, at + reach, box)
         boxes = np.empty((self._comm.size, 2, 3))
         self._comm.Allgather(box, boxes)
-        lists = [mine[((low <= upper) & (high >= lower)).all(axis=1)] for lower, upper in boxes]
+        lists = [mine[touching(low, high, one)] for one in boxes]
         return np.sort(np.concatenate(send_numbers(self._comm, lists)))
 
     def evaluate(self) -> None:

@@ -24,6 +24,7 @@ from flexfem.contact.barrier.spins import Spins
 from flexfem.contact.barrier.surface import ContactSurface
 from flexfem.contact.barrier.ways import farthest, leaves, moves, short_part
 from flexfem.contact.carriers import Carriers
+from flexfem.contact.detection.broad_phase import enclose, touching
 from flexfem.contact.primitives.candidates import Boxes, Motion
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.surfaces.surfaces import CollisionSurfaces
@@ -360,16 +361,13 @@ class BarrierContacts:
         for one, cells in zip(self.contacts, mine, strict=True):
             found = Boxes.of(one.own.surface, one.own.touching, Motion(low, high))
             boxes.append((found.low[cells], found.high[cells]))
-            if len(cells):
-                box[0] = np.minimum(box[0], found.low[cells].min(0))
-                box[1] = np.maximum(box[1], found.high[cells].max(0))
+            enclose(*boxes[-1], box)
         everyone = np.empty((comm.size, 2, 3))
         comm.Allgather(box, everyone)
         lists = []
-        for lower, upper in everyone:
+        for other in everyone:
             inside = [
-                c[((a <= upper) & (b >= lower)).all(axis=1)].ravel()
-                for c, (a, b) in zip(corners, boxes, strict=True)
+                c[touching(a, b, other)].ravel() for c, (a, b) in zip(corners, boxes, strict=True)
             ]
             lists.append(np.unique(np.concatenate(inside)))
         received = np.concatenate(send_numbers(comm, lists))

@@ -12,10 +12,10 @@ SciPy's cKDTree of their centres, cut down to the same pairs, 0.15, 3.0 and 130 
 
 import numpy as np
 
-from flexfem._types import FloatArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.kernels.compiled import inlined, kernel
 
-__all__ = ["overlaps", "triangle_boxes"]
+__all__ = ["enclose", "overlaps", "touching", "triangle_boxes"]
 
 #: Bits of a cell's number along one axis, three of which make one key.
 _BITS = 21
@@ -40,9 +40,11 @@ def overlaps(
     """
     if not len(low) or not len(other_low):
         return np.zeros(len(low) + 1, np.int64), np.zeros(0, np.int64)
-    origin = np.minimum(low.min(0), other_low.min(0))
-    extent = float((np.maximum(high.max(0), other_high.max(0)) - origin).max())
-    size = max(float((other_high - other_low).max(1).mean()), extent / (1 << (_BITS - 1)), 1e-300)
+    box = np.array([[np.inf] * 3, [-np.inf] * 3])
+    enclose(low, high, box)
+    enclose(other_low, other_high, box)
+    origin, extent = box[0], float((box[1] - box[0]).max())
+    size = max(_mean_side(other_low, other_high), extent / (1 << (_BITS - 1)), 1e-300)
     most = _CROWD * (len(low) + len(other_low))
     while True:
         place = np.append(origin, 1.0 / size)
@@ -69,6 +71,36 @@ def triangle_boxes(
             x2 = points[triangles[t, 2], a]
             low[t, a] = min(x0, x1, x2) - margins[t]
             high[t, a] = max(x0, x1, x2) + margins[t]
+
+
+@kernel
+def enclose(low: FloatArray, high: FloatArray, box: FloatArray) -> None:
+    """Enlarge a box (2, 3), whose rows are its corners, by boxes (n, 3)."""
+    for b in range(len(low)):
+        for a in range(3):
+            box[0, a] = min(box[0, a], low[b, a])
+            box[1, a] = max(box[1, a], high[b, a])
+
+
+@kernel
+def touching(low: FloatArray, high: FloatArray, box: FloatArray) -> BoolArray:
+    """True for boxes (n, 3) that overlap a box (2, 3)."""
+    found = np.empty(len(low), np.bool_)
+    for b in range(len(low)):
+        apart = False
+        for a in range(3):
+            apart |= low[b, a] > box[1, a] or high[b, a] < box[0, a]
+        found[b] = not apart
+    return found
+
+
+@kernel
+def _mean_side(low: FloatArray, high: FloatArray) -> float:
+    """Mean of the longest sides of boxes (n, 3), m."""
+    total = 0.0
+    for b in range(len(low)):
+        total += max(high[b, 0] - low[b, 0], high[b, 1] - low[b, 1], high[b, 2] - low[b, 2])
+    return total / len(low)
 
 
 @inlined
