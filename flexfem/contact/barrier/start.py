@@ -89,8 +89,20 @@ def _apart(
         # a function of the user's that has failed says so when the run begins
         pair, column = np.nonzero(found.reduced)
         np.fmin.at(dhat, found.points[pair, column], found.gaps[pair])
+    _as_one(surfaces, dhat)
     check_intersections(surfaces, own, near)
     return replace(own, surface=replace(own.surface, dhat=dhat)), near
+
+
+def _as_one(surfaces: CollisionSurfaces, dhat: FloatArray) -> None:
+    """Give all points of a rigid body that moves the least ``dhat`` (n,) of them, in place.
+
+    A wheel whose lowest points alone repel from nearer would roll into a hollow, and stay there.
+    """
+    for number, body in enumerate(surfaces.bodies):
+        if body.rigid and np.isfinite(body.density):
+            chosen = surfaces.primitives.body == number
+            dhat[chosen] = dhat[chosen].min(initial=np.inf)
 
 
 @dataclass(frozen=True)
