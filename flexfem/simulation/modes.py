@@ -58,7 +58,8 @@ def find_modes(
 
     The history has one row for each mode; its first column ``t`` is the number of the mode. The
     others are ``frequency`` (Hz), ``damping_ratio``, ``real`` and ``imag`` of the eigenvalue (1/s)
-    and ``mass_x, mass_y, mass_z``, the effective masses along the inertial axes (kg).
+    and ``mass_x, mass_y, mass_z``, the effective masses along the inertial axes (kg). Where one of
+    them grows, a warning says that the state is unstable.
 
     The columns of the probes in the state about which the modes are, displacements and strains of a
     steady rotation for example, are in the outcome and the summary (``state``). Pictures of an
@@ -90,6 +91,7 @@ def find_modes(
         refuse(faults, comm)
         if options.output is not None:
             remove_summary(options.output / "summary.json", comm)
+        point.cautions.say([] if found is None else _growing(point, found))
         history = _write(point, options, found)
         summary = point.summary(case, _reason(point, status, options, found))
         return _ended(summary, options, results, comm, found, state, history)
@@ -199,6 +201,22 @@ def _reason(
         hint = modes_hint(status, options.spin, bool(point.system.contacts))
         return with_hint(text, hint)
     return doubts(found, options.modes, options.accuracy)
+
+
+def _growing(point: OperatingPoint, found: Modes) -> list[str]:
+    """Warning of modes that grow: their frequency of zero would pass for that of a rigid motion."""
+    growth = found.growth
+    count = int(np.count_nonzero(growth))
+    if not count:
+        return []
+    what = "the steady rotation" if point.options.spin else "the equilibrium"
+    if not point.is_equilibrium:
+        what = "the state" if point.options.state is not None else "the given configuration"
+    many = f"{count} of {len(found)} modes grow{'s' if count == 1 else ''}"
+    return [
+        f"{what} is unstable: {many}, the fastest by exp({growth.max():.4g} 1/s t); the column "
+        "real has the rates, and a mode that does not oscillate has the frequency 0"
+    ]
 
 
 def checks(found: Sequence[Modes]) -> dict[str, Any]:

@@ -862,3 +862,49 @@ def test_no_unique_equilibrium_is_a_status(shared_tmp_path):
     assert "in the search for the equilibrium" in outcome.status
     assert outcome.modes is None
     assert dict(outcome.history) == {}
+
+
+def _toppling(stiffness, start):
+    """Modes of 2 kg on top of a hinged rod of 1 m, which a spring holds upright."""
+    model, foot = ff.Model("toppling"), ff.Marker("mass", offset=(0.0, 0.0, -1.0))
+    model.add(
+        ff.Gravity((0.0, 0.0, -9.81)),
+        ff.RigidBody("mass", 2.0, 0.02 * np.eye(3), position=(0.0, 0.0, 1.0)),
+        ff.Revolute("hinge", ff.Ground(), foot, axis=(0, 1, 0)),
+        ff.TorsionalSpringDamper("spring", ff.Ground(), foot, axis=(0, 1, 0), stiffness=stiffness),
+    )  # fmt: skip
+    return ff.find_modes(model, ff.ModeOptions(modes=1, start=start, quiet=True))
+
+
+@pytest.mark.serial
+def test_an_equilibrium_from_which_the_model_falls_is_told():
+    """``(m l^2 + I) x'' = (m g l - k) x``: a frequency of 0 alone would be a rigid motion's."""
+    for start, what in (("equilibrium", "the equilibrium"), ("rest", "the given configuration")):
+        found = _toppling(15.0, start)
+        assert found.status == "ok"
+        assert found.history["frequency"] == [0.0]
+        rate = np.sqrt((2.0 * 9.81 - 15.0) / 2.02)
+        # a linear problem of one unknown
+        assert found.history["real"] == pytest.approx([rate], rel=1e-9)
+        (line,) = found.summary["warnings"]
+        assert line.startswith(f"{what} is unstable: 1 of 1 modes grows, the fastest by exp(1.512 ")
+        assert_on_page(line)
+    assert _toppling(25.0, "equilibrium").summary["warnings"] == []
+
+
+@pytest.mark.serial
+def test_a_spin_about_the_middle_axis_of_inertia_is_told():
+    """Euler's equations: growth by spin ((b - a)(c - b)/(a c))^1/2; about the others none."""
+    a, b, c, spin = 1.0, 2.0, 2.5, 3.0
+    for axis, rate in (("x", 0.0), ("y", spin * np.sqrt((b - a) * (c - b) / (a * c))), ("z", 0.0)):
+        model = ff.Model("tumbler")
+        model.add(ff.RigidBody("body", 1.0, np.diag([a, b, c])))
+        count = 6 if rate > 0.0 else 5  # pairs that grow and decay are two
+        found = ff.find_modes(model, ff.ModeOptions(modes=count, spin=spin, axis=axis, quiet=True))
+        assert found.status == "ok"
+        lines = [line for line in found.summary["warnings"] if "is unstable" in line]
+        assert len(lines) == (rate > 0.0)
+        if lines:
+            # a dense problem of six unknowns
+            assert max(found.history["real"]) == pytest.approx(rate, rel=1e-9)
+            assert lines[0].startswith("the steady rotation is unstable: 1 of 6 modes grows")

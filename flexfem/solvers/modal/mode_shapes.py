@@ -31,6 +31,8 @@ _POWERS = 4
 _LEADING = 0.5
 #: Distance from the target, relative to that of the last mode found, within which others crowd.
 _FAR = 10.0
+#: Growth of modes, relative to their size and to their residual, that may be round-off.
+_STEADY, _SURE = 1e-6, 10.0
 #: Eigenvalues computed beyond those requested, so that the last one is complete.
 _MORE = 3
 
@@ -89,6 +91,13 @@ class Modes:
         size = np.abs(self.eigenvalues)
         ratio: FloatArray = 0.0 - self.eigenvalues.real / np.where(size > 0.0, size, 1.0)
         return ratio
+
+    @property
+    def growth(self) -> FloatArray:
+        """(k,) rates at which modes grow, 1/s; zero for all others, and where it is round-off."""
+        sure = -self.damping > np.maximum(_STEADY, _SURE * self.residuals)
+        found: FloatArray = np.where(sure, self.eigenvalues.real, 0.0)
+        return found
 
     def __len__(self) -> int:
         """Number of modes."""
