@@ -908,3 +908,20 @@ def test_a_spin_about_the_middle_axis_of_inertia_is_told():
             # a dense problem of six unknowns
             assert max(found.history["real"]) == pytest.approx(rate, rel=1e-9)
             assert lines[0].startswith("the steady rotation is unstable: 1 of 6 modes grows")
+
+
+@pytest.mark.serial
+def test_modes_that_are_not_zero_are_not_below_what_counts_as_zero():
+    """Limits of the fastest modes of a nearly massless shaft are a thousand times the first one."""
+    steel = ff.Material(2e11, 0.3, 1e-3)
+    model = _straight_beam().beam_model(ff.Section.circle(0.02, steel), 20, direction=(0, 0, 1))
+    model.add(
+        ff.RigidBody("disk", 10.0, (0.01, 0.01, 0.02), position=(0, 0, 0.5)),
+        ff.Rigid("fit", ff.Marker("beam", 0.5), ff.Marker("disk")),
+        ff.Spherical("left", ff.Ground(), ff.Marker("beam", "start")),
+        ff.PointOnLine("right", ff.Ground((0, 0, 1)), ff.Marker("beam", "end"), axis=(0, 0, 1)),
+    )
+    found = ff.find_modes(model, ff.ModeOptions(modes=4, spin=30.0, quiet=True))
+    assert found.status == "ok"
+    first = found.history["frequency"][found.history["frequency"] > 0.0].min()
+    assert found.summary["checks"]["zero_below"] < 0.01 * first

@@ -120,8 +120,15 @@ class Solution:
 
     @property
     def zero_below(self) -> float:
-        """Eigenvalues below this modulus count as zero, 1/s."""
-        return float(np.sqrt((ZERO * self.noise + self.errors).max(initial=0.0)))
+        """Eigenvalues below this modulus count as zero, 1/s.
+
+        The limit of those that do, and of the slowest one that does not: limits of faster modes
+        rise with their stiffness, and with the errors of those beyond the ones requested.
+        """
+        squares = np.abs(self.values) ** 2
+        slowest = squares <= squares.min(initial=np.inf, where=~self.zero)
+        limits = ZERO * self.noise + self.errors
+        return float(np.sqrt(limits.max(initial=0.0, where=self.zero | slowest)))
 
     def scale(self, doubtful: BoolArray) -> float:
         """Geometric mean of the first ones that are not zero, 1/s; zero if there are none.
