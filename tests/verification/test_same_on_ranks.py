@@ -112,3 +112,38 @@ def test_all_columns_are_the_same_on_any_number_of_ranks(
         if modulus == STEEL and column.startswith(FORCES):
             allowed = max(allowed, ROUNDING * (farthest / length + 1.0) * stiffness)
         assert np.abs(values - together.history[column]).max() <= allowed, column
+
+
+def strips(count: int) -> ff.Model:
+    """Soft sheets hinged to one another in a row, which the first one carries."""
+    u = np.linspace(0.0, 0.2, 5)
+    meshes = [ff.SurfaceMesh.grid(f"s{k}", u + 0.2 * k, u) for k in range(count)]
+    model = ff.Model("strips", surface=ff.SurfaceMesh.join(meshes))
+    model.add(ff.Gravity((0.0, 1.0, -9.81)))
+    section = ff.ShellSection.isotropic(2e-3, ff.Material(2e6, 0.3, 1000.0))
+    for k in range(count):
+        edges = {} if k else {"s0_left": "clamped"}
+        model.add(ff.Shell(f"s{k}", section, damping=1e-4, edges=edges))
+    for k in range(1, count):
+        ends = ff.ShellLine(f"s{k - 1}", f"s{k - 1}_right"), ff.ShellLine(f"s{k}", f"s{k}_left")
+        model.add(ff.HingeLine(f"hinge_{k}", *ends))
+        model.add(ff.ReactionProbe(f"force_{k}", f"hinge_{k}"))
+    return model
+
+
+@pytest.mark.several_ranks
+@pytest.mark.three_ranks
+def test_factors_are_renewed_alike_on_any_number_of_ranks() -> None:
+    """Steps of 20 ms fold the sheets, so that factors are renewed within most of them."""
+    options = ff.RunOptions(dt=0.02, t_end=0.2, quiet=True)
+    alone, together = (ff.simulate(strips(3), options, comm=comm) for comm in (MPI.COMM_SELF, COMM))
+    for name in ("newton_iterations", "factorizations", "fallbacks"):
+        # 55 and 50 iterations where a rank renews factors of its own bodies without the others
+        assert together.summary[name] == alone.summary[name]
+    if COMM.rank > 0:
+        return
+    for column, values in alone.history.items():
+        family = [v for k, v in alone.history.items()
+                  if k.rpartition("_")[0] == column.rpartition("_")[0]]  # fmt: skip
+        allowed = 1e-9 * max(np.abs(v).max() for v in family)
+        assert np.abs(values - together.history[column]).max() <= allowed, column

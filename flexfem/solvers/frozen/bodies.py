@@ -135,6 +135,8 @@ class FlexibleBodies:
         group: the bodies with their responses.
         split: True if a body is on several ranks, which then factorise matrices together.
         pieces: those of this rank; their factors can be renewed one by one.
+        common: number of the piece whose bodies have no factors of their own; there may be one on
+            every rank, and all of them are renewed together. None if all bodies are large.
     """
 
     _kept: KeptFactor
@@ -148,6 +150,7 @@ class FlexibleBodies:
         self._chained = elements is None or elements.chained
         self._thin = elements is not None and elements.thin
         self.split: bool = block.has_ghosts
+        self.common: int | None = None
         self.pieces = self._divide()
         self._trees: list[NodeTree] = []
         # one piece uses right-hand sides and steps in place
@@ -164,6 +167,7 @@ class FlexibleBodies:
         lists = list(np.flatnonzero(large)[:, np.newaxis])
         if not lists or not large.all():
             lists.insert(0, np.flatnonzero(~large))
+            self.common = 0
         body = np.repeat(np.arange(len(rows)), np.diff(group.own.node_start))
         pieces = []
         for bodies in lists:
@@ -537,10 +541,10 @@ class FlexibleBodies:
         self._kept = kept
         self.group.own.responses, self.group.own.compliances = kept.responses, kept.compliances
 
-    def worst(self, missed: FloatArray, limit: float) -> list[int]:
-        """Pieces in which the squared norm of a vector (n_owned, width) exceeds a limit."""
+    def squares(self, missed: FloatArray) -> FloatArray:
+        """Squared norms (p,) of a vector (n_owned, width) in the pieces of this rank."""
         squares = (missed**2).sum(axis=1)
-        return [k for k, p in enumerate(self.pieces) if float(squares[p.nodes].sum()) > limit]
+        return np.array([float(squares[piece.nodes].sum()) for piece in self.pieces])
 
     def rows(self, pieces: Sequence[int]) -> int:
         """Number of unknowns of pieces."""

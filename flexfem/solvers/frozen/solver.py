@@ -194,27 +194,37 @@ class FrozenSolver:
     def worst(self, refined: Refined | None) -> Worst:
         """Bodies with most of the error of the frozen operator in a step (collective).
 
-        All of them, if the step was not refined.
+        All of them, if the step was not refined. Which ones they are is no matter of how whole
+        bodies are distributed: those without factors of their own count as one on all ranks.
         """
         if refined is None:
             return Worst([flexible.every for flexible in self._flexible], 1.0)
         limit = _SHARE * self._vectors.squares(refined.missed)[0]
-        pieces: list[list[int] | None] = []
-        rows = np.zeros((2, len(self._flexible)))
+        own: list[list[int]] = []
+        # unknowns of large bodies with errors, and of all; of others, and their squared errors
+        found = np.zeros((4, len(self._flexible)))
         for i, flexible in enumerate(self._flexible):
-            part = flexible.group.part
+            part, common = flexible.group.part, flexible.common
             start = self._vectors.sizes[self.system.parts.index(part)]
             missed = refined.missed[start:][: part.block.sizes[0]].reshape(-1, part.block.width)
-            worst = flexible.worst(missed, limit)
-            pieces.append(worst)
-            rows[:, i] = flexible.rows(worst), missed.size
-        self.system.comm.Allreduce(MPI.IN_PLACE, rows)
-        for i, flexible in enumerate(self._flexible):
-            if rows[0, i] == 0.0:
-                pieces[i] = None
-            elif flexible.split:
-                pieces[i], rows[0, i] = flexible.every, rows[1, i]
-        return Worst(pieces, float(rows[0].sum() / max(rows[1].sum(), 1.0)))
+            squares = flexible.squares(missed)
+            own.append([k for k in flexible.every if k != common and squares[k] > limit])
+            found[:2, i] = flexible.rows(own[i]), missed.size
+            if common is not None:
+                found[2:, i] = flexible.rows([common]), squares[common]
+        self.system.comm.Allreduce(MPI.IN_PLACE, found)
+        pieces: list[list[int] | None] = []
+        renewed = 0.0
+        for flexible, chosen, (large, _, small, square) in zip(
+            self._flexible, own, found.T.tolist(), strict=True
+        ):
+            together = square > limit
+            if together and flexible.common is not None:
+                chosen.insert(0, flexible.common)
+            rows = large + small * together
+            pieces.append(chosen if rows else None)
+            renewed += rows
+        return Worst(pieces, renewed / max(float(found[1].sum()), 1.0))
 
     def renew(self, worst: Worst, strains: PartStrains | None = None) -> None:
         """Factorise these bodies again at the trial state, with the shifts in use (collective)."""
