@@ -40,7 +40,8 @@ class Contacts:
         carriers: of their points; frames: of rigid surfaces of simple shapes.
         time, accepted: times of the trial state and of the accepted one, s.
         stiffness: force per penetration and area of each, N/m^3; zero, where it is not given, until
-            the first step.
+            the first step; inertia: factor of the mass in the matrix by which it was chosen, 1/s^2,
+            None before that.
         kinds: kinds of the blocks on which contacts act, ascending.
         points: positions of all points at the last evaluation, (n, 3), m.
         lagging: True if friction or damping act on contacts of the accepted state.
@@ -80,6 +81,7 @@ class Contacts:
         every = [group.surfaces.contact for group in self.groups]
         self.lagging = any(one.friction > 0.0 or one.damping > 0.0 for one in every)
         given = [one.stiffness or 0.0 for one in every]
+        self.inertia: float | None = None
         self.set_stiffness(np.array(given))
         self.time = self.accepted = 0.0
         self.evaluated = self.cut = False
@@ -107,6 +109,7 @@ class Contacts:
     def prepare(self, inertia: float) -> None:
         """Choose the stiffness from the first matrix; see ``ContactSurfaces.stiffness``."""
         if not self.stiffness.all():
+            self.inertia = inertia
             self.set_stiffness(np.array([g.surfaces.stiffness(inertia) for g in self.groups]))
 
     def set_stiffness(self, stiffness: FloatArray) -> None:

@@ -306,6 +306,30 @@ def test_shells_that_slide():
     compare(build, {**SHEET, **SLIDING}, ["final:q_x", "final:q_z"], options, step=1e-4)
 
 
+def pressed(friction, density) -> ff.Model:
+    """A sheet that falls on the ground under a pressure with a kink within the last step."""
+    u = np.linspace(-0.1, 0.1, 4)
+    mesh = ff.SurfaceMesh.grid("sheet", u, u, lambda p: np.c_[p, np.full(len(p), 6e-4)])
+    section = ff.ShellSection.isotropic(1e-3, ff.Material(2e8, 0.3, density))
+    model = ff.Model("pressed", surface=mesh)
+    model.add(
+        ff.Gravity((1.0, 0.0, -9.81)),
+        ff.Shell("sheet", section, velocity=(0.0, 0.0, -0.2)),
+        ff.Pressure("press", "sheet", 5.0, amplitude=ff.Table((0.0, 9.7e-3), (0.0, 1.0))),
+        ff.Contact("landing", "sheet", surfaces=GROUND, law="penalty", friction=friction),
+        ff.PositionProbe("p", ff.Marker("sheet", (-0.1, -0.1, 6e-4))),
+    )
+    return model
+
+
+@pytest.mark.parametrize("friction", [0.0, pytest.param(0.3, marks=pytest.mark.serial)])
+def test_automatic_stiffness_is_that_of_the_first_step(friction):
+    """That of the last one, 0.3 ms in place of 1 ms, made a derivative sixty times as large."""
+    options = ff.RunOptions(dt=1e-3, t_end=0.01, tolerance=1e-13)
+    numbers = {"density": 1000.0}
+    compare(partial(pressed, friction), numbers, ["final:p_z"], options, step=1e-4, sizes=2)
+
+
 @pytest.mark.serial
 def test_surfaces_that_do_not_meet():
     options = ff.RunOptions(dt=2e-4, t_end=4e-4, tolerance=1e-13)

@@ -567,7 +567,7 @@ def _place(motion: Motion, system: System, step: int) -> None:
     rows.active[:], rows.held[:] = own.active, own.held
     rows.targets[own.held] = own.targets[own.held]
     system.interface.update()
-    recall_sides(system, state)
+    recall_sides(motion.system, system, state)
     system.lead = motion.system.lead
 
 

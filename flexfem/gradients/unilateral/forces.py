@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from flexfem.contact.barrier.contacts import BarrierContacts
+from flexfem.contact.contacts import Contacts
 from flexfem.core.state import State
 from flexfem.gradients.equations.unilateral import Unilateral
 from flexfem.gradients.unilateral.barriers import Barriers
@@ -49,13 +50,21 @@ def leave_out_contacts(system: System) -> None:
             part.contacts.acts = False
 
 
-def recall_sides(system: System, state: State) -> None:
+def recall_sides(motion: System, system: System, state: State) -> None:
     """Let penalties know the sides of surfaces of a motion's state, at that of their nodes.
 
-    Their stiffness is their own (collective).
+    Their stiffness is their own, chosen for the same step as the motion's: one that is automatic
+    depends on the size of its first step, and steps are visited from the last one on (collective).
+
+    Args:
+        motion: system of the motion.
+        system: that of another model.
+        state: of the motion.
     """
-    for contacts in system.contacts:
-        if not isinstance(contacts, BarrierContacts):
+    for own, contacts in zip(motion.contacts, system.contacts, strict=True):
+        if isinstance(contacts, Contacts) and isinstance(own, Contacts):
+            if own.inertia is not None:
+                contacts.prepare(own.inertia)
             stiffness = contacts.stiffness
             contacts.restore(state)
             contacts.set_stiffness(stiffness)
