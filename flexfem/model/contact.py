@@ -133,8 +133,8 @@ class Contact:
         exclude: Pairs of names of bodies that do not touch; (name, name) for one that does not
             touch itself.
         reach: Gap below which surfaces repel, metres; None: a tenth of the radius (half of the
-            thickness), and a thousandth of the size of bodies without. Where flexible bodies are
-            nearer at the start, and of rigid bodies that are, it is that gap.
+            thickness), and a thousandth of the size of bodies without. It is smaller where bodies
+            are nearer at the start: that gap, of a rigid body that moves all around.
         law: "barrier" or "penalty"; None: see above. All contacts of a model have the same.
         stiffness: Force per penetration and area, N/m^3; of the barrier the scale of its force.
             None: with the barrier that of the mass per area and the speeds at the start, at most

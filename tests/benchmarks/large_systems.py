@@ -155,7 +155,7 @@ def main() -> None:
                     for first, this in zip(rounds[ranks[0]], rounds[count], strict=True)
                 )
                 spread = f" ({faster[0]:.2f} to {faster[-1]:.2f})" if len(faster) > 1 else ""
-                print(f"| {name} | {size} | {x['unknowns']} | {count} | {x['declared']:.2f} | "
+                print(f"| {name} | {size} | {x['unknowns']:.0f} | {count} | {x['declared']:.2f} | "
                       f"{x['set_up']:.2f} | {x['memory'] / 1e6:.0f} | {1e3 * x['step']:.2f} | "
                       f"{x['iterations']:.1f} | {x['factorizations']:.0f} | "
                       f"{median(faster):.2f}{spread} |",

@@ -30,7 +30,7 @@ def start_apart(surfaces: CollisionSurfaces) -> list[tuple[ContactSurface, Neigh
     """Surfaces of all contacts of a model, with the pairs that are left out.
 
     Where gaps at the start are smaller than those at which surfaces repel, these are reduced, so
-    that no energy is stored at the start.
+    that no energy is stored at the start: of rigid bodies that move all around, of others there.
 
     Raises:
         ValueError: two bodies touch, overlap or intersect, with the place; one is inside of another
@@ -84,25 +84,28 @@ def _apart(
     near = Neighbourhoods.of(own.surface, x, own.touching, surfaces.links)
     dhat = own.surface.dhat.copy()
     here = np.ones(len(x), dtype=np.bool_)
-    for found in (_cells(own, near, x, here), _obstacles(own, x, here)):
+    moving = np.array([one.rigid and np.isfinite(one.density) for one in surfaces.bodies])
+    for found in (_cells(own, near, x, here, moving), _obstacles(own, x, here)):
         _check(surfaces, own, found)
         # a function of the user's that has failed says so when the run begins
         pair, column = np.nonzero(found.reduced)
         np.fmin.at(dhat, found.points[pair, column], found.gaps[pair])
-    _as_one(surfaces, dhat)
+    _reduce_all_around(own, dhat, moving)
     check_intersections(surfaces, own, near)
     return replace(own, surface=replace(own.surface, dhat=dhat)), near
 
 
-def _as_one(surfaces: CollisionSurfaces, dhat: FloatArray) -> None:
-    """Give all points of a rigid body that moves the least ``dhat`` (n,) of them, in place.
+def _reduce_all_around(own: ContactSurface, dhat: FloatArray, moving: BoolArray) -> None:
+    """Reduce all points of rigid bodies that move to their least ``dhat`` (n,) so far, in place.
 
     A wheel whose lowest points alone repel from nearer would roll into a hollow, and stay there.
     """
-    for number, body in enumerate(surfaces.bodies):
-        if body.rigid and np.isfinite(body.density):
-            chosen = surfaces.primitives.body == number
-            dhat[chosen] = dhat[chosen].min(initial=np.inf)
+    reduced = dhat < own.surface.dhat
+    for body in np.unique(own.surface.label[reduced]).tolist():
+        if moving[body]:
+            points = own.surface.label == body
+            least = dhat[points & reduced].min()
+            dhat[points] = np.minimum(dhat[points], least)
 
 
 @dataclass(frozen=True)
@@ -124,26 +127,39 @@ class _Gaps:
     bodies: IntArray
 
 
-def _cells(own: ContactSurface, near: Neighbourhoods, x: FloatArray, here: BoolArray) -> _Gaps:
+def _cells(
+    own: ContactSurface, near: Neighbourhoods, x: FloatArray, here: BoolArray, moving: BoolArray
+) -> _Gaps:
     """Gaps of pairs of cells."""
     pairs = find_pairs(own.surface, near, Motion(x, x), own.touching, here)
     weights, distances = np.empty((pairs.count, 4)), np.empty(pairs.count)
     closest_pairs(x, pairs.kind, pairs.points, np.zeros(pairs.count), weights, distances)
     bodies = own.surface.label[pairs.points[:, [0, 3]]]
-    reduced = _of_finer_body(own, pairs, bodies)
+    reduced = _of_one_body(own, pairs, bodies, moving)
     return _Gaps(distances - pairs.touch, pairs.dhat, pairs.points, reduced, bodies)
 
 
-def _of_finer_body(own: ContactSurface, pairs: Pairs, bodies: IntArray) -> BoolArray:
-    """Points (m, 4) of the body with more points in each pair of ``bodies`` (m, 2).
+def _of_one_body(
+    own: ContactSurface, pairs: Pairs, bodies: IntArray, moving: BoolArray
+) -> BoolArray:
+    """Points (m, 4) of one of the two ``bodies`` (m, 2) of each pair, whose reach is reduced.
 
-    A small gap at one place does not reduce those of a sphere or a plane everywhere.
+    It is the rigid one that moves, or else the one with more points: a small gap at one place does
+    not reduce the reach of a sphere or a plane that stays everywhere.
+
+    Args:
+        own: surface of the contact.
+        pairs: all of them.
+        bodies: of their sides.
+        moving: True for rigid bodies that move.
     """
-    size = np.bincount(own.surface.label)[bodies]
+    size, rolls = np.bincount(own.surface.label)[bodies], moving[bodies]
     middle = np.where(pairs.kind >= EDGE_EDGE, 2, 1)[:, np.newaxis]
-    second = (size[:, 1] >= size[:, 0])[:, np.newaxis]
-    finer: BoolArray = (np.arange(4) >= middle) == second
-    return finer
+    second = np.where(
+        rolls[:, 0] != rolls[:, 1], rolls[:, 1], size[:, 1] >= size[:, 0]
+    )[:, np.newaxis]  # fmt: skip
+    chosen: BoolArray = (np.arange(4) >= middle) == second
+    return chosen
 
 
 def _obstacles(own: ContactSurface, x: FloatArray, here: BoolArray) -> _Gaps:

@@ -87,10 +87,9 @@ def touching(low: FloatArray, high: FloatArray, box: FloatArray) -> BoolArray:
     """True for boxes (n, 3) that overlap a box (2, 3)."""
     found = np.empty(len(low), np.bool_)
     for b in range(len(low)):
-        apart = False
+        found[b] = True
         for a in range(3):
-            apart |= low[b, a] > box[1, a] or high[b, a] < box[0, a]
-        found[b] = not apart
+            found[b] &= low[b, a] <= box[1, a] and high[b, a] >= box[0, a]
     return found
 
 

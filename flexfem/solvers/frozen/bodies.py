@@ -135,8 +135,9 @@ class FlexibleBodies:
         group: the bodies with their responses.
         split: True if a body is on several ranks, which then factorise matrices together.
         pieces: those of this rank; their factors can be renewed one by one.
-        common: number of the piece whose bodies have no factors of their own; there may be one on
-            every rank, and all of them are renewed together. None if all bodies are large.
+        common: number of the piece whose bodies have no factors of their own, those below a size
+            and all of a part that is on several ranks; there may be one on every rank, an empty one
+            too, and all of them are renewed together. None if this rank's bodies are all large.
     """
 
     _kept: KeptFactor

@@ -120,7 +120,8 @@ def eliminate_pivots(upper: FloatArray, over: FloatArray, least: FloatArray) -> 
     """Eliminate the first rows of a symmetric matrix from one another; False if a pivot vanishes.
 
     Args:
-        upper: (m, n) these rows, of which the entries from the diagonal on are read and written.
+        upper: (m, n) these rows, of which the entries from the diagonal on are read and become the
+            pivots times the factors; those before it lose their meaning.
         over: (m,) becomes one over the pivots.
         least: (m,) sizes at which pivots vanish.
     """

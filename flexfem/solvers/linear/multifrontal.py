@@ -264,8 +264,8 @@ def _tree(
     into[rest] = places(np.repeat(parents, sizes)[rest], listed[rest])
     first = owner[np.minimum(position[i], position[j])]
     # read at every factorisation, and most of the memory beside values and factors
-    few = max(len(i), int(sizes.max(initial=0)) ** 2) <= np.iinfo(np.int32).max
-    kind: type[np.signedinteger] = np.int32 if few else np.int64
+    largest = max(len(i), int(sizes.max(initial=0)) ** 2)
+    kind: type[np.signedinteger] = np.int32 if largest <= np.iinfo(np.int32).max else np.int64
     entries, to = np.argsort(first, kind="stable").astype(kind), np.empty(len(i), dtype=kind)
     for k in range(0, len(i), _AT_ONCE):
         some = slice(k, k + _AT_ONCE)
