@@ -41,7 +41,7 @@ class Contacts:
         time, accepted: times of the trial state and of the accepted one, s.
         stiffness: force per penetration and area of each, N/m^3; zero, where it is not given, until
             the first step; inertia: factor of the mass in the matrix by which it was chosen, 1/s^2,
-            None before that.
+            None before that, and where all are given.
         kinds: kinds of the blocks on which contacts act, ascending.
         points: positions of all points at the last evaluation, (n, 3), m.
         lagging: True if friction or damping act on contacts of the accepted state.
@@ -107,10 +107,15 @@ class Contacts:
         return 0.0
 
     def prepare(self, inertia: float) -> None:
-        """Choose the stiffness from the first matrix; see ``ContactSurfaces.stiffness``."""
+        """Choose the stiffness from the first matrix; see ``ContactSurfaces.stiffness``.
+
+        It is the same one again after a return to the start, also where the first step that was
+        tried was not that taken.
+        """
         if not self.stiffness.all():
-            self.inertia = inertia
-            self.set_stiffness(np.array([g.surfaces.stiffness(inertia) for g in self.groups]))
+            self.inertia = inertia if self.inertia is None else self.inertia
+            chosen = [group.surfaces.stiffness(self.inertia) for group in self.groups]
+            self.set_stiffness(np.array(chosen))
 
     def set_stiffness(self, stiffness: FloatArray) -> None:
         """Set the force per penetration and area of each contact, N/m^3."""

@@ -306,18 +306,19 @@ def test_shells_that_slide():
     compare(build, {**SHEET, **SLIDING}, ["final:q_x", "final:q_z"], options, step=1e-4)
 
 
-def pressed(friction, density) -> ff.Model:
+def pressed(friction, density, height=6e-4, end=0.01) -> ff.Model:
     """A sheet that falls on the ground under a pressure with a kink within the last step."""
     u = np.linspace(-0.1, 0.1, 4)
-    mesh = ff.SurfaceMesh.grid("sheet", u, u, lambda p: np.c_[p, np.full(len(p), 6e-4)])
+    mesh = ff.SurfaceMesh.grid("sheet", u, u, lambda p: np.c_[p, np.full(len(p), height)])
     section = ff.ShellSection.isotropic(1e-3, ff.Material(2e8, 0.3, density))
     model = ff.Model("pressed", surface=mesh)
     model.add(
         ff.Gravity((1.0, 0.0, -9.81)),
         ff.Shell("sheet", section, velocity=(0.0, 0.0, -0.2)),
-        ff.Pressure("press", "sheet", 5.0, amplitude=ff.Table((0.0, 9.7e-3), (0.0, 1.0))),
+        ff.Pressure("press", "sheet", 5.0, amplitude=ff.Table((0.0, end - 3e-4), (0.0, 1.0))),
         ff.Contact("landing", "sheet", surfaces=GROUND, law="penalty", friction=friction),
-        ff.PositionProbe("p", ff.Marker("sheet", (-0.1, -0.1, 6e-4))),
+        ff.PositionProbe("p", ff.Marker("sheet", (-0.1, -0.1, height))),
+        ff.EnergyProbe("E"),
     )
     return model
 
@@ -328,6 +329,35 @@ def test_automatic_stiffness_is_that_of_the_first_step(friction):
     options = ff.RunOptions(dt=1e-3, t_end=0.01, tolerance=1e-13)
     numbers = {"density": 1000.0}
     compare(partial(pressed, friction), numbers, ["final:p_z"], options, step=1e-4, sizes=2)
+
+
+@pytest.mark.parametrize(
+    ("height", "of"),
+    [
+        (1e-3, ["final:E_strain", "mean:E_strain"]),
+        pytest.param(4.9e-4, ["mean:E_strain"], marks=pytest.mark.serial),
+    ],
+)
+def test_energies_of_automatic_stiffness(height, of):
+    """The sheet touches the ground in the last step, or overlaps it at the start.
+
+    In the last row a stiffness that is not chosen yet makes the derivative 4e-3 of its size. In the
+    first row, whose energy is reported without one, that of later steps makes 1e-2 of the mean.
+    """
+    options = ff.RunOptions(dt=1e-3, t_end=3e-3, tolerance=1e-13)
+    build = partial(pressed, 0.0, height=height, end=options.t_end)
+    compare(build, {"density": 1000.0}, of, options, step=1e-4, sizes=2)
+
+
+@pytest.mark.serial
+def test_automatic_stiffness_of_a_first_step_that_is_taken_again():
+    """It is that of the first trial; that of the step itself gives derivatives of another sign."""
+    options = ff.RunOptions(
+        dt=1e-3, t_end=2e-3, tolerance=1e-13, adaptive=True, error_tolerance=1e-6
+    )
+    build = partial(pressed, 0.0, end=options.t_end)
+    of, numbers = ["mean:E_strain", "final:p_z"], {"density": 1000.0}
+    compare(build, numbers, of, options, step=1e-5, sizes=9)
 
 
 @pytest.mark.serial

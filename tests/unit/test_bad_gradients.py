@@ -327,6 +327,30 @@ def test_parameters_that_make_another_model():
     _refused("changes the number of nodes or joints", model=build, wrt={"length": 0.5})
 
 
+@pytest.mark.parametrize("law", ["penalty", "barrier"])
+def test_parameters_that_change_contacts(law):
+    """The only one is not there on one side of the value, or another one is."""
+
+    def build(other, density):
+        u = np.linspace(-0.1, 0.1, 3)
+        mesh = ff.SurfaceMesh.grid("sheet", u, u, lambda p: np.c_[p, np.full(len(p), 0.1)])
+        section = ff.ShellSection.isotropic(1e-3, ff.Material(2e8, 0.3, density))
+        model, name = ff.Model("sheet", surface=mesh), "light" if density <= 1000.0 else other
+        model.add(
+            ff.Shell("sheet", section),
+            ff.PositionProbe("tip", ff.Marker("sheet", (-0.1, -0.1, 0.1))),
+        )
+        if name:
+            model.add(ff.Contact(name, "sheet", surfaces=ff.RigidPlane(ff.Ground()), law=law))
+        return model
+
+    for other in (None, "heavy"):
+        _refused(
+            'gradient: "density" changes which contacts there are', model=partial(build, other),
+            wrt={"density": 1000.0},
+        )  # fmt: skip
+
+
 def test_parameters_at_the_end_of_their_range():
     def build(inertia):
         model = ff.Model("disc")

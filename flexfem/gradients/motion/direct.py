@@ -25,6 +25,7 @@ from flexfem.gradients.equations.node_maps import moved, start_moves
 from flexfem.gradients.equations.values import copy_state
 from flexfem.gradients.forces.accepted import hold_applied
 from flexfem.gradients.motion.trajectory import Motion
+from flexfem.gradients.unilateral.forces import recall_penalties
 from flexfem.model.probes.aggregate import AggregateProbe
 from flexfem.model.probes.base import AnyProbe, Probe
 from flexfem.model.probes.cable import CableProbe
@@ -105,14 +106,20 @@ class DirectEffect:
         for one in self._others:
             if one.forces:
                 take_rows(self._motion, one.simulation.system, step)
-        values = self._values([self._motion.times[step]], following=following)
+        values = self._values([self._motion.times[step]], step, following=following)
         found: FloatArray = np.nan_to_num(differenced(self._weights, [own[0] for own in values]))
         return found
 
     def _values(
-        self, times: Sequence[float] | FloatArray, *, following: bool = True
+        self, times: Sequence[float] | FloatArray, step: int = 0, *, following: bool = True
     ) -> Iterator[FloatArray]:
-        """Columns of the models at some times and the present state, with nodes that may follow."""
+        """Columns of the models at some times and the present state, with nodes that may follow.
+
+        Args:
+            times: of the columns, s.
+            step: number of the step after which the present state is.
+            following: nodes follow their starts.
+        """
         for one, moves in zip(self._others, self._moves, strict=True):
             system = one.simulation.system
             copy_state(self._motion.system, system)
@@ -125,6 +132,8 @@ class DirectEffect:
             for contacts in system.contacts:
                 contacts.forget()
             if one.forces:
+                # the models may have taken no step yet, whose stiffness energies need
+                recall_penalties(self._motion.system, system, self._motion.state(step))
                 refresh_rows(system)
             yield one.values(times)
 

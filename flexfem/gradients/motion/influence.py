@@ -43,7 +43,7 @@ from flexfem.gradients.motion.direct import DirectEffect, force_columns, take_ro
 from flexfem.gradients.motion.parameters import Build, Values, plain, refusing
 from flexfem.gradients.motion.support import check_fixed, check_layout, check_times
 from flexfem.gradients.motion.trajectory import Motion, StoppedError
-from flexfem.gradients.unilateral.forces import leave_out_contacts, recall_sides
+from flexfem.gradients.unilateral.forces import leave_out_contacts, recall_penalties
 from flexfem.simulation.motion.stepping import Simulation
 from flexfem.system.measure.energies import refresh_rows
 from flexfem.system.system import Shifts, System
@@ -567,7 +567,7 @@ def _place(motion: Motion, system: System, step: int) -> None:
     rows.active[:], rows.held[:] = own.active, own.held
     rows.targets[own.held] = own.targets[own.held]
     system.interface.update()
-    recall_sides(motion.system, system, state)
+    recall_penalties(motion.system, system, state)
     system.lead = motion.system.lead
 
 

@@ -126,7 +126,10 @@ def check_contacts(every: Iterable[Contacts | BarrierContacts]) -> None:
 
 
 def check_layout(system: System, other: System, name: str) -> None:
-    """Raise unless blocks and rows of another model are those of the motion's (collective)."""
+    """Raise unless blocks, rows and contacts of another model are those of the motion's.
+
+    Collective.
+    """
     same = len(other.parts) == len(system.parts)
     same = same and other.constraints.size == system.constraints.size
     same = same and all(
@@ -137,6 +140,21 @@ def check_layout(system: System, other: System, name: str) -> None:
         raise InputError(
             f'gradient: "{name}" changes the number of nodes or joints, and has no derivative'
         )
+    # those of the whole model, on all ranks
+    if _contact_names(other) != _contact_names(system):
+        raise InputError(f'gradient: "{name}" changes which contacts there are; keep them all')
+
+
+def _contact_names(system: System) -> list[tuple[type, list[str]]]:
+    """Names of contacts by each law, in the order of the model."""
+    found: list[tuple[type, list[str]]] = []
+    for contacts in system.contacts:
+        if isinstance(contacts, BarrierContacts):
+            every = [own.contact for own in contacts.contacts]
+        else:
+            every = [group.surfaces.contact for group in contacts.groups]
+        found.append((type(contacts), [own.name for own in every]))
+    return found
 
 
 def check_times(own: Breakpoints, other: Breakpoints, name: str) -> None:

@@ -3,6 +3,8 @@
 
 from __future__ import annotations
 
+import numpy as np
+
 from flexfem.contact.barrier.contacts import BarrierContacts
 from flexfem.contact.contacts import Contacts
 from flexfem.core.state import State
@@ -14,7 +16,8 @@ from flexfem.integrators.split.step import Split
 from flexfem.system.system import System
 
 __all__ = [
-    "barriers", "leave_out_barriers", "leave_out_contacts", "recall_sides", "unilateral_forces",
+    "barriers", "leave_out_barriers", "leave_out_contacts", "recall_penalties",
+    "unilateral_forces",
 ]  # fmt: skip
 
 
@@ -50,11 +53,12 @@ def leave_out_contacts(system: System) -> None:
             part.contacts.acts = False
 
 
-def recall_sides(motion: System, system: System, state: State) -> None:
-    """Let penalties know the sides of surfaces of a motion's state, at that of their nodes.
+def recall_penalties(motion: System, system: System, state: State) -> None:
+    """Give penalties the sides of surfaces of a motion's state, and a stiffness chosen as its own.
 
-    Their stiffness is their own, chosen for the same step as the motion's: one that is automatic
-    depends on the size of its first step, and steps are visited from the last one on (collective).
+    Their nodes are at that state. The stiffness is that of their own model, chosen for the same
+    step as the motion's: one that is automatic depends on the size of its first step, and steps are
+    visited from the last one on (collective).
 
     Args:
         motion: system of the motion.
@@ -67,4 +71,5 @@ def recall_sides(motion: System, system: System, state: State) -> None:
                 contacts.prepare(own.inertia)
             stiffness = contacts.stiffness
             contacts.restore(state)
-            contacts.set_stiffness(stiffness)
+            # none is chosen at the start, whose energy is reported without it
+            contacts.set_stiffness(np.where(contacts.stiffness == 0.0, 0.0, stiffness))
