@@ -13,7 +13,7 @@ from tests.contract.test_gradients import agree_on_ranks, errors
 GROUND = ff.RigidPlane(ff.Ground())
 
 
-def compare(build, numbers, of, options, step, sizes=0):
+def compare(build, numbers, of, options, step, sizes=0, bound=1e-6):
     """Adjoint, tangent and differences of motions that end with Newton steps of 1e-13."""
     found = ff.gradient(build, of, numbers, options, accuracy=1e-9, check=True)
     # a force that is not transposed gives 1e-3 and more; what sticks is stiff and leaves 1e-9
@@ -22,7 +22,7 @@ def compare(build, numbers, of, options, step, sizes=0):
     assert found.factorizations_backward <= sizes
     # the change of friction or of a barrier at the start of a step, or of the masses or a hinge
     # with an impulse, gives 1e-4 and more where it is left out
-    assert errors(found.gradient, build, numbers, of, options, step).max() < 1e-6
+    assert errors(found.gradient, build, numbers, of, options, step).max() < bound
 
 
 def balls(height, friction, speed=1.0) -> ff.Model:
@@ -285,7 +285,10 @@ def test_impulses_of_steps_that_are_taken_again():
 def test_shells_on_obstacles(law):
     options = ff.RunOptions(dt=2e-4, t_end=5e-3, tolerance=1e-13)
     of = ["final:q_x", "final:q_z"]
-    compare(partial(sheet, law), SHEET, of, options, step=1e-4)
+    # errors grow a hundredfold in the barrier, and the sheet moves little along the obstacle: with
+    # steps of 1e-4, 5e-5 and 2.5e-5 of the numbers differences are off by 1.3, 0.85 and 0.77e-6
+    bound = 3e-6 if law == "barrier" else 1e-6
+    compare(partial(sheet, law), SHEET, of, options, step=1e-4, bound=bound)
 
 
 @pytest.mark.slow
