@@ -91,7 +91,7 @@ def find_modes(
         refuse(faults, comm)
         if options.output is not None:
             remove_summary(options.output / "summary.json", comm)
-        point.cautions.say([] if found is None else _growing(point, found))
+        point.cautions.say([] if found is None else _growth_warnings(point, found))
         history = _write(point, options, found)
         summary = point.summary(case, _reason(point, status, options, found))
         return _ended(summary, options, results, comm, found, state, history)
@@ -203,7 +203,7 @@ def _reason(
     return doubts(found, options.modes, options.accuracy)
 
 
-def _growing(point: OperatingPoint, found: Modes) -> list[str]:
+def _growth_warnings(point: OperatingPoint, found: Modes) -> list[str]:
     """Warning of modes that grow: their frequency of zero would pass for that of a rigid motion."""
     growth = found.growth
     count = int(np.count_nonzero(growth))

@@ -182,6 +182,7 @@ def _of(modes: Modes, chosen: IntArray) -> Modes:
         modes, eigenvalues=modes.eigenvalues[chosen], shapes=modes.shapes[chosen],
         momenta=modes.momenta[chosen], masses=modes.masses[chosen],
         residuals=modes.residuals[chosen], doubtful=modes.doubtful[chosen],
+        doubts_of_growth=modes.doubts_of_growth[chosen],
     )  # fmt: skip
 
 

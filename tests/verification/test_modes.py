@@ -910,6 +910,73 @@ def test_a_spin_about_the_middle_axis_of_inertia_is_told():
             assert lines[0].startswith("the steady rotation is unstable: 1 of 6 modes grows")
 
 
+@pytest.mark.parametrize(("axis", "spin"), [("x", 2.0), ("y", 50.0), ("z", 50.0)])
+@pytest.mark.parametrize("damping", [0.0, 1e-4])
+def test_errors_of_double_eigenvalues_are_not_told_as_growth(axis, spin, damping):
+    """``(lambda + i spin)^2 = 0`` of a free bar's translation: rounding parts it by its root.
+
+    Up to 2e-4 of the spin at residuals of 1e-13. About z, the middle axis of inertia, it grows by
+    less than the spin, and nothing else does.
+    """
+    options = ff.ModeOptions(modes=8, spin=spin, axis=axis, quiet=True)
+    found = ff.find_modes(_free_bar(damping), options)
+    assert found.status == "ok"
+    growth = found.modes.growth
+    assert np.count_nonzero(growth) == (axis == "z")
+    if axis == "z":
+        # Euler's equations of a rectangle of 30 by 20 mm and 2 m, that bends under its rotation
+        a, b, c = 0.02**2 + 0.03**2, 2.0**2 + 0.02**2, 2.0**2 + 0.03**2
+        rate = spin * np.sqrt((c - b) * (b - a) / (a * c))
+        assert growth.max() == pytest.approx(rate, rel=1e-2)
+
+
+@pytest.mark.parametrize("damping", [0.0, 1e-6, 2e-4])
+def test_internal_damping_is_told_above_a_critical_speed_alone(damping):
+    """Also that of growth 5e-6 of the frequency."""
+    for spin, above in ((5.0, False), (20.0, True)):
+        found = ff.find_modes(_rotor(damping), ff.ModeOptions(modes=4, spin=spin, quiet=True))
+        assert found.status == "ok"
+        lines = [line for line in found.summary["warnings"] if "is unstable" in line]
+        assert len(lines) == (above and damping > 0.0)
+
+
+def test_columns_are_told_to_be_unstable_beyond_their_load():
+    """``P = pi^2 EI/4 L^2`` of the mesh, where the square of the frequency is zero, and near it."""
+
+    def found(load):
+        section = ff.Section.general((1e7, 1e7, 1e7, 100.0, 1e3, 1e3), (1, 1, 1, 2e-3, 1e-3, 1e-3))
+        model = _straight_beam().beam_model(section, 20, direction=AXIS)
+        model.add(
+            ff.Rigid("clamp", ff.Ground(), ff.Marker("beam", "start")),
+            ff.PointForce("push", ff.Marker("beam", "end"), (0.0, 0.0, -load)),
+        )
+        return ff.find_modes(model, ff.ModeOptions(modes=2, start="equilibrium", quiet=True))
+
+    def square(load):
+        return float((found(load).modes.eigenvalues[0] ** 2).real)
+
+    low, high = 2460.0, 2470.0
+    for _ in range(3):  # secants
+        low, high = high, high - square(high) * (high - low) / (square(high) - square(low))
+        if abs(square(high)) < 1e-6:
+            break
+    assert high == pytest.approx(np.pi**2 * 1e3 / 4.0, rel=2e-3)
+    for ratio, beyond in ((1 - 1e-5, False), (1.0, False), (1 + 1e-5, True), (1.01, True)):
+        outcome = found(high * ratio)
+        assert outcome.modes is not None  # the equilibrium is too inaccurate for those near zero
+        assert any("is unstable" in line for line in outcome.summary["warnings"]) == beyond
+
+
+@pytest.mark.serial
+def test_of_pairs_that_grow_and_decay_alike_the_growing_one_is_found():
+    """With so few modes that one of the two is left out, rounding chose it."""
+    model = ff.Model("tumbler")
+    model.add(ff.RigidBody("body", 1.0, np.diag([1.0, 2.0, 2.5])))
+    found = ff.find_modes(model, ff.ModeOptions(modes=3, spin=3.0, axis="y", quiet=True))
+    assert found.status == "ok"
+    assert np.count_nonzero(found.modes.growth) == 1
+
+
 @pytest.mark.serial
 def test_modes_that_are_not_zero_are_not_below_what_counts_as_zero():
     """Limits of the fastest modes of a nearly massless shaft are a thousand times the first one."""

@@ -40,7 +40,7 @@ from petsc4py import PETSc
 import numpy as np
 
 from flexfem.la.direct import CountingFactors
-from flexfem.solvers.modal.mode_errors import ZERO, ComplexArray, Solution
+from flexfem.solvers.modal.mode_errors import STEADY, ZERO, ComplexArray, Solution
 from flexfem.solvers.modal.pencil import Pencil
 from flexfem.solvers.modal.shifted_inverse import real_form
 
@@ -50,8 +50,6 @@ __all__ = ["count_below", "gyroscopic_count", "missing_modes"]
 _EQUAL = 1e-6
 #: Start of the count of a gyroscopic problem, relative to the slowest mode found.
 _LOW = 1e-3
-#: Growth of modes, relative to their frequency, that is round-off.
-_STEADY = 1e-6
 #: Relative energy of a mode below which its sign is unknown.
 _SIGN = 1e-6
 
@@ -121,7 +119,7 @@ def _missing_gyroscopic(
     found = np.flatnonzero(~solution.zero[: limits.last + 1])
     values = solution.values[found]
     omega = np.abs(values.imag)
-    if len(found) == 0 or np.any(np.abs(values.real) > _STEADY * omega):
+    if len(found) == 0 or np.any(np.abs(values.real) > STEADY * omega):
         return None, "not all modes found oscillate steadily"
     low, high = target - limits.reach, target + limits.reach
     if low <= 0.0:

@@ -13,7 +13,8 @@ from flexfem.solvers.modal.pencil import Pencil
 from flexfem.solvers.modal.shifted_inverse import ShiftedInverse
 
 __all__ = [
-    "ZERO", "ComplexArray", "Solution", "independent", "moving", "square_errors", "square_noise",
+    "STEADY", "ZERO", "ComplexArray", "Solution", "independent", "moving", "square_errors",
+    "square_noise",
 ]  # fmt: skip
 
 ComplexArray = npt.NDArray[np.complex128]
@@ -24,6 +25,8 @@ _LOOSE = 10.0
 _ROUNDED, _ROUGH = 10.0, 1e-5
 #: Number of estimates of the round-off of their own stiffness below which eigenvalues are zero.
 ZERO = 1e3
+#: Growth of modes, relative to their frequency, that is round-off.
+STEADY = 1e-6
 #: Size of a real or imaginary part, of vectors of size one, that is round-off.
 _PART = 1e-3
 #: Share of the largest Gram eigenvalue below which vectors are dependent; vectors of a double zero

@@ -12,6 +12,8 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.lie import se3
 from flexfem.solvers.modal.linearization import Linearization
 from flexfem.solvers.modal.mode_errors import (
+    STEADY,
+    ZERO,
     ComplexArray,
     Solution,
     independent,
@@ -31,8 +33,8 @@ _POWERS = 4
 _LEADING = 0.5
 #: Distance from the target, relative to that of the last mode found, within which others crowd.
 _FAR = 10.0
-#: Growth of modes, relative to their size and to their residual, that may be round-off.
-_STEADY, _SURE = 1e-6, 10.0
+#: Factor by which errors of modes may exceed their estimates.
+_SURE = 10.0
 #: Eigenvalues computed beyond those requested, so that the last one is complete.
 _MORE = 3
 
@@ -51,6 +53,7 @@ class Modes:
         residuals: (k,) of the eigenvalues, relative, to first order their errors; those of rigid
             motions relative to the largest eigenvalue.
         doubtful: (k,) True for residuals that are neither below the tolerance nor round-off.
+        doubts_of_growth: (k,) rates below which growth may be an error, 1/s.
         missing: number of modes nearer than the last that were not found, of rotating models
             without those that are zero; None where they cannot be counted.
         uncounted: reason why they cannot: damping, or a stiffness that is not symmetric or, under
@@ -71,6 +74,7 @@ class Modes:
     masses: FloatArray
     residuals: FloatArray
     doubtful: BoolArray
+    doubts_of_growth: FloatArray
     missing: int | None
     uncounted: str
     zero_below: float
@@ -95,8 +99,8 @@ class Modes:
     @property
     def growth(self) -> FloatArray:
         """(k,) rates at which modes grow, 1/s; zero for all others, and where it is round-off."""
-        sure = -self.damping > np.maximum(_STEADY, _SURE * self.residuals)
-        found: FloatArray = np.where(sure, self.eigenvalues.real, 0.0)
+        rates = self.eigenvalues.real
+        found: FloatArray = np.where(rates > self.doubts_of_growth, rates, 0.0)
         return found
 
     def __len__(self) -> int:
@@ -109,6 +113,7 @@ class Modes:
             self, eigenvalues=self.eigenvalues[:count], shapes=self.shapes[:count],
             momenta=self.momenta[:count], masses=self.masses[:count],
             residuals=self.residuals[:count], doubtful=self.doubtful[:count],
+            doubts_of_growth=self.doubts_of_growth[:count],
         )  # fmt: skip
 
     def conjugate(self) -> "Modes":
@@ -152,6 +157,7 @@ def find(
     found: list[complex] = []
     sources: list[int] = []
     shapes: list[ComplexArray] = []
+    doubts: list[float] = []
     for value, members in _groups(solution):
         span = solution.still
         if value != 0.0:
@@ -160,18 +166,23 @@ def find(
         basis = _canonical(linearization, span, moved)
         shapes += list(basis)
         found += [value] * len(basis)
+        doubts += [_doubt_of_growth(pencil, solution, value, members, basis)] * len(basis)
         sources += [int(members[np.argmax(solution.residuals[members])])] * len(basis)
-    order = np.argsort(np.abs(np.array(found) - 1j * target), kind="stable")[:count]
-    order = order[np.argsort(np.abs(np.array(found)[order]), kind="stable")]
+    values = np.array(found)
+    # of pairs that grow and decay alike those that grow: rounding would choose
+    late = np.where(values.real > STEADY * np.abs(values), 1.0 - _EQUAL, 1.0)
+    order = np.argsort(late * np.abs(values - 1j * target), kind="stable")[:count]
+    order = order[np.argsort(np.abs(values[order]), kind="stable")]
     kept = np.array(shapes, dtype=np.complex128).reshape(len(shapes), linearization.unknowns)[order]
     worst = np.array(sources, dtype=np.int64)[order]  # of the members of each eigenvalue
     part = linearization.total(kept.conj() @ moved[:3].T)
-    reach = float(np.abs(np.array(found)[order] - 1j * target).max(initial=0.0)) or np.inf
+    reach = float(np.abs(values[order] - 1j * target).max(initial=0.0)) or np.inf
     crowd = pencil.overdamped_rate() if len(order) < count else np.inf
     modes = Modes(
-        linearization, np.array(found)[order], kept, _times(pencil, kept), np.abs(part) ** 2,
-        solution.residuals[worst], solution.doubtful(accuracy)[worst], solution.missing,
-        solution.uncounted, solution.zero_below, failure=solution.failure,
+        linearization, values[order], kept, _times(pencil, kept), np.abs(part) ** 2,
+        solution.residuals[worst], solution.doubtful(accuracy)[worst],
+        np.array(doubts)[order], solution.missing, solution.uncounted, solution.zero_below,
+        failure=solution.failure,
         crowd=crowd if abs(crowd + 1j * target) <= _FAR * reach else np.inf,
     )  # fmt: skip
     if improve is None or modes.failure:
@@ -200,6 +211,33 @@ def _later(
         solution, values=values, vectors=vectors, zero=solution.zero[used],
         errors=square_errors(inverse, values, vectors), noise=solution.noise[used],
     )  # fmt: skip
+
+
+def _doubt_of_growth(
+    pencil: Pencil, solution: Solution, value: complex, members: IntArray, basis: ComplexArray
+) -> float:  # fmt: skip
+    """Rate below which growth of an eigenvalue may be an error, 1/s (collective).
+
+    An error e of ``u^H P u`` moves the eigenvalue by ``e/|u^H P' u|``, ``P' = 2 lambda M + C``.
+    Where two nearly meet, as those of a free body do in rotating axes, ``(lambda + i spin)^2 = 0``,
+    the slope vanishes and the error is the root of e.
+
+    Args:
+        pencil: the problem.
+        solution: its eigenpairs.
+        value: the eigenvalue, 1/s.
+        members: numbers of its eigenpairs.
+        basis: (m, n) of their vectors, orthonormal in the mass.
+    """
+    if value.real <= 0.0:
+        return 0.0
+    slope = 2.0 * value * np.eye(len(basis))
+    if pencil.quadratic:
+        lin, K, C = pencil.linearization, pencil.matrices.stiffness, pencil.matrices.damping
+        slope = slope + lin.total(basis.conj() @ lin.multiply(C, basis, laws=K).T)
+    least = float(np.linalg.svd(slope, compute_uv=False).min())
+    error = float((ZERO * solution.noise + _SURE * solution.errors)[members].max())
+    return max(error / least if least > 0.0 else np.inf, STEADY * abs(value))
 
 
 def _times(pencil: Pencil, shapes: ComplexArray) -> ComplexArray:
