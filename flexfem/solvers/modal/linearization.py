@@ -8,6 +8,9 @@ forces, those of the constraints included, at fixed local v and w:
 
 ``M u'' + (C + M ad_v) u' + (K + C ad_v) u + G^T dlambda = 0,   G u = 0``.
 
+Nodes with positions alone have inertial axes, in which steady velocities turn: ``dw = u'' + 2 ad_v
+u' + ad_v^2 u`` of theirs adds ``M ad_v u' + M ad_v^2 u``.
+
 Rows with force laws (springs, dampers, stops, friction) have equations of their own,
 ``dF = F_x g u + F_v d(rate)``, linearised at the state; friction that depends on joint forces is
 taken with these constant.
@@ -274,6 +277,11 @@ class Linearization:
         stiffness.axpy(1.0, damping.matMult(self._ad.mat))
         damping = damping.copy()
         damping.axpy(1.0, mass.matMult(self._ad.mat))
+        # positions alone have inertial axes, in which steady velocities turn
+        self._ad.assemble(self._ad_values(turning=False))
+        turned = mass.matMult(self._ad.mat)
+        damping.axpy(1.0, turned)
+        stiffness.axpy(1.0, turned.matMult(self._ad.mat))
         return Matrices(mass, damping, stiffness)
 
     def of_modes(self) -> Matrices:
@@ -334,8 +342,12 @@ class Linearization:
         mine = any(bool(p.block.velocity.any()) for p in self.system.parts)
         return bool(self.system.comm.allreduce(int(mine)))
 
-    def _ad_values(self) -> FloatArray:
-        """Values of the block-diagonal matrix of ``ad_v`` of all nodes of this rank."""
+    def _ad_values(self, turning: bool = True) -> FloatArray:
+        """Values of the block-diagonal matrix of ``ad_v`` of all nodes of this rank.
+
+        If not ``turning``, zero for nodes whose axes turn with them. Unknowns that are held have
+        rows of their own in all matrices, which must not meet others.
+        """
         blocks = []
         for part in self.system.parts:
             v = part.block.velocity[: part.block.owned]
@@ -343,7 +355,13 @@ class Linearization:
             ad[:, :3, :3] = ad[:, 3:, 3:] = so3.skew(v[:, 3:])
             ad[:, :3, 3:] = so3.skew(v[:, :3])
             width = part.block.width
-            blocks.append(ad[:, :width, :width].ravel())
+            if not turning and width == 6:
+                ad[:] = 0.0
+            ad = ad[:, :width, :width]
+            if part.block.dirichlet is not None:
+                free = ~part.block.dirichlet[: part.block.owned]
+                ad = ad * free[:, :, np.newaxis] * free[:, np.newaxis, :]
+            blocks.append(ad.ravel())
         return np.concatenate([np.empty(0), *blocks])
 
     def damped(self) -> bool:

@@ -92,11 +92,14 @@ class Rotation:
 
 
 def set_spin(system: System, rotation: Rotation) -> None:
-    """Give every node the local twist of the rotation, without acceleration."""
+    """Give every node the local twist of the rotation, which is constant in axes that turn."""
     for part in system.parts:
         back = se3.adjoint(se3.inverse(part.block.frames))
         part.block.velocity[:] = rotation.spin * (back @ rotation.unit_twist)
         part.block.acceleration[:] = 0.0
+        if part.block.width == 3:  # positions alone have inertial axes
+            v = part.block.velocity
+            part.block.acceleration[:, :3] = np.cross(v[:, 3:], v[:, :3])
 
 
 def hold(linearization: Linearization) -> bool:
