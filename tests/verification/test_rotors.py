@@ -157,6 +157,15 @@ def test_rotors_without_symmetry_are_refused() -> None:
             rotor(),
             ff.RotorOptions(blades="blade_1,blade_2,blade_9", rotor="hub", spin_end=1.0),
         )
+    sails = rotor()
+    sails.surface = ff.SurfaceMesh.rectangle("sail", (1.0, 1.0), (1, 1))
+    sails.add(ff.Shell("sail", ff.ShellSection.isotropic(1e-3, ff.Material(1e9, 0.3, 1e3))))
+    with pytest.raises(ValueError, match="'sail' has nodes with positions alone") as refused:
+        ff.sweep_rotor(
+            sails,
+            ff.RotorOptions(blades="blade_1,blade_2,blade_3", rotor="hub,sail", spin_end=1.0),
+        )
+    assert_on_page(str(refused.value))
     heavy = rotor()
     heavy.add(ff.Gravity((0.0, -9.81, 0.0)))
     with pytest.raises(ValueError, match="change with the azimuth of the rotor"):

@@ -105,7 +105,8 @@ class Rotor:
             centre: a point on it, m.
 
         Raises:
-            InputError: an unknown body, or blades that are not the same at equal angles.
+            InputError: an unknown body, one with positions alone (solids, cable nets, rotation-free
+                shells), or blades that are not the same at equal angles.
         """
         self.axis, self.centre, self._comm = axis, centre, system.comm
         names = [[body.name for body in part.family.bodies] for part in system.parts]
@@ -133,6 +134,12 @@ class Rotor:
         order = {name: k for k, name in enumerate(blades)}
         blade = np.array([order.get(name, -1) for name in names])
         turning = np.array([name in order or name in bodies for name in names])
+        if part.block.width == 3 and turning.any():
+            name = names[int(turning.argmax())]
+            raise InputError(
+                f"rotor: '{name}' has nodes with positions alone, whose axes do not turn: take "
+                "beams, director shells or reduced bodies"
+            )
         whole = np.asarray(part.family.body_of_node)
         of_blade, place = blade[whole], np.zeros(len(whole), dtype=np.int64)
         members = [np.flatnonzero(of_blade == k) for k in range(len(blades))]
