@@ -1005,6 +1005,32 @@ def test_bodies_without_nodal_rotations_precess_as_rigid_ones(kind, axis):
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize("kind", ["solid", "rotation_free"])
+def test_bodies_without_nodal_rotations_are_stretched_by_their_spin(kind):
+    """``rho spin^2 l^3 / 3 E`` of half a bar; without centrifugal forces it has its length."""
+    spin, half, width = 60.0, 1.0, 0.05
+    if kind == "solid":
+        law = ff.laws.NeoHookean.from_young(2e9, 0.3)
+        mesh = ff.SolidMesh.box((2.0, width, width), (8, 1, 1))
+        model = ff.Model()
+        model.add(ff.Solid("body", law, mesh, density=1e3, degree=2))
+    else:
+        model = ff.Model(surface=ff.SurfaceMesh.rectangle("body", (2.0, width), (40, 2)))
+        section = ff.ShellSection.isotropic(2e-3, ff.Material(2e9, 0.3, 1e3))
+        model.add(ff.Shell("body", section))
+    height = 0.5 * width if kind == "solid" else 0.0
+    model.add(ff.PositionProbe("tip", ff.Marker("body", (2.0 * half, 0.5 * width, height))))
+    options = ff.ModeOptions(
+        modes=6, spin=spin, axis="z", centre=f"1,{width / 2},{height}", accuracy=1e-2, quiet=True
+    )
+    found = ff.find_modes(model, options)
+    assert found.status == "ok"
+    # the stretch of 6e-4 adds as much of itself
+    stretch = 1e3 * spin**2 * half**3 / 3.0 / 2e9
+    assert found.state["tip_x"] - 2.0 * half == pytest.approx(stretch, rel=5e-3)
+
+
+@pytest.mark.serial
 def test_modes_that_are_not_zero_are_not_below_what_counts_as_zero():
     """Limits of the fastest modes of a nearly massless shaft are a thousand times the first one."""
     steel = ff.Material(2e11, 0.3, 1e-3)
