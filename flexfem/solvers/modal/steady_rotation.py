@@ -339,10 +339,15 @@ def _first_rank(linearization: Linearization) -> int:
 
 
 def _is_free(linearization: Linearization, xi: FloatArray) -> bool:
-    """True if no row of a joint and no load prevents a rigid motion of the whole model."""
+    """True if no joint and no held edge prevents a rigid motion of the whole model."""
     system, rows = linearization.system, linearization.system.constraints
     rates = rows.changes(se3.adjoint(se3.inverse(system.interface.frames)) @ xi)
     largest = float(np.abs(rates).max(initial=0.0))
+    for block in (part.block for part in system.parts):
+        if block.dirichlet is not None:
+            twists = se3.adjoint(se3.inverse(block.frames)) @ xi
+            held = np.abs(twists[:, : block.width])[block.dirichlet]
+            largest = max(largest, float(held.max(initial=0.0)))
     return bool(system.comm.allreduce(largest, op=MPI.MAX) < _TURNED)
 
 
