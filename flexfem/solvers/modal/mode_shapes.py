@@ -169,9 +169,9 @@ def find(
         doubts += [_doubt_of_growth(pencil, solution, value, members, basis)] * len(basis)
         sources += [int(members[np.argmax(solution.residuals[members])])] * len(basis)
     values = np.array(found)
-    # of pairs that grow and decay alike those that grow: rounding would choose
-    late = np.where(values.real > STEADY * np.abs(values), 1.0 - _EQUAL, 1.0)
-    order = np.argsort(late * np.abs(values - 1j * target), kind="stable")[:count]
+    # of pairs that grow and decay alike those that grow come first: rounding would choose
+    weights = np.where(values.real > STEADY * np.abs(values), 1.0 - _EQUAL, 1.0)
+    order = np.argsort(weights * np.abs(values - 1j * target), kind="stable")[:count]
     order = order[np.argsort(np.abs(values[order]), kind="stable")]
     kept = np.array(shapes, dtype=np.complex128).reshape(len(shapes), linearization.unknowns)[order]
     worst = np.array(sources, dtype=np.int64)[order]  # of the members of each eigenvalue
