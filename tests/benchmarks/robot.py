@@ -121,7 +121,7 @@ def _link(model: ff.Model, k: int, *, hub: bool) -> tuple[ff.Marker, ff.Marker]:
 
 
 def run(model: ff.Model, h: float, steps: int, tolerance: float) -> tuple[list[float], Simulation]:
-    """Processor time of each of some steps of a size, s, and the simulation."""
+    """Processor time of each of some steps of a size, s, until one fails, and the simulation."""
     options = ff.RunOptions(dt=h, t_end=steps * h, quiet=True, tolerance=tolerance)
     simulation, spent = Simulation(model, options), []
     for _ in range(steps):
@@ -129,7 +129,7 @@ def run(model: ff.Model, h: float, steps: int, tolerance: float) -> tuple[list[f
         status = simulation.advance(h)
         spent.append(time.process_time() - begin)
         if status.name != "OK":
-            return [float("nan")], simulation
+            return spent[:-1], simulation
     return spent, simulation
 
 
@@ -159,6 +159,9 @@ def main() -> None:
             for h in sizes:
                 model = robot(law, flexible, h)
                 spent, simulation = run(model, h, round(1.0 / h), given.tolerance)
+                if len(spent) < round(1.0 / h):
+                    print(f"{law:10} {flexible:5} h {1e3 * h:g} ms: fails after {len(spent)} steps")
+                    continue
                 counts, tip = simulation.system.counters, _tip(simulation, model)
                 error = "" if exact is None else f", error {np.linalg.norm(tip - exact):.2e} m"
                 print(
