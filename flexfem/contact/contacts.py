@@ -15,7 +15,7 @@ import numpy as np
 
 from flexfem._types import FloatArray, IntArray
 from flexfem.contact.carriers import Carriers
-from flexfem.contact.detection.broad_phase import enclose, touching, triangle_boxes
+from flexfem.contact.detection.broad_phase import enclosing, touching, triangle_boxes
 from flexfem.contact.frames import SurfaceFrames
 from flexfem.contact.group import ContactGroup
 from flexfem.contact.nearby import stiffness_nearby
@@ -168,11 +168,9 @@ class Contacts:
         triangles, thickness = made.masters.triangles[mine], made.masters.thickness[mine]
         low, high = np.empty((len(mine), 3)), np.empty((len(mine), 3))
         triangle_boxes(self.points, triangles, thickness + made.skin, low, high)
-        box = np.array([[np.inf] * 3, [-np.inf] * 3])
         at, reach = self.points[made.slaves.nodes], made.slaves.offsets[:, np.newaxis]
-        enclose(at - reach, at + reach, box)
         boxes = np.empty((self._comm.size, 2, 3))
-        self._comm.Allgather(box, boxes)
+        self._comm.Allgather(enclosing([(at - reach, at + reach)]), boxes)
         lists = [mine[touching(low, high, one)] for one in boxes]
         return np.sort(np.concatenate(send_numbers(self._comm, lists)))
 

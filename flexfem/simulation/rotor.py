@@ -3,8 +3,6 @@
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 from mpi4py import MPI
 
 import numpy as np
@@ -104,7 +102,7 @@ class _RotorSweep(SpeedSweep):
         values = found.eigenvalues
         chosen = np.flatnonzero(np.abs(values.imag) > _STILL * np.abs(values))
         taken = _nearest(values[chosen], point.linearization.eigenvalues_of_states())
-        return _of(found, np.delete(chosen, taken))
+        return found.some(np.delete(chosen, taken))
 
     def required(self, modes: Modes) -> int:
         """See :meth:`SpeedSweep.required`."""
@@ -174,16 +172,6 @@ def _nearest(values: ComplexArray, others: ComplexArray) -> list[int]:
         found.append(int(i))
         gaps[i], gaps[:, j] = np.inf, np.inf
     return found
-
-
-def _of(modes: Modes, chosen: IntArray) -> Modes:
-    """Some of the modes."""
-    return replace(
-        modes, eigenvalues=modes.eigenvalues[chosen], shapes=modes.shapes[chosen],
-        momenta=modes.momenta[chosen], masses=modes.masses[chosen],
-        residuals=modes.residuals[chosen], doubtful=modes.doubtful[chosen],
-        doubts_of_growth=modes.doubts_of_growth[chosen],
-    )  # fmt: skip
 
 
 def _names(parts: FloatArray) -> list[str]:

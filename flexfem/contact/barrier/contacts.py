@@ -24,7 +24,7 @@ from flexfem.contact.barrier.spins import Spins
 from flexfem.contact.barrier.surface import ContactSurface
 from flexfem.contact.barrier.ways import farthest, leaves, moves, short_part
 from flexfem.contact.carriers import Carriers
-from flexfem.contact.detection.broad_phase import enclose, touching
+from flexfem.contact.detection.broad_phase import enclosing, touching
 from flexfem.contact.primitives.candidates import Boxes, Motion
 from flexfem.contact.primitives.neighbourhoods import Neighbourhoods
 from flexfem.contact.surfaces.surfaces import CollisionSurfaces
@@ -356,14 +356,13 @@ class BarrierContacts:
         own = np.concatenate([self._axes, *(c.ravel() for c in corners)])
         carriers.ask(own)
         self._bring_all(sets)
-        boxes, box = [], np.array([[np.inf] * 3, [-np.inf] * 3])
+        boxes = []
         low, high = self._boxes()
         for one, cells in zip(self.contacts, mine, strict=True):
             found = Boxes.of(one.own.surface, one.own.touching, Motion(low, high))
             boxes.append((found.low[cells], found.high[cells]))
-            enclose(*boxes[-1], box)
         everyone = np.empty((comm.size, 2, 3))
-        comm.Allgather(box, everyone)
+        comm.Allgather(enclosing(boxes), everyone)
         lists = []
         for other in everyone:
             inside = [

@@ -10,12 +10,14 @@ SciPy's cKDTree of their centres, cut down to the same pairs, 0.15, 3.0 and 130 
 (``tests/benchmarks/boxes_against_kdtree.py``).
 """
 
+from collections.abc import Iterable
+
 import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.kernels.compiled import inlined, kernel
 
-__all__ = ["enclose", "overlaps", "touching", "triangle_boxes"]
+__all__ = ["enclosing", "overlaps", "touching", "triangle_boxes"]
 
 #: Bits of a cell's number along one axis, three of which make one key.
 _BITS = 21
@@ -40,9 +42,7 @@ def overlaps(
     """
     if not len(low) or not len(other_low):
         return np.zeros(len(low) + 1, np.int64), np.zeros(0, np.int64)
-    box = np.array([[np.inf] * 3, [-np.inf] * 3])
-    enclose(low, high, box)
-    enclose(other_low, other_high, box)
+    box = enclosing([(low, high), (other_low, other_high)])
     origin, extent = box[0], float((box[1] - box[0]).max())
     size = max(_mean_side(other_low, other_high), extent / (1 << (_BITS - 1)), 1e-300)
     most = _CROWD * (len(low) + len(other_low))
@@ -73,8 +73,19 @@ def triangle_boxes(
             high[t, a] = max(x0, x1, x2) + margins[t]
 
 
+def enclosing(sets: Iterable[tuple[FloatArray, FloatArray]]) -> FloatArray:
+    """Box (2, 3) about sets of boxes, given by their corners (n, 3); its first row is the lower.
+
+    Without any it touches nothing: its lower corner is above the other one.
+    """
+    box = np.array([[np.inf] * 3, [-np.inf] * 3])
+    for low, high in sets:
+        _enclose(low, high, box)
+    return box
+
+
 @kernel
-def enclose(low: FloatArray, high: FloatArray, box: FloatArray) -> None:
+def _enclose(low: FloatArray, high: FloatArray, box: FloatArray) -> None:
     """Enlarge a box (2, 3), whose rows are its corners, by boxes (n, 3)."""
     for b in range(len(low)):
         for a in range(3):

@@ -277,11 +277,12 @@ class Linearization:
         stiffness.axpy(1.0, damping.matMult(self._ad.mat))
         damping = damping.copy()
         damping.axpy(1.0, mass.matMult(self._ad.mat))
-        # positions alone have inertial axes, in which steady velocities turn
-        self._ad.assemble(self._ad_values(turning=False))
-        turned = mass.matMult(self._ad.mat)
-        damping.axpy(1.0, turned)
-        stiffness.axpy(1.0, turned.matMult(self._ad.mat))
+        if any(part.block.width == 3 for part in self.system.parts):
+            # positions alone have inertial axes, in which steady velocities turn
+            self._ad.assemble(self._ad_values(turning=False))
+            turned = mass.matMult(self._ad.mat)
+            damping.axpy(1.0, turned)
+            stiffness.axpy(1.0, turned.matMult(self._ad.mat))
         return Matrices(mass, damping, stiffness)
 
     def of_modes(self) -> Matrices:

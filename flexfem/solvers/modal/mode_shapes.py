@@ -109,11 +109,15 @@ class Modes:
 
     def first(self, count: int) -> "Modes":
         """The first modes."""
+        return self.some(slice(count))
+
+    def some(self, chosen: slice | IntArray) -> "Modes":
+        """The modes of these numbers."""
         return replace(
-            self, eigenvalues=self.eigenvalues[:count], shapes=self.shapes[:count],
-            momenta=self.momenta[:count], masses=self.masses[:count],
-            residuals=self.residuals[:count], doubtful=self.doubtful[:count],
-            doubts_of_growth=self.doubts_of_growth[:count],
+            self, eigenvalues=self.eigenvalues[chosen], shapes=self.shapes[chosen],
+            momenta=self.momenta[chosen], masses=self.masses[chosen],
+            residuals=self.residuals[chosen], doubtful=self.doubtful[chosen],
+            doubts_of_growth=self.doubts_of_growth[chosen],
         )  # fmt: skip
 
     def conjugate(self) -> "Modes":
