@@ -7,7 +7,6 @@ velocity). Joints between bodies on two ranks are evaluated on both, so that no 
 multiplier ever has to be sent.
 """
 
-import weakref
 from collections.abc import Callable, Sequence
 from functools import cached_property
 
@@ -73,6 +72,28 @@ def _collect(memory: Memory, local: IntArray, interface_nodes: IntArray, out: Me
         copy_entries(nodes.frames[node], face.frames[interface_node])
         copy_entries(nodes.increment[node], face.increments[interface_node])
         copy_entries(nodes.velocity[node], face.velocities[interface_node])
+
+
+@kernel
+def _pack(memory: Memory, interface_nodes: IntArray, out: FloatArray) -> None:
+    """Write the state of nodes of ``InterfaceNodes`` into the rows (k, 24) of a message."""
+    face = unpack(InterfaceNodes, memory)
+    for k in range(interface_nodes.size):
+        node = interface_nodes[k]
+        copy_entries(face.frames[node], out[k, :12])
+        copy_entries(face.increments[node], out[k, 12:18])
+        copy_entries(face.velocities[node], out[k, 18:])
+
+
+@kernel
+def _unpack(memory: Memory, interface_nodes: IntArray, received: FloatArray) -> None:
+    """Read what :func:`_pack` has written."""
+    face = unpack(InterfaceNodes, memory)
+    for k in range(interface_nodes.size):
+        node = interface_nodes[k]
+        copy_entries(received[k, :12], face.frames[node])
+        copy_entries(received[k, 12:18], face.increments[node])
+        copy_entries(received[k, 18:], face.velocities[node])
 
 
 class Interface:
@@ -141,7 +162,7 @@ class Interface:
         for block, local, nodes in self._sources:
             if block.dirichlet is not None:
                 held[nodes, : block.width] = block.dirichlet[local]
-        self._exchange((held,))
+        self._exchange(held)
         self.held: BoolArray = held > 0.0
 
     def _plan(
@@ -168,15 +189,23 @@ class Interface:
     @property
     def steps_of_update(self) -> list[Step]:
         """What :meth:`update` does, for sequences that contain it."""
-        steps: list[Step] = [
-            Call(_collect, block.nodes.memory, local, nodes, self.interface_nodes.memory)
+        memory = self.interface_nodes.memory
+        collect: list[Step] = [
+            Call(_collect, block.nodes.memory, local, nodes, memory)
             for block, local, nodes in self._sources
         ]
-        if self._send or self._receive:
-            # a reference to those who hold it would outlive their runs
-            own, tables = weakref.proxy(self), (self.frames, self.increments, self.velocities)
-            steps.append(lambda: own._exchange(tables))
-        return steps
+        if not (self._send or self._receive):
+            return collect
+        # a reference to this object would outlive its run
+        comm = self.comm
+        received = [(rank, buffer) for rank, _, buffer in self._receive]
+        sent = [(rank, buffer) for rank, _, buffer in self._send]
+        return [
+            *collect,
+            *(Call(_pack, memory, nodes, buffer) for _, nodes, buffer in self._send),
+            lambda: exchange(comm, received, sent, _TAG),
+            *(Call(_unpack, memory, nodes, buffer) for _, nodes, buffer in self._receive),
+        ]
 
     @cached_property
     def _update(self) -> Callable[[], None]:
@@ -186,31 +215,21 @@ class Interface:
         """Fetch the blocks' steps at all interface nodes (collective)."""
         for block, local, nodes in self._sources:
             self.steps[nodes] = block.step.take(local, axis=0)
-        self._exchange((self.steps,))
+        self._exchange(self.steps)
 
-    def _exchange(self, tables: Sequence[FloatArray]) -> None:
-        """Send the rows of owned nodes in the tables to the ranks that need them."""
-        if not (self._send or self._receive):
-            return
-        width = sum(table.shape[1] for table in tables)
-        received = [(rank, buffer[: len(nodes) * width]) for rank, nodes, buffer in self._receive]
-        sent = [(rank, buffer[: len(nodes) * width]) for rank, nodes, buffer in self._send]
-        for (_, data), (_, nodes, _) in zip(sent, self._send, strict=True):
-            np.concatenate(
-                [table[nodes] for table in tables], axis=1, out=data.reshape(len(nodes), width)
-            )
+    def _exchange(self, table: FloatArray) -> None:
+        """Send the rows of owned nodes in a table to the ranks that need them."""
+        sent = [(rank, table[nodes]) for rank, nodes, _ in self._send]
+        received = [(rank, np.empty_like(table[nodes])) for rank, nodes, _ in self._receive]
         exchange(self.comm, received, sent, _TAG)
         for (_, values), (_, nodes, _) in zip(received, self._receive, strict=True):
-            data, at = values.reshape(len(nodes), width), 0
-            for table in tables:
-                table[nodes] = data[:, at : at + table.shape[1]]
-                at += table.shape[1]
+            table[nodes] = values
 
 
 def _buffers(
     interface_nodes: dict[int, list[int]],
 ) -> list[tuple[int, npt.NDArray[np.int64], FloatArray]]:
     return [
-        (rank, np.array(s, dtype=np.int64), np.empty(len(s) * _WIDTH))
+        (rank, np.array(s, dtype=np.int64), np.empty((len(s), _WIDTH)))
         for rank, s in sorted(interface_nodes.items())
     ]

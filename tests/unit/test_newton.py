@@ -10,11 +10,9 @@ import numpy as np
 import pytest
 
 from flexfem.core.status import Status
-from flexfem.solvers.newton.iteration import NewtonOptions, iterate
+from flexfem.solvers.newton.iteration import NewtonOptions, _largest, iterate
 from flexfem.system.moving_apart import Moved
 from flexfem.system.system import Shifts
-
-pytestmark = pytest.mark.serial
 
 
 def _end(*sizes: float, parts: tuple[float, ...] = ()) -> tuple[Status, int]:
@@ -41,6 +39,7 @@ def _end(*sizes: float, parts: tuple[float, ...] = ()) -> tuple[Status, int]:
     return status, system.counters.newton_iterations
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("sizes", "expected"),
     [
@@ -61,6 +60,7 @@ def test_sizes_of_steps_decide(sizes, expected):
     assert _end(*sizes) == expected
 
 
+@pytest.mark.serial
 @pytest.mark.parametrize(
     ("sizes", "parts", "expected"),
     [
@@ -78,3 +78,14 @@ def test_sizes_of_steps_decide(sizes, expected):
 )
 def test_corrections_that_contacts_cut_short(sizes, parts, expected):
     assert _end(*sizes, parts=parts) == expected
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize("size", [np.inf, np.nan])
+def test_steps_that_are_no_numbers_on_one_rank(size):
+    comm = MPI.COMM_WORLD
+    last = comm.rank == comm.size - 1
+    found = _largest(comm, Moved(1.0), np.array([size if last else 2.0]), True, False)
+    # the largest number instead of infinity would be a step that ends no iteration
+    assert found[0] == 1.0
+    assert not np.isfinite(found[1])

@@ -5,6 +5,8 @@ import gc
 import sys
 import weakref
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 
@@ -30,9 +32,8 @@ from flexfem.solvers.linear.schur_kernels import invert_blocks, multiply_blocks
 from flexfem.system.mechanics import EndPoint
 from tests.benchmarks.robot import robot
 
-pytestmark = pytest.mark.serial
 
-
+@pytest.mark.serial
 def test_arguments_and_results():
     rng = np.random.default_rng(1)
     A, b = rng.normal(size=(3, 6, 6)), rng.normal(size=(3, 6))
@@ -61,6 +62,7 @@ def test_arguments_and_results():
     assert alone.result[0] == np.abs(x[1]).max()
 
 
+@pytest.mark.serial
 def test_checks_and_results_in_one_array():
     flags, x, seen = np.array([True, True]), np.array([[1.0, -2.0], [3.0, 0.0]]), []
     parts = [Call(largest_entry, row) for row in x]
@@ -83,6 +85,7 @@ def test_checks_and_results_in_one_array():
     assert sizes[1] == parts[1].result[0] == 3.0
 
 
+@pytest.mark.serial
 def test_singular_blocks_and_bands():
     A = np.array([np.eye(6), np.eye(6)])
     A[1, 5, 5] = 0.0
@@ -94,11 +97,13 @@ def test_singular_blocks_and_bands():
     assert not band.result[0]
 
 
+@pytest.mark.serial
 def test_arrays_must_be_contiguous():
     with pytest.raises(TypeError, match="contiguous"):
         Call(copy, np.zeros((4, 3)).T, np.zeros((3, 4)))
 
 
+@pytest.mark.serial
 def test_a_failing_call_raises_its_error():
     def fail():
         raise ValueError("no solution")
@@ -150,7 +155,25 @@ def motion(model, steps=12):
     return np.concatenate([*frames, simulation.system.constraints.forces])
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.three_ranks
+def test_some_ranks_may_have_none(monkeypatch):
+    found, made, usual = motion(chain()), [], FrozenSequences.of
+
+    def of(*given):
+        made.append(usual(*given) if MPI.COMM_WORLD.rank == 0 else None)
+        return made[-1]
+
+    # other messages, or in another order, would be waited for
+    monkeypatch.setattr(FrozenSequences, "of", of)
+    np.testing.assert_allclose(motion(chain()), found, rtol=1e-10, atol=1e-10)
+    assert made
+    assert (made[0] is None) == (MPI.COMM_WORLD.rank > 0)
+
+
+@pytest.mark.three_ranks
+@pytest.mark.parametrize(
+    "name", ["chain", *(pytest.param(name, marks=pytest.mark.serial) for name in list(MODELS)[1:])]
+)
 def test_motions_are_those_of_single_calls(name, monkeypatch):
     found = motion(MODELS[name]())
     # the same calls, one by one from Python: another byte would be another argument
@@ -168,6 +191,7 @@ def test_motions_are_those_of_single_calls(name, monkeypatch):
     np.testing.assert_allclose(motion(MODELS[name]()), found, rtol=1e-10, atol=1e-10)
 
 
+@pytest.mark.serial
 def test_a_solve_is_petscs(monkeypatch):
     found, usual = [], Factor.foreign_solver
 
@@ -203,6 +227,8 @@ def calls_of_a_step(model):
     return counts["call"] / 10, counts["c_call"] / 10, iterations
 
 
+@pytest.mark.serial
+@pytest.mark.serial
 @pytest.mark.parametrize(
     # bounds a fifth above what they are: a loop over parts or rows in Python that comes back, or a
     # property that is asked for once more in each iteration, adds as much
@@ -216,7 +242,9 @@ def test_few_calls_from_python(name, functions, builtins):
     assert others < builtins
 
 
-@pytest.mark.parametrize("name", MODELS)
+@pytest.mark.parametrize(
+    "name", ["chain", *(pytest.param(name, marks=pytest.mark.serial) for name in list(MODELS)[1:])]
+)
 def test_nothing_outlives_its_run(name):
     simulation = Simulation(MODELS[name](), ff.RunOptions(dt=1e-3, t_end=1.0, quiet=True))
     for _ in range(3):

@@ -219,7 +219,7 @@ class MultiplierSystem:
         traffic.elimination = self._factors.kind
         traffic.largest_front = self._factors.largest_front
         self._solver = self._factors
-        if not self._direct and self._factors.band is None:
+        if not (self._direct or (self._factors.alone and self._factors.band is not None)):
             self._solver = with_kept_factors(self._system.comm, self._factors, i, j)
         return self._solver
 
@@ -276,25 +276,40 @@ class MultiplierSystem:
 
     @property
     def banded(self) -> bool:
-        """True if the system of this rank alone is a band, known after a factorisation."""
-        factors = None if self._constant else self._factors
-        return factors is not None and factors.band is not None
+        """True if this rank's unshared rows are a band, known after a factorisation.
 
-    def factorisation(self) -> tuple[list[Step], list[Call]]:
-        """What :meth:`factor` does if the system is ``banded``, and the calls that test it."""
+        Its factors are those of every iteration then.
+        """
+        solver = None if self._constant else self._solver
+        return isinstance(solver, InterfaceSystem) and solver.band is not None
+
+    def factorisation(self) -> tuple[list[Call], list[Call]]:
+        """What :meth:`factor` does if the system is ``banded``, and the calls that test it.
+
+        :meth:`factor_shared` follows.
+        """
         rows, factors = self._system.constraints, self._factors
         assert factors is not None
         assert factors.band is not None
-        test = factors.band.factor_call(self._values)
-        steps: list[Step] = [
+        test, *others = factors.band.factorisation(self._values)
+        steps = [
             *(Call(schur, group.own.memory, rows.own.memory) for group in self.groups),
             Call(
                 add_diagonal, rows.owned, rows.compliance, rows.coupled, rows.coupling,
                 self._diagonal, self._coupling,
             ),
-            test,
+            test, *others,
         ]  # fmt: skip
         return steps, [test]
+
+    def factor_shared(self, regular: bool) -> bool:
+        """Factorise the rows that ranks share; False on all ranks if one has failed (collective).
+
+        Args:
+            regular: False if a test of this rank has failed.
+        """
+        assert self._factors is not None
+        return self._factors.factor_shared(regular)
 
     def solution(
         self, values: FloatArray, bodies: Sequence[Sequenced], *, beyond: bool
@@ -309,8 +324,7 @@ class MultiplierSystem:
         given = self._local_node, steps, rows.owned, values, self._correction
         calls.append(Call(row_products, rows.own.memory, *given))
         assert self._factors is not None
-        assert self._factors.band is not None
-        return [*calls, self._factors.band.solve_call(self._correction)]
+        return [*calls, *self._factors.solution(self._correction)]
 
     def solve(
         self, values: FloatArray, bodies: Sequence[Responding], *, beyond: bool = False

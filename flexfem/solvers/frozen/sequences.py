@@ -1,9 +1,9 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""The frozen solver of one rank as sequences of compiled loops.
+"""The frozen solver of a rank as sequences of compiled loops, between messages to other ranks.
 
 They do what ``FrozenSolver.prepare`` and its solve do, by the same loops in the same order. There
-are none where ranks share rows, and where the multipliers' system is not a narrow band: its
-factorisation takes longer than the calls then.
+are none where a rank's own rows of the multipliers' system are not a narrow band: its factorisation
+takes longer than the calls then. So other ranks may have none; the messages are the same.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ class FrozenSequences:
         self._rates, self._scale = np.zeros(3), Number(1.0)
         self._shifts: Shifts | None = None  # those written there
         self._values = np.zeros(system.constraints.size)
-        self._bodies: list[RigidBodies | FlexibleBodies] = [*rigid, *flexible]
+        self._rigid, self._flexible = rigid, flexible
         self.correction = multipliers.correction
         inversions = [one.inversion(self._rates, self._scale) for one in rigid]
         factorisation, tests = multipliers.factorisation()
@@ -67,16 +67,16 @@ class FrozenSequences:
         return cls(system, multipliers, rigid, flexible)
 
     def prepare(self, shifts: Shifts) -> bool:
-        """See ``FrozenSolver.prepare``."""
+        """See ``FrozenSolver.prepare`` (collective)."""
         if shifts is not self._shifts:
             self._shifts = shifts
             self._rates[:] = shifts.array
             self._scale.set(shifts.scale)
         self._prepare()
-        return bool(self._regular.result[0])
+        return self._multipliers.factor_shared(bool(self._regular.result[0]))
 
     def solve(self, values: FloatArray, *, beyond: bool) -> FloatArray:
-        """See ``FrozenSolver._solve``."""
+        """See ``FrozenSolver._solve`` (collective)."""
         if values is self._system.constraints.values and not beyond:
             self._at_rows()
             return self.correction
@@ -95,13 +95,16 @@ class FrozenSequences:
     def _solve(self, values: FloatArray, *, beyond: bool) -> list[Step]:
         """Steps of a solve with the given values of rows."""
         steps: list[Step] = []
-        for one in self._bodies:
+        bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
+        for one in bodies:
             steps.append(Call(copy, one.group.part.block.residual, one.group.own.right))
-        steps += self._multipliers.solution(values, self._bodies, beyond=beyond)
+        steps += self._multipliers.solution(values, bodies, beyond=beyond)
         rows = self._system.constraints
-        for one in self._bodies:
+        for one in bodies:
             own, nodes = one.group.own, one.group.part.interface_nodes
             steps.append(rows.forces_call(self.correction, nodes, own.right))
-        for one in reversed(self._bodies):
-            steps += one.solution()
+        for flexible in self._flexible:
+            steps += flexible.solution()
+        for rigid in self._rigid:
+            steps += rigid.solution()
         return steps

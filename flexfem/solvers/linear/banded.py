@@ -23,12 +23,14 @@ _ZERO = 1e-14
 def band_factor(index: IntArray, values: FloatArray, band: FloatArray) -> bool:
     """Factorise the matrix with ``values`` at ``index`` of the flattened storage.
 
-    Duplicate entries are summed. Returns False if a pivot vanishes.
+    Duplicate entries are summed; those with the index -1 are left out. Returns False if a pivot
+    vanishes.
     """
     flat = band.reshape(-1)
     flat[:] = 0.0
     for k in range(index.size):
-        flat[index[k]] += values[k]
+        if index[k] >= 0:
+            flat[index[k]] += values[k]
     n, width = band.shape
     b = width // 2
     sizes = np.empty(n)
@@ -60,18 +62,35 @@ def band_solve(band: FloatArray, order: IntArray, work: FloatArray, x: FloatArra
 
 
 @kernel
-def band_forward(band: FloatArray, order: IntArray, work: FloatArray, x: FloatArray) -> None:
-    """The first half of :func:`band_solve`, with the lower factor."""
+def band_forward(
+    band: FloatArray, order: IntArray, work: FloatArray, begin: int, below: FloatArray,
+    x: FloatArray,
+) -> None:  # fmt: skip
+    """The first half of :func:`band_solve`, and elimination from rows beyond the band, the last.
+
+    ``begin`` and ``below`` are those after :func:`band_eliminate`.
+    """
     _forward(band, order, work, x)
-    for i in range(order.size):
+    n = order.size
+    for i in range(n):
         x[order[i]] = work[i]
+    for i in range(begin, n):
+        for c in range(below.shape[1]):
+            x[n + c] -= below[i - begin, c] * work[i]
 
 
 @kernel
-def band_backward(band: FloatArray, order: IntArray, work: FloatArray, x: FloatArray) -> None:
-    """The second half, with the upper factor."""
-    for i in range(order.size):
+def band_backward(
+    band: FloatArray, order: IntArray, work: FloatArray, begin: int, right: FloatArray,
+    x: FloatArray,
+) -> None:  # fmt: skip
+    """The second half, with the solution of the rows beyond the band."""
+    n = order.size
+    for i in range(n):
         work[i] = x[order[i]]
+    for i in range(begin, n):
+        for c in range(right.shape[1]):
+            work[i] -= right[i - begin, c] * x[n + c]
     _backward(band, order, work, x)
 
 
@@ -99,14 +118,17 @@ def _backward(band: FloatArray, order: IntArray, work: FloatArray, x: FloatArray
 
 
 @kernel
-def band_eliminate(band: FloatArray, begin: int, right: FloatArray, below: FloatArray) -> None:
-    """Eliminate the rows of the band from the couplings with other rows.
+def band_eliminate(
+    band: FloatArray, begin: int, right: FloatArray, below: FloatArray, complement: FloatArray
+) -> None:
+    """Eliminate the rows of the band from rows beyond it.
 
     Args:
         band: factors ``L U``.
         begin: first row that is coupled.
-        right: (n - begin, k) columns of the other rows from there on; L^-1 of them afterwards.
+        right: (n - begin, k) columns of the rows beyond from there on; L^-1 of them afterwards.
         below: transposed rows likewise; U^-T of them afterwards.
+        complement: (k, k) entries of the rows beyond; the Schur complement afterwards.
     """
     n, width = band.shape
     b = width // 2
@@ -118,3 +140,7 @@ def band_eliminate(band: FloatArray, begin: int, right: FloatArray, below: Float
                 below[i - begin, c] -= upper * below[k - begin, c]
         for c in range(right.shape[1]):
             below[i - begin, c] /= band[i, b]
+        for c in range(right.shape[1]):
+            factor = below[i - begin, c]
+            for d in range(right.shape[1]):
+                complement[c, d] -= factor * right[i - begin, d]

@@ -6,7 +6,7 @@ complements on the rows shared with other ranks are summed and eliminated by lev
 ranks (``rank_dissection``).
 """
 
-from typing import Protocol
+from typing import Any, Protocol
 
 from mpi4py import MPI
 
@@ -14,7 +14,7 @@ import numpy as np
 
 from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.kernels.compiled import kernel
-from flexfem.kernels.sequence import Call
+from flexfem.kernels.sequence import Call, Step
 from flexfem.solvers.linear.banded import (
     band_backward,
     band_eliminate,
@@ -34,6 +34,9 @@ _FULL = 0.4
 _ADDED = 300
 #: Half bandwidth up to which a banded factorisation is faster than a multifrontal one.
 _WIDEST = 64
+
+#: A compiled loop and its arguments.
+_Loop = tuple[Any, ...]
 
 
 class _Elimination(Protocol):
@@ -74,8 +77,9 @@ class _Elimination(Protocol):
 
 
 @kernel
-def _scatter_add(index: IntArray, select: IntArray, values: FloatArray, out: FloatArray) -> None:
-    """``out[index[k]] += values[select[k]]``."""
+def _scatter(index: IntArray, select: IntArray, values: FloatArray, out: FloatArray) -> None:
+    """Sums of the selected values: ``out[index[k]] += values[select[k]]`` from zero on."""
+    out[:] = 0.0
     for k in range(index.size):
         out[index[k]] += values[select[k]]
 
@@ -92,11 +96,10 @@ class Band:
         rank = np.empty(size, dtype=np.int64)
         rank[order], rank[count:] = np.arange(count), np.arange(left)
         first, last = i < count, j < count
-        inner = first & last
-        self._inner = None if inner.all() else np.flatnonzero(inner)
         self._order, self._work, self._left = order, np.empty(count), left
         self._band = np.zeros((count, 2 * half + 1))
-        self._index = (rank[i] * (2 * half + 1) + rank[j] - rank[i] + half)[inner]
+        self._index = rank[i] * (2 * half + 1) + rank[j] - rank[i] + half
+        self._index[~(first & last)] = -1
         right, below = first & ~last, ~first & last
         coupled = np.concatenate([rank[i[right]], rank[j[below]]])
         self._begin = begin = int(coupled.min(initial=count))
@@ -116,44 +119,56 @@ class Band:
             4.0 * count * half + 4.0 * tail * left,
         )
 
-    def factor_call(self, values: FloatArray) -> Call:
-        """Call of the loop of :meth:`factor`, if all rows are eliminated."""
-        return Call(band_factor, self._index, values, self._band)
-
-    def solve_call(self, x: FloatArray) -> Call:
-        """Call of the loop of :meth:`reduce`, if all rows are eliminated."""
-        return Call(band_solve, self._band, self._order, self._work, x)
-
-    @property
-    def whole(self) -> bool:
-        """True if all rows are eliminated."""
-        return self._left == 0 and self._inner is None
-
     def factor(self, values: FloatArray) -> bool:
         """See :class:`_Elimination`."""
-        inner = values if self._inner is None else values[self._inner]
-        regular: bool = band_factor(self._index, inner, self._band)
-        if regular and self._left:
-            for index, select, out in self._blocks:
-                out[:] = 0.0
-                _scatter_add(index, select, values, out.reshape(-1))
-            band_eliminate(self._band, self._begin, self._right, self._below)
-            self.complement -= self._below.T @ self._right
+        regular: bool = band_factor(self._index, values, self._band)
+        if regular:
+            for loop, *arguments in self._eliminating(values):
+                loop(*arguments)
         return regular
+
+    def factorisation(self, values: FloatArray) -> list[Call]:
+        """What :meth:`factor` does with these values; the first call returns what it returns."""
+        test = Call(band_factor, self._index, values, self._band)
+        return [test, *(Call(*one) for one in self._eliminating(values))]
+
+    def _eliminating(self, values: FloatArray) -> list[_Loop]:
+        """What follows the factorisation of the band, if other rows are left."""
+        if not self._left:
+            return []
+        couplings = self._right, self._below, self.complement
+        return [
+            *((_scatter, at, select, values, out.reshape(-1)) for at, select, out in self._blocks),
+            (band_eliminate, self._band, self._begin, *couplings),
+        ]
 
     def reduce(self, x: FloatArray) -> None:
         """See :class:`_Elimination`."""
+        loop, *arguments = self._reducing(x)
+        loop(*arguments)
+
+    def _reducing(self, x: FloatArray) -> _Loop:
+        """What :meth:`reduce` does; the whole solve if no other rows are left."""
+        own = self._band, self._order, self._work
         if not self._left:
-            band_solve(self._band, self._order, self._work, x)
-            return
-        band_forward(self._band, self._order, self._work, x)
-        x[len(self._order) :] -= x[self._order[self._begin :]] @ self._below
+            return band_solve, *own, x
+        return band_forward, *own, self._begin, self._below, x
 
     def complete(self, x: FloatArray) -> None:
         """See :class:`_Elimination`."""
-        if self._left:
-            x[self._order[self._begin :]] -= self._right @ x[len(self._order) :]
-            band_backward(self._band, self._order, self._work, x)
+        for loop, *arguments in self._completing(x):
+            loop(*arguments)
+
+    def _completing(self, x: FloatArray) -> list[_Loop]:
+        """What :meth:`complete` does."""
+        if not self._left:
+            return []
+        own = self._band, self._order, self._work
+        return [(band_backward, *own, self._begin, self._right, x)]
+
+    def solution(self, x: FloatArray) -> tuple[list[Call], list[Call]]:
+        """What :meth:`reduce` and :meth:`complete` do."""
+        return [Call(*self._reducing(x))], [Call(*one) for one in self._completing(x)]
 
 
 class _Dense(DenseElimination):
@@ -295,10 +310,13 @@ class InterfaceSystem:
 
     @property
     def band(self) -> Band | None:
-        """The factors if this rank alone has the rows, in a narrow band."""
-        own = self._own
-        alone = self._shared is None
-        return own if alone and isinstance(own, Band) and own.whole else None
+        """The factors of this rank's unshared rows if these are a narrow band."""
+        return self._own if isinstance(self._own, Band) else None
+
+    @property
+    def alone(self) -> bool:
+        """True if there are no other ranks."""
+        return self._shared is None
 
     def factor(self, values: FloatArray, regular: bool = True) -> bool:
         """Factorise (collective); False on all ranks when the system is singular on one.
@@ -307,7 +325,10 @@ class InterfaceSystem:
             values: one number per entry of the pattern.
             regular: False if this rank's part is singular.
         """
-        regular = self._own.factor(values) and regular
+        return self.factor_shared(self._own.factor(values) and regular)
+
+    def factor_shared(self, regular: bool) -> bool:
+        """Second part of :meth:`factor`, after the elimination of the unshared rows."""
         if self._shared is None:
             return regular
         return self._shared.factor(self._own.complement, regular)
@@ -318,3 +339,12 @@ class InterfaceSystem:
         if self._shared is not None:
             self._shared.solve(right[self._count :])
         self._own.complete(right)
+
+    def solution(self, right: FloatArray) -> list[Step]:
+        """What :meth:`solve` does for this array, if the unshared rows are a narrow ``band``."""
+        assert self.band is not None
+        (reduce, complete), shared = self.band.solution(right), self._shared
+        if shared is None:
+            return [*reduce, *complete]
+        part = right[self._count :]
+        return [*reduce, lambda: shared.solve(part), *complete]

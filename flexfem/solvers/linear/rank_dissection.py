@@ -16,6 +16,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._types import FloatArray, IntArray
+from flexfem.kernels.compiled import kernel
 from flexfem.la.exchange import exchange
 from flexfem.mesh.distributed.rank_tree import Merge, merges
 from flexfem.solvers.linear.dense_elimination import DenseElimination
@@ -31,6 +32,23 @@ class _Rows(NamedTuple):
     numbers: IntArray
     here: IntArray
     holders: IntArray
+
+
+@kernel
+def _join(
+    own: IntArray, part: FloatArray, other: IntArray, received: FloatArray, out: FloatArray
+) -> None:
+    """Add the parts of two halves; ``own`` and ``other`` are their places in what both have."""
+    out[:] = 0.0
+    for k in range(own.size):
+        out[own[k]] = part[k]
+    for k in range(other.size):
+        out[other[k]] += received[k]
+
+
+def _places(rows: IntArray, size: int) -> IntArray:
+    """Places of all pairs of rows in a full matrix (size, size)."""
+    return (rows[:, np.newaxis] * size + rows).ravel()
 
 
 class _Level:
@@ -68,31 +86,29 @@ class _Level:
         # complements of both halves, each with a flag of failure
         self._sent = np.zeros(len(self._own) ** 2 + 1)
         self._received = np.zeros(len(self._other) ** 2 + 1)
-        self._vector = np.zeros(self.size)
+        self._own_pairs, self._other_pairs = (
+            _places(rows, self.size) for rows in (self._own, self._other)
+        )
+        self._matrix, self._vector = np.zeros((self.size, self.size)), np.zeros(self.size)
         self._part, self._others = np.zeros(len(self._own)), np.zeros(len(self._other))
 
     def factor(self, complement: FloatArray, regular: bool) -> tuple[FloatArray, bool]:
         """Join the complements of both halves: that of the rows left then, False if singular."""
-        size = len(self._own)
-        self._sent[:-1].reshape(size, size)[:] = complement
+        self._sent[:-1] = complement.reshape(-1)
         self._sent[-1] = 0.0 if regular else 1.0
         self._exchange(self._sent, self._received)
         if not regular or self._received[-1] > 0.0:
             return self._front.complement, False
-        size = len(self._other)
-        matrix = np.zeros((self.size, self.size))
-        matrix[np.ix_(self._own, self._own)] = complement
-        matrix[np.ix_(self._other, self._other)] += self._received[:-1].reshape(size, size)
-        regular = self._front.eliminate(matrix)
+        parts = self._own_pairs, self._sent, self._other_pairs, self._received
+        _join(*parts, self._matrix.reshape(-1))
+        regular = self._front.eliminate(self._matrix)
         return self._front.complement, regular
 
     def reduce(self, right: FloatArray) -> FloatArray:
         """Join the right-hand sides of both halves: that of the rows left."""
         self._part[:] = right
         self._exchange(self._part, self._others)
-        self._vector[:] = 0.0
-        self._vector[self._own] = self._part
-        self._vector[self._other] += self._others
+        _join(self._own, self._part, self._other, self._others, self._vector)
         self._front.reduce(self._vector)
         return self._vector[self._count :]
 
@@ -129,6 +145,7 @@ class RankDissection:
         """
         order = np.argsort(numbers, kind="stable")
         self._order, self._place = order, np.argsort(order)
+        self._pairs = _places(order, len(order))
         rows = _Rows(numbers[order], np.ones(len(order), dtype=np.int64), holders[order])
         self._levels: list[_Level] = []
         for merge in merges(comm.rank, comm.size):
@@ -146,7 +163,7 @@ class RankDissection:
             matrix: (r, r) entries of this rank.
             regular: False if this rank's part is singular.
         """
-        matrix = matrix[np.ix_(self._order, self._order)]
+        matrix = matrix.reshape(-1)[self._pairs]
         for level in self._levels:
             matrix, regular = level.factor(matrix, regular)
         return regular

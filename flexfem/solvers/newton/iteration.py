@@ -3,7 +3,7 @@
 
 from collections.abc import Callable
 from dataclasses import dataclass
-from math import inf, isfinite
+from math import inf, isfinite, isnan
 from typing import Protocol
 
 from mpi4py import MPI
@@ -160,6 +160,6 @@ def _largest(
     if comm.size == 1:
         return values
     # MPI's maximum does not order NaN
-    buffer = np.nan_to_num(np.array(values), nan=np.inf)
+    buffer = np.array([inf if isnan(value) else value for value in values])
     comm.Allreduce(MPI.IN_PLACE, buffer, op=MPI.MAX)
     return float(buffer[0]), float(buffer[1]), float(buffer[2]), float(buffer[3])
