@@ -79,20 +79,21 @@ class Traffic:
 
     Attributes:
         iterations: number of iterations.
-        sent: by this rank in them, the numbers of ``Sent``.
+        sent: by this rank in them.
         elimination: of the multipliers that this rank alone has; empty before the first one.
         largest_front: rows of the largest front of those that this rank shares.
     """
 
     iterations: int = 0
-    sent: IntArray = field(default_factory=lambda: np.zeros(len(Sent._fields), dtype=np.int64))
+    sent: Sent = field(default_factory=Sent)
     elimination: str = ""
     largest_front: int = 0
 
     def add(self, sent: Sent, before: Sent) -> None:
         """Add one iteration, from what this rank has sent at its end and at its start."""
         self.iterations += 1
-        self.sent += np.subtract(sent, before)
+        both = zip(self.sent, sent, before, strict=True)
+        self.sent = Sent(*(total + now - then for total, now, then in both))
 
 
 @dataclass(frozen=True)

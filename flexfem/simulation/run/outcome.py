@@ -8,6 +8,8 @@ from typing import Any
 
 from mpi4py import MPI
 
+import numpy as np
+
 from flexfem._faults import FAILURES, FunctionError, current, noted
 from flexfem._types import FloatArray
 from flexfem.io.summary import write_summary
@@ -104,7 +106,7 @@ def summary_of(system: System, case: str, reason: str) -> dict[str, Any]:
     Sizes, counts and status; messages and bytes are those of the rank that sends most.
     """
     counters, traffic, comm = system.counters, system.traffic, system.comm
-    per_iteration = traffic.sent / max(traffic.iterations, 1)
+    per_iteration = np.array(traffic.sent) / max(traffic.iterations, 1)
     comm.Allreduce(MPI.IN_PLACE, per_iteration, op=MPI.MAX)
     sent = Sent(*per_iteration.tolist())
     eliminations = {one for one in comm.allgather(traffic.elimination) if one}
