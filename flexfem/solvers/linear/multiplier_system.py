@@ -32,7 +32,8 @@ __all__ = ["InterfaceSystem"]
 _FULL = 0.4
 #: Rows that are added in the order of elimination, to which those left are coupled.
 _ADDED = 300
-#: Half bandwidth up to which a banded factorisation is faster than a multifrontal one.
+#: Half bandwidth, and number of rows that are left, up to which a banded factorisation is faster
+#: than a multifrontal one.
 _WIDEST = 64
 
 #: A compiled loop and its arguments.
@@ -251,7 +252,7 @@ def _elimination(
     rank = np.empty(count, dtype=np.int32)
     rank[order] = np.arange(count)
     half = int(np.abs(rank[first] - rank[second]).max(initial=0))
-    if half <= _WIDEST:
+    if max(half, size - count) <= _WIDEST:
         coupled = np.zeros(count, dtype=np.bool_)
         coupled[rows[(rows < count) & (columns >= count)]] = True
         order = _directed(order, first, second, grounded[:count], coupled)
