@@ -166,6 +166,18 @@ def test_a_function_fails_during_the_run(
     assert not (shared_tmp_path / ".flexfem_run").exists()
 
 
+def test_a_probe_ends_the_run_in_its_step(shared_tmp_path: Path) -> None:
+    """Not at the next fields or checkpoint, with rows of nan until then."""
+    given = options(shared_tmp_path, every=100, t_end=0.1)
+    with pytest.raises(ff.FunctionError) as raised:
+        ff.simulate(pendulum(Failing("probe")), given)
+    assert raised.value.outcome.status.endswith(" after t = 0.006 s")
+    COMM.barrier()
+    history = read_history(shared_tmp_path / "history.csv")
+    np.testing.assert_allclose(history["t"][-1], 0.006)
+    assert np.flatnonzero(np.isnan(history["time"])).tolist() == [len(history["t"]) - 1]
+
+
 @pytest.mark.parametrize(
     "what",
     [

@@ -3,7 +3,8 @@
 
 Each rank buffers for some steps the motion of its own probe markers, and its share of the
 measurements of sensors; then the first rank receives all at once and evaluates the columns. The
-messages have a few numbers per probe.
+messages have a few numbers per probe. With functions of the user's it does so at every record, as
+one that fails ends the run.
 """
 
 from collections.abc import Iterator
@@ -22,7 +23,7 @@ from flexfem.layout.element_places import ElementPlaces, places_on_rank
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.lie.se3 import compose_into
-from flexfem.model.probes.base import MarkerState, Probe
+from flexfem.model.probes.base import AnyProbe, MarkerState, Probe
 from flexfem.system.measure.energies import EnergyMeter
 from flexfem.system.measure.marker_states import without_spin
 from flexfem.system.measure.sensors import create_sensor
@@ -114,9 +115,9 @@ class ProbeRecorder:
         offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
         self._start = [serial.marker_pose(m).rotation for m in markers]
         self._bare = without_spin(serial, markers)
-        self._ground = np.zeros((len(markers), ROW))
-        self._ground_places = [k for k, m in enumerate(markers) if isinstance(m, Ground)]
-        self._ground[self._ground_places, :12] = offsets[self._ground_places]
+        self._buffer = np.zeros((depth, len(markers), ROW))
+        ground = [k for k, m in enumerate(markers) if isinstance(m, Ground)]
+        self._buffer[:, ground, :12] = offsets[ground]
         self.sources = [self._source(part, serial, markers, offsets) for part in system.parts]
         self.inside = [
             MarkersInside(part.block, points, offsets[places], places)
@@ -128,7 +129,6 @@ class ProbeRecorder:
         mine += [one.places for one in self.inside]
         mine.append(self._sliders.places)
         self._places = np.concatenate([np.empty(0, dtype=np.int64), *mine])
-        self._buffer = np.zeros((depth, len(markers), ROW))
         sensors = [create_sensor(probe, system, serial) for probe in self._probes]
         self.sensors = {
             probe.name: sensor
@@ -142,6 +142,10 @@ class ProbeRecorder:
         )
         self._shares = np.zeros((depth, width))
         self._times: list[float] = []
+        # a function of the user's that fails must end the run at once, not when the buffer is full
+        self._at_once = any(map(_of_a_user, self._probes))
+        self._evaluated: list[tuple[float, FloatArray]] = []
+        self._count = 0  # of records since the last flush
 
     @staticmethod
     def _source(
@@ -182,7 +186,7 @@ class ProbeRecorder:
     @property
     def full(self) -> bool:
         """True if the buffer must be emptied before the next record."""
-        return len(self._times) == len(self._buffer)
+        return self._count == len(self._buffer)
 
     def follow(self) -> None:
         """Sum the work up to an accepted state that is not recorded."""
@@ -190,12 +194,15 @@ class ProbeRecorder:
             meter.update()
 
     def record(self, t: float) -> None:
-        """Buffer the accepted state at time ``t``."""
+        """Buffer the accepted state at time ``t`` (collective with functions of the user's)."""
         row = self._buffer[len(self._times)]
         self._record_markers(row)
         if self._sensors:
             self._shares[len(self._times)] = np.concatenate([g.update() for g in self._sensors])
         self._times.append(t)
+        self._count += 1
+        if self._at_once:
+            self._evaluate_records()
 
     def _record_markers(self, row: FloatArray) -> None:
         """Motion of this rank's markers."""
@@ -231,24 +238,30 @@ class ProbeRecorder:
 
     def flush(self) -> Iterator[tuple[float, FloatArray]]:
         """Empty the buffer (collective): times and column values on the first rank."""
+        if self._times:
+            self._evaluate_records()
+        found, self._evaluated, self._count = self._evaluated, [], 0
+        return iter(found)
+
+    def _evaluate_records(self) -> None:
+        """Evaluate the buffered states on the first rank (collective)."""
         times, self._times = self._times, []
         rows = zip(times, *self._gathered(len(times)), strict=False)
-        return iter([(t, self._evaluate(t, row, numbers)) for t, row, numbers in rows])
+        self._evaluated += [(t, self._evaluate(t, row, numbers)) for t, row, numbers in rows]
 
     def _gathered(self, count: int) -> tuple[FloatArray, FloatArray]:
         """Markers and measurements of records, on the first rank only (collective)."""
-        mine = self._places, self._buffer[:count, self._places], self._shares[:count]
-        parts = self._comm.gather(mine) if self._comm.size > 1 else [mine]
-        if parts is None:
-            return self._buffer[:0], self._shares[:0]
-        every = self._buffer[:count].copy()
-        every[:, self._ground_places] = self._ground[self._ground_places]
-        measured = np.zeros((count, self._shares.shape[1]))
-        for places, values, shares in parts:
-            every[:, places] = values
-            measured += shares
-        for rates in (every[..., 15:18], every[..., 23:]):
-            rates[:, self._bare] = np.nan
+        every, measured = self._buffer[:count].copy(), self._shares[:count].copy()
+        if self._comm.size > 1:
+            parts = self._comm.gather((self._places, every[:, self._places], measured))
+            if parts is None:
+                return self._buffer[:0], self._shares[:0]
+            for places, values, shares in parts[1:]:
+                every[:, places] = values
+                measured += shares
+        if self._bare.any():
+            for rates in (every[..., 15:18], every[..., 23:]):
+                rates[:, self._bare] = np.nan
         return every, measured
 
     def _states(self, row: FloatArray) -> list[MarkerState]:
@@ -273,6 +286,12 @@ class ProbeRecorder:
                 values.append(measured[read : read + count])
                 read += count
         return np.concatenate(values)
+
+
+def _of_a_user(probe: AnyProbe) -> bool:
+    """Return True if the columns are computed by a function of the user's."""
+    module = str(getattr(getattr(probe, "function", None), "__module__", ""))
+    return isinstance(probe, Probe) and not module.startswith("flexfem.")
 
 
 def _arc(row: FloatArray) -> tuple[float, float]:
