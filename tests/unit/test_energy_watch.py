@@ -218,12 +218,14 @@ def test_gains_and_losses_beside_a_drive() -> None:
 
 
 @pytest.mark.three_ranks
-def test_the_watch_is_the_same_on_any_number_of_ranks() -> None:
+@pytest.mark.parametrize("name", ["busy", "alternating"])
+def test_the_watch_is_the_same_on_any_number_of_ranks(name: str) -> None:
     """Its comparisons and findings, with works of loads and drives on different ranks."""
     options = ff.RunOptions(dt=2e-3, t_end=0.4, tolerance=1e-11, quiet=True)
     seen = []
     for comm in (MPI.COMM_SELF, MPI.COMM_WORLD):
-        simulation = Simulation(busy(), options, comm)
+        model = busy() if name == "busy" else alternating()
+        simulation = Simulation(model, options, comm)
         watch = EnergyWatch(
             simulation.system, simulation.serial, 2e-3, 1e-6, probed=False, fast=False
         )
@@ -234,6 +236,22 @@ def test_the_watch_is_the_same_on_any_number_of_ranks() -> None:
         seen.append([watch._largest, watch._gain, watch._most_gain, watch._loss, *sums])
     # a drive that two ranks count, or a load that none does, is of the order of the largest
     np.testing.assert_allclose(seen[1], seen[0], rtol=0.0, atol=1e-9 * seen[0][0])
+
+
+def alternating() -> ff.Model:
+    """Three bodies that are pushed and stopped one after the other: the work returns to zero."""
+    model = ff.Model("alternating")
+    for k, start in enumerate((0.000, 0.012, 0.024)):
+        name = f"body_{k}"
+
+        def pushed(t: float, start: float = start) -> float:
+            return float(start < t < start + 5e-3) - float(start + 5e-3 < t < start + 10e-3)
+
+        model.add(
+            ff.RigidBody(name, 1.0, (0.1, 0.1, 0.1), position=(float(k), 0.0, 0.0)),
+            ff.PointForce(f"push_{k}", ff.Marker(name), (0.0, 400.0, 0.0), amplitude=pushed),
+        )
+    return model
 
 
 def busy() -> ff.Model:

@@ -90,7 +90,9 @@ class EnergyWatch:
         self._losing = bool(system.comm.allreduce(self._may_lose(), op=MPI.LOR))
         self._loads, self._time = self._meter.loads(), system.time
         self._power = self._meter.power()
-        self._work = self._most_work = 0.0
+        self._work = 0.0
+        # on this rank at all accepted states since the last sample: those of ranks may cancel
+        self._works: list[float] = []
         self._count = self._events = 0
         self._base = self._before = np.nan
         self._largest = self._gain = self._most_gain = self._loss = 0.0
@@ -126,9 +128,7 @@ class EnergyWatch:
         if self._varying:
             before, self._loads = self._loads, self._meter.loads()
             self._work += work_of_loads(before, self._loads, h)
-        done = abs(self._done())
-        if done > self._most_work:
-            self._most_work = done
+        self._works.append(self._done())
 
     def _done(self) -> float:
         """Work of loads and drives so far, on this rank, J."""
@@ -174,8 +174,8 @@ class EnergyWatch:
         if not self._varying and len(self._loads):
             work += work_of_loads(self._loads, self._meter.loads(), 0.0)
         finite = failed or np.isfinite(rows.forces).all()
-        most = self._most_work if finite else np.nan
-        shares = np.array([kinetic, strain, gravity, work, most, self._drives.work[1]])
+        doubt, works = self._drives.work[1] if finite else np.nan, self._works
+        shares, self._works = np.array([doubt, kinetic, strain, gravity, work, *works]), []
         if system.comm.size > 1:
             system.comm.Allreduce(MPI.IN_PLACE, shares)
         self._note_turns()
@@ -185,19 +185,22 @@ class EnergyWatch:
         self._note(shares)
 
     def _note(self, shares: FloatArray) -> None:
-        """Compare energies (kinetic, strain, gravity's, work) with those at the start.
+        """Compare energies with those at the start.
 
-        The next one is the largest work so far, which includes work that cancels between two
-        evaluations. The last one is the possible error of the work of drives.
+        Args:
+            shares: the possible error of the work of drives; the kinetic energy, strain energy,
+                that of gravity and the work; and works at earlier states, which may have been
+                larger.
         """
         t = self._system.time
         if not np.isfinite(shares).all():
             self._bad = t if self._bad is None else self._bad
             return
-        balance = float(shares[:3].sum() - shares[3])
+        doubt, kinetic, strain, gravity, work = shares[:5].tolist()
+        balance = kinetic + strain + gravity - work
         if np.isnan(self._base):
             self._base = self._before = balance
-        doubt, self._largest = float(shares[5]), max(self._largest, float(np.abs(shares[:5]).max()))
+        self._largest = max(self._largest, float(np.abs(shares[1:]).max()))
         self._gain, self._most_gain = (
             max(self._gain, balance - self._base - doubt),
             max(self._most_gain, balance - self._base),
