@@ -142,7 +142,7 @@ def test_a_path_that_does_not_fit(given: dict[str, Any], message: str) -> None:
     ("probe", "message"),
     [
         (ff.CableProbe("p", "load"), 'no cable "load"'),
-        (ff.CableProbe("p", "j", part=1), "part must be one of 1, counted from 0, got 1"),
+        (ff.CableProbe("p", "j", part=1), 'part must be 0, the only one of Cable "j", got 1'),
     ],
 )
 def test_a_probe_that_is_refused(probe: ff.CableProbe, message: str) -> None:

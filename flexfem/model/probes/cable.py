@@ -46,6 +46,6 @@ class CableProbe(AnyProbe):
         if not isinstance(cable, Cable):
             raise ValueError(f'{owner}: {model!r} has no cable "{self.cable}"')
         if not 0 <= self.part < cable.part_count:
-            raise ValueError(
-                f"{owner}: part must be one of {cable.part_count}, counted from 0, got {self.part}"
-            )
+            last = cable.part_count - 1
+            known = f"from 0 to {last}, those" if last else "0, the only one"
+            raise ValueError(f"{owner}: part must be {known} of {cable.owner}, got {self.part}")
