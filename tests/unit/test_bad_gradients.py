@@ -351,6 +351,42 @@ def test_parameters_that_change_contacts(law):
         )  # fmt: skip
 
 
+@pytest.mark.parametrize(
+    ("what", "analysis"),
+    [
+        ("probes", "motion"), ("controllers", "motion"), ("events", "motion"),
+        ("probes", "statics"), ("probes", "response"),
+    ],
+)  # fmt: skip
+def test_parameters_that_change_what_is_known_by_its_number(what, analysis):
+    """Columns of another probe were taken for those of the one at its place, without a word."""
+
+    def build(mass):
+        model, above = ff.Model("disc"), mass > 1.0
+        tip = ff.PositionProbe("tip", BOB)
+        square = ff.Probe("square", BOB, ["z2"], lambda t, bob: [bob.position[2] ** 2])
+        model.add(
+            ff.RigidBody("bob", mass, (0.5, 0.5, 0.5)),
+            ff.Prismatic("rail", ff.Ground(), BOB, axis=(0.0, 0.0, 1.0)),
+            ff.SpringDamper("spring", ff.Ground((0.0, 0.0, 1.0)), BOB, stiffness=100.0),
+            ff.PointForce("push", BOB, (0.0, 0.0, 1.0)),
+            *((square, tip) if above and what == "probes" else (tip, square)),
+        )
+        if above and what == "controllers":
+            model.add(ff.Controller("servo", ["tip_z"], ["push"], lambda t, y: 1.0 - y[0]))
+        if above and what == "events":
+            model.add(ff.Event("stop", BOB, lambda t, bob: t - 1.5e-3, ff.Stop()))
+        return model
+
+    given = {
+        "motion": {},
+        "statics": {"options": ff.StaticOptions(quiet=True)},
+        "response": {"options": ff.LinearOptions(quiet=True), "of": "gain:tip_z/push@2"},
+    }[analysis]
+    text = f'gradient: "mass" changes which {what} there are, or their order; keep them'
+    _refused(text, model=build, wrt={"mass": 1.0}, **given)
+
+
 def test_parameters_at_the_end_of_their_range():
     def build(inertia):
         model = ff.Model("disc")

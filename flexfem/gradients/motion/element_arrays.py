@@ -32,7 +32,7 @@ from flexfem.gradients.motion.influence import (
     own_equations,
 )
 from flexfem.gradients.motion.parameters import Build, Values, plain
-from flexfem.gradients.motion.support import check_layout, check_times
+from flexfem.gradients.motion.support import check_alike, check_layout, check_times
 from flexfem.gradients.motion.trajectory import Motion
 from flexfem.layout.elements import TimedElements
 from flexfem.model.model import Model
@@ -170,10 +170,11 @@ class Builder:
     def system(self, parts: FloatArray) -> System:
         """Its system (collective)."""
         options, comm = self._motion.options, self._motion.system.comm
-        _, system = set_up(
+        serial, system = set_up(
             self._model(parts), comm, options.split_above, kernels=options.kernels,
             moving=True,
         )  # fmt: skip
+        check_alike(self._motion.model, serial.model, self._name)
         check_layout(self._motion.system, system, self._name)
         return system
 
@@ -187,6 +188,7 @@ class Builder:
     def _start(self, parts: FloatArray) -> Simulation | None:
         motion = self._motion
         one = Simulation(self._model(parts), motion.options, motion.system.comm)
+        check_alike(motion.model, one.serial.model, self._name)
         check_layout(motion.system, one.system, self._name)
         check_times(motion.simulation.breakpoints, one.breakpoints, self._name)
         state, worst = motion.state(0), 0.0

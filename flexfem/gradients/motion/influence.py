@@ -41,7 +41,12 @@ from flexfem.gradients.equations.values import (
 from flexfem.gradients.motion.columns import Seeds
 from flexfem.gradients.motion.direct import DirectEffect, force_columns, take_rows
 from flexfem.gradients.motion.parameters import Build, Values, plain, refusing
-from flexfem.gradients.motion.support import check_fixed, check_layout, check_times
+from flexfem.gradients.motion.support import (
+    check_alike,
+    check_fixed,
+    check_layout,
+    check_times,
+)
 from flexfem.gradients.motion.trajectory import Motion, StoppedError
 from flexfem.gradients.unilateral.forces import leave_out_contacts, recall_penalties
 from flexfem.simulation.motion.stepping import Simulation
@@ -502,6 +507,7 @@ def beside(motion: Motion, build: Build, values: Values, name: str) -> Simulatio
         one = Simulation(build(**plain(values)), motion.options, motion.system.comm)
     if one.status is not Status.OK:
         raise StoppedError(f'gradient: the motion with another "{name}" does not start')
+    check_alike(motion.model, one.serial.model, name)
     check_layout(motion.system, one.system, name)
     check_times(motion.simulation.breakpoints, one.breakpoints, name)
     return one

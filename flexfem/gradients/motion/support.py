@@ -24,8 +24,8 @@ from flexfem.simulation.motion.breakpoints import Breakpoints
 from flexfem.system.system import System
 
 __all__ = [
-    "check_columns", "check_contacts", "check_fixed", "check_layout", "check_sliding",
-    "check_supported", "check_times", "differentiable",
+    "check_alike", "check_columns", "check_contacts", "check_fixed", "check_layout",
+    "check_sliding", "check_supported", "check_times", "differentiable",
 ]  # fmt: skip
 
 #: Integrators whose steps have derivatives.
@@ -123,6 +123,23 @@ def check_contacts(every: Iterable[Contacts | BarrierContacts]) -> None:
                         f'gradient: Contact "{own.contact.name}": restitution has no derivatives '
                         "yet; leave it out"
                     )
+
+
+def check_alike(model: Model, other: Model, name: str) -> None:
+    """Raise unless another model has the probes, controllers and events of the model, in order.
+
+    They are known by their numbers, and are not in the equations that :func:`check_layout` and
+    differences of these compare.
+    """
+    for what in ("probes", "controllers", "events"):
+        own, others = (
+            [(type(one), one.name, getattr(one, "columns", ())) for one in getattr(each, what)]
+            for each in (model, other)
+        )
+        if own != others:
+            raise InputError(
+                f'gradient: "{name}" changes which {what} there are, or their order; keep them'
+            )
 
 
 def check_layout(system: System, other: System, name: str) -> None:

@@ -17,6 +17,7 @@ from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
 from flexfem.gradients.equations.step_tangent import BlockVectors
 from flexfem.gradients.equations.values import equations_at
+from flexfem.gradients.motion.support import check_alike
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.neighbours import check_path_independent, place
 from flexfem.layout.numbered_model import NumberedModel
@@ -263,6 +264,7 @@ class NearPath:
             name: of the parameter in which it differs.
         """
         self._path, self._name, options = path, name, path.options
+        check_alike(path.model, model, name)
         self.serial: NumberedModel
         self.system: System
         self.serial, self.system = set_up(

@@ -26,6 +26,7 @@ from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._types import FloatArray
 from flexfem.analyses.modes import LinearOptions
+from flexfem.gradients.motion.support import check_alike
 from flexfem.gradients.motion.trajectory import StoppedError
 from flexfem.gradients.states.eigenvectors import (
     ComplexArray,
@@ -237,6 +238,8 @@ class Responses:
 
         def difference(step: float) -> ComplexArray:
             before, after = self._state.near(parameter, step)
+            for point in (before, after):
+                check_alike(self._model, point.serial.model, parameter.text)
             change = self._rights(after) - self._rights(before)
             near = (point.linearization.matrices() for point in (before, after))
             change -= self._forces(pencil_change(*near))
