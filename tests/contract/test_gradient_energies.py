@@ -57,6 +57,38 @@ def test_energies_of_contacts(kind, numbers, dt, end):
     compare_contacts(build, numbers, of, options, step=1e-4)
 
 
+def controlled(kind, column, sample, gain, **numbers):
+    """The same, pushed in proportion to an energy while they touch."""
+    model, body = landing(kind, **numbers), {"balls": "first", "rod": "bob", "sheet": "ball"}[kind]
+    model.add(
+        ff.PointForce("push", ff.Marker(body), (gain, 0.0, 0.3 * gain)),
+        ff.Controller("servo", [column], ["push"], lambda t, y: 10.0 * y[0], sample_time=sample),
+    )
+    return model
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(
+    ("kind", "column", "sample", "numbers", "dt", "end"),
+    [
+        ("balls", "E_strain", None, {"height": 0.006, "speed": 1.0}, 5e-4, 7e-3),
+        *(
+            pytest.param(*given, marks=pytest.mark.slow)
+            for given in (
+                ("balls", "E_kinetic", 1e-3, {"height": 0.006, "speed": 1.0}, 5e-4, 7e-3),
+                ("rod", "E_strain", 1e-3, ROD, 5e-4, 4e-3),
+                ("sheet", "E_strain", None, {"speed": 1.0}, 2e-4, 4e-3),
+            )
+        ),
+    ],
+)
+def test_controllers_that_measure_energies_of_contacts(kind, column, sample, numbers, dt, end):
+    """A quarter of the way of the ball is that of the push, up to 72 N."""
+    options = ff.RunOptions(dt=dt, t_end=end, tolerance=1e-13)
+    of, build = ["final:p_x", "mean:q_x"], partial(controlled, kind, column, sample)
+    compare_contacts(build, {**numbers, "gain": 30.0}, of, options, step=1e-4)
+
+
 @pytest.mark.several_ranks
 @pytest.mark.three_ranks
 @pytest.mark.parametrize("touching", [False, pytest.param(True, marks=pytest.mark.slow_on_ranks)])
