@@ -94,9 +94,8 @@ class EnergyWatch:
         # on this rank at all accepted states since the last sample: those of ranks may cancel
         self._works: list[float] = []
         self._count = self._events = 0
-        self._base = self._before = np.nan
+        self._base = np.nan
         self._largest = self._gain = self._most_gain = self._loss = 0.0
-        self._gained_at = self._lost_at = system.time
         self._turn: tuple[float, float, int, int] = (0.0, 0.0, 0, 0)
         self._bad: float | None = None
         self._inverted: tuple[float, InsideOut] | None = None
@@ -199,7 +198,7 @@ class EnergyWatch:
         doubt, kinetic, strain, gravity, work = shares[:5].tolist()
         balance = kinetic + strain + gravity - work
         if np.isnan(self._base):
-            self._base = self._before = balance
+            self._base = balance
         self._largest = max(self._largest, float(np.abs(shares[1:]).max()))
         self._gain, self._most_gain = (
             max(self._gain, balance - self._base - doubt),
