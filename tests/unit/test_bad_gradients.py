@@ -324,7 +324,25 @@ def test_parameters_that_make_another_model():
         )
         return model
 
-    _refused("changes the number of nodes or joints", model=build, wrt={"length": 0.5})
+    _refused("changes the number of nodes, joints or states", model=build, wrt={"length": 0.5})
+
+
+def test_parameters_that_change_the_states_of_a_force():
+    def build(mass):
+        count = 2 if mass > 1.0 else 1
+
+        def law(t, ends, z):
+            return np.array([[0.0, 0.0, -z[0]]]), None, np.array(ends.velocities[0, :count])
+
+        model = ff.Model("disc")
+        model.add(
+            ff.RigidBody("bob", mass, (0.5, 0.5, 0.5)),
+            ff.Force("pull", [BOB], law, states=count, initial=(0.0,) * count),
+            ff.PositionProbe("tip", BOB),
+        )
+        return model
+
+    _refused("changes the number of nodes, joints or states", model=build, wrt={"mass": 1.0})
 
 
 @pytest.mark.parametrize("law", ["penalty", "barrier"])

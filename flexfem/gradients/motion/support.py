@@ -149,17 +149,24 @@ def check_layout(system: System, other: System, name: str) -> None:
     """
     same = len(other.parts) == len(system.parts)
     same = same and other.constraints.size == system.constraints.size
+    same = same and _states(other) == _states(system)
     same = same and all(
         np.array_equal(a.block.node_ids, b.block.node_ids) and a.block.width == b.block.width
         for a, b in zip(other.parts, system.parts, strict=True)
     )
     if not system.comm.allreduce(same, op=MPI.LAND):
         raise InputError(
-            f'gradient: "{name}" changes the number of nodes or joints, and has no derivative'
+            f'gradient: "{name}" changes the number of nodes, joints or states of forces, and has '
+            "no derivative"
         )
     # those of the whole model, on all ranks
     if _contact_names(other) != _contact_names(system):
         raise InputError(f'gradient: "{name}" changes which contacts there are; keep them all')
+
+
+def _states(system: System) -> list[int]:
+    """Number of states of an element of each force law on this rank."""
+    return [group.law.states for group in system.constraints.elements.groups]
 
 
 def _contact_names(system: System) -> list[tuple[type, list[str]]]:
