@@ -255,6 +255,22 @@ def test_a_load_along_a_beam_fails() -> None:
         ff.solve_static(model, ff.StaticOptions(quiet=True))
 
 
+def test_an_aggregate_that_fails_at_once_is_wrong_input(shared_tmp_path: Path) -> None:
+    """Its function is called on the ranks that have its elements."""
+    bar = ff.LineMesh.straight({"bar": [(0.0, 0.0, 0.0), (1.0, 0.0, 0.0)]}, elements=4)
+    model = ff.Model(mesh=bar)
+    model.add(
+        ff.Beam("bar", ff.Section.circle(0.01, ff.Material(2.1e11, 0.3, 7850.0))),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("bar", "start")),
+        ff.AggregateProbe("worst", ["bar"], lambda strains, resultants, places: {}["no key"]),
+    )
+    line = r"""^AggregateProbe "worst": lambda \(test_faults.py, line \d+\): KeyError: 'no key'$"""
+    with pytest.raises(ValueError, match=line):
+        ff.simulate(model, options(shared_tmp_path / "new"))
+    COMM.barrier()
+    assert list(shared_tmp_path.iterdir()) == []
+
+
 def test_results_fail(shared_tmp_path: Path) -> None:
     """The run is kept, and says what is missing."""
     run = partial(ff.simulate, pendulum(Failing("nothing")), options(shared_tmp_path), case="own")

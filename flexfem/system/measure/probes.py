@@ -24,6 +24,7 @@ from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
 from flexfem.lie.se3 import compose_into
 from flexfem.model.probes.base import AnyProbe, MarkerState, Probe
+from flexfem.system.measure.aggregate import Aggregate
 from flexfem.system.measure.energies import EnergyMeter
 from flexfem.system.measure.marker_states import without_spin
 from flexfem.system.measure.sensors import create_sensor
@@ -230,6 +231,9 @@ class ProbeRecorder:
         self._record_markers(self._buffer[0])
         for row in self._gathered(1)[0]:
             self._evaluate(t, row, np.zeros(self._shares.shape[1]))
+        for sensor in self._sensors:
+            if isinstance(sensor, Aggregate):
+                sensor.update()
 
     def states(self) -> list[MarkerState]:
         """States of all probes' markers now, on the first rank only (collective)."""
