@@ -115,7 +115,7 @@ class ProbeRecorder:
         self._comm = system.comm
         offsets = np.array([serial.marker_frame(m) for m in markers]).reshape(-1, 12)
         self._start = [serial.marker_pose(m).rotation for m in markers]
-        self._bare = without_spin(serial, markers)
+        self._bare = np.flatnonzero(without_spin(serial, markers))
         self._buffer = np.zeros((depth, len(markers), ROW))
         ground = [k for k, m in enumerate(markers) if isinstance(m, Ground)]
         self._buffer[:, ground, :12] = offsets[ground]
@@ -263,7 +263,7 @@ class ProbeRecorder:
             for places, values, shares in parts[1:]:
                 every[:, places] = values
                 measured += shares
-        if self._bare.any():
+        if len(self._bare):
             for rates in (every[..., 15:18], every[..., 23:]):
                 rates[:, self._bare] = np.nan
         return every, measured
