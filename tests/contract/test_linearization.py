@@ -44,7 +44,7 @@ def _setup(damping: float, rng: np.random.Generator) -> SimpleNamespace:
     from flexfem.layout.numbered_model import NumberedModel
     from flexfem.lie import se3
     from flexfem.solvers.modal.linearization import Linearization
-    from flexfem.solvers.modal.steady_rotation import Rotation, set_spin
+    from flexfem.solvers.modal.steady_rotation import Rotation
     from flexfem.system.build import build
 
     model = _model(damping)
@@ -59,7 +59,7 @@ def _setup(damping: float, rng: np.random.Generator) -> SimpleNamespace:
     for part, step in zip(system.parts, random(0.1), strict=True):
         part.block.frames[:] = se3.retract(part.block.frames, step)
     axis = np.array([0.48, 0.6, 0.64])
-    set_spin(system, Rotation(2.5, axis, np.array([0.1, -0.2, 0.3])))
+    Rotation(2.5, axis, np.array([0.1, -0.2, 0.3])).set(system)
     linearization = Linearization(system)
     forces = rng.normal(size=1000)[system.constraints.numbers]
     return SimpleNamespace(system=system, linear=linearization, random=random, forces=forces)

@@ -28,6 +28,7 @@ import numpy.typing as npt
 from flexfem._checks import InputError
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.constraints.elements.force_elements import ElementSlopes
+from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.la.nest import CoordinateMatrix
 from flexfem.lie import se3, so3
 from flexfem.solvers.modal.linearization import Linearization, Matrices
@@ -105,8 +106,8 @@ class Rotor:
             centre: a point on it, m.
 
         Raises:
-            InputError: an unknown body, one with positions alone (solids, cable nets, rotation-free
-                shells), or blades that are not the same at equal angles.
+            InputError: an unknown body, a first one with positions alone, held nodes, or blades
+                that are not the same at equal angles.
         """
         self.axis, self.centre, self._comm = axis, centre, system.comm
         names = [[body.name for body in part.family.bodies] for part in system.parts]
@@ -134,12 +135,6 @@ class Rotor:
         order = {name: k for k, name in enumerate(blades)}
         blade = np.array([order.get(name, -1) for name in names])
         turning = np.array([name in order or name in bodies for name in names])
-        if part.block.width == 3 and turning.any():
-            name = names[int(turning.argmax())]
-            raise InputError(
-                f"rotor: '{name}' has nodes with positions alone, whose axes do not turn: take "
-                "beams, director shells or reduced bodies"
-            )
         whole = np.asarray(part.family.body_of_node)
         of_blade, place = blade[whole], np.zeros(len(whole), dtype=np.int64)
         members = [np.flatnonzero(of_blade == k) for k in range(len(blades))]
@@ -151,14 +146,42 @@ class Rotor:
             place[mine] = np.arange(len(mine))
         block, ids = part.block, part.block.node_ids
         found = _Nodes(turning[whole[ids]], of_blade[ids], place[ids])
+        self._refuse_held(block, found.turning, names, whole[ids])
         self._serial[part.kind] = of_blade, place
         self.nodes.append(found)
         numbers, frames = np.zeros((len(blades), counts[0])), np.zeros((len(blades), counts[0], 12))
         owned = np.flatnonzero(found.blade[: block.owned] >= 0)
         at = found.blade[owned], found.place[owned]
         numbers[at], frames[at] = block.offset + owned, block.start_frames[owned]
+        if block.width == 3:  # axes of positions alone are any, see turn_axes
+            frames[:, :, 3:] = 0.0
         self.unknowns.append(self._sum(numbers).astype(np.int64))
         return self._sum(frames)
+
+    def _refuse_held(
+        self, block: FrameBlock, turning: BoolArray, names: list[str], body: IntArray
+    ) -> None:
+        """Raise if nodes that turn are held (collective).
+
+        Args:
+            block: the nodes.
+            turning: (n,) True for those of the rotor.
+            names: of the bodies.
+            body: (n,) number of the body of each node.
+
+        Raises:
+            InputError: names the first body.
+        """
+        if block.dirichlet is None:
+            return
+        held = block.dirichlet[:, :3].any(axis=1)  # directors do not turn about themselves
+        mine = np.unique(body[turning & held]).tolist()
+        every = sorted(number for some in self._comm.allgather(mine) for number in some)
+        if every:
+            raise InputError(
+                f"rotor: '{names[every[0]]}' has held nodes, which do not rotate: join it to the "
+                "rotor by a joint instead"
+            )
 
     def _sum(self, values: FloatArray) -> FloatArray:
         self._comm.Allreduce(MPI.IN_PLACE, values, op=MPI.SUM)
@@ -168,6 +191,11 @@ class Rotor:
         """Part and local node of the first node of a body; -1 on other ranks."""
         number = next(k for k, own in enumerate(names) if body in own)
         part = system.parts[number]
+        if part.block.width == 3:
+            raise InputError(
+                f"rotor: '{body}' has nodes with positions alone, which carry no axis: name a body "
+                "with axes first, such as a rigid hub"
+            )
         first = int(np.flatnonzero(part.family.body_of_node == names[number].index(body))[0])
         mine = np.flatnonzero(part.block.node_ids[: part.block.owned] == first)
         return number, int(mine[0]) if len(mine) else -1
@@ -185,14 +213,31 @@ class Rotor:
         return value
 
     def present(self, system: System) -> tuple[FloatArray, FloatArray]:
-        """Axis and a point on it at present, as the reference node carries them."""
+        """Axis and a point on it at present, as the reference node carries them (collective)."""
+        motion = self._motion(system)
+        R = se3.rotation(motion)
+        return R @ self.axis, se3.position(motion) + R @ self.centre
+
+    def turn_axes(self, system: System) -> None:
+        """Let axes of the rotor's nodes with positions alone turn with its first body (collective).
+
+        They have any directions: now those of a blade are those of the first one, rotated, so that
+        its unknowns are the same as of the first one, as with nodes that have axes of their own.
+        """
+        turn = se3.rotation(self._motion(system))
+        for part, nodes in zip(system.parts, self.nodes, strict=True):
+            if part.block.width == 3:
+                angles = np.where(nodes.blade >= 0, self.angles[nodes.blade], 0.0)[nodes.turning]
+                axes = turn @ so3.exp(angles[:, np.newaxis] * self.axis)
+                part.block.frames[nodes.turning, 3:] = axes.reshape(-1, 9)
+
+    def _motion(self, system: System) -> FloatArray:
+        """Motion (12,) of the reference node since the start (collective)."""
         blocks = [part.block for part in system.parts]
         both = self.of_reference(
             lambda k, node: np.stack([blocks[k].start_frames[node], blocks[k].frames[node]])
         )
-        motion = se3.compose(both[1], se3.inverse(both[0]))
-        R = se3.rotation(motion)
-        return R @ self.axis, se3.position(motion) + R @ self.centre
+        return se3.compose(both[1], se3.inverse(both[0]))
 
 
 def _angles(
@@ -237,20 +282,16 @@ class RotorRotation(Rotation):
     torque: list[float]
 
     def set(self, system: System) -> None:
-        """See :meth:`Rotation.set`."""
-        for part, twists in zip(system.parts, self._twists(system), strict=True):
-            part.block.velocity[:] = self.spin * twists
-            part.block.acceleration[:] = 0.0
+        """See :meth:`Rotation.set`: axes of nodes with positions alone turn with the first body."""
+        self.rotor.turn_axes(system)
+        super().set(system)
 
-    def _twists(self, system: System) -> list[FloatArray]:
-        """Local twists of all nodes at 1 rad/s."""
+    def twists(self, system: System) -> list[FloatArray]:
+        """See :meth:`Rotation.twists`: zero for what does not rotate."""
         axis, centre = self.rotor.present(system)
-        present = replace(self, axis=axis, centre=centre)
-        return [
-            nodes.turning[:, np.newaxis]
-            * (se3.adjoint(se3.inverse(part.block.frames)) @ present.unit_twist)
-            for part, nodes in zip(system.parts, self.rotor.nodes, strict=True)
-        ]
+        whole = Rotation(self.spin, axis, centre).twists(system)
+        turning = [nodes.turning[:, np.newaxis] for nodes in self.rotor.nodes]
+        return [own * twists for own, twists in zip(turning, whole, strict=True)]
 
     def solve(self, linearization: Linearization, residual: FloatArray) -> PETSc.Vec | None:
         """See :meth:`Rotation.solve`: the first body of a free rotor keeps its azimuth.

@@ -33,7 +33,6 @@ __all__ = [
     "find_equilibrium",
     "hold",
     "improve_equilibrium",
-    "set_spin",
     "solver_of",
 ]
 
@@ -78,8 +77,20 @@ class Rotation:
         return replace(self, spin=fraction * self.spin)
 
     def set(self, system: System) -> None:
-        """Give the nodes the velocities of the rotation in the present configuration."""
-        set_spin(system, self)
+        """Give the nodes the motion of the rotation in the present configuration (collective).
+
+        Local twists are constant where axes turn with the nodes.
+        """
+        for part, twists in zip(system.parts, self.twists(system), strict=True):
+            block, v = part.block, self.spin * twists
+            block.velocity[:], block.acceleration[:] = v, 0.0
+            if block.width == 3:  # positions alone have inertial axes, in which velocities turn
+                block.acceleration[:, :3] = np.cross(v[:, 3:], v[:, :3])
+
+    def twists(self, system: System) -> list[FloatArray]:
+        """Local twists (n, 6) of the nodes of each part at 1 rad/s (collective)."""
+        frames = [part.block.frames for part in system.parts]
+        return [se3.adjoint(se3.inverse(own)) @ self.unit_twist for own in frames]
 
     def solve(self, linearization: Linearization, residual: FloatArray) -> PETSc.Vec | None:
         """Step of Newton's method for a residual; None if the matrix is singular (collective)."""
@@ -89,17 +100,6 @@ class Rotation:
         """The same for any residual, at the state of the last evaluation (collective)."""
         matrix = _fixed(linearization, linearization.matrices(), self)
         return solver_of(linearization, matrix)
-
-
-def set_spin(system: System, rotation: Rotation) -> None:
-    """Give every node the local twist of the rotation, which is constant in axes that turn."""
-    for part in system.parts:
-        back = se3.adjoint(se3.inverse(part.block.frames))
-        part.block.velocity[:] = rotation.spin * (back @ rotation.unit_twist)
-        part.block.acceleration[:] = 0.0
-        if part.block.width == 3:  # positions alone have inertial axes
-            v = part.block.velocity
-            part.block.acceleration[:, :3] = np.cross(v[:, 3:], v[:, :3])
 
 
 def hold(linearization: Linearization) -> bool:
@@ -403,7 +403,7 @@ def _standing(
     """
     rows = system.constraints
     frames = [part.block.frames.copy() for part in system.parts]
-    set_spin(system, rotation.at(0.0))
+    rotation.at(0.0).set(system)
     values, held = [], []
     for turn in (0.0, *_TURNS):
         R = so3.exp(turn * rotation.axis)
