@@ -4,6 +4,7 @@
 from __future__ import annotations
 
 from mpi4py import MPI
+from petsc4py import PETSc
 
 import numpy as np
 
@@ -21,6 +22,8 @@ __all__ = ["RotorPoint"]
 
 #: An azimuth at which forces are compared with those at the first, rad.
 _AZIMUTH = 0.7
+#: Rounding of forces, relative to the largest stiffness and the farthest place.
+_ROUNDED = 100.0
 
 
 class RotorPoint(OperatingPoint):
@@ -111,6 +114,8 @@ class RotorPoint(OperatingPoint):
         rotation.set(system)
         lin.evaluate(multipliers)
         change, size, name = self._largest(*found)
+        if change > self.options.variation * size and change <= self._rounding():
+            change = 0.0
         self.variation = change / size if size > 0.0 else 0.0
         if self.variation > self.options.variation:
             raise InputError(
@@ -119,6 +124,14 @@ class RotorPoint(OperatingPoint):
                 "across the axis and in a flow along it that is the same all around (variation "
                 f"{self.options.variation:g} is accepted)"
             )
+
+    def _rounding(self) -> float:
+        """Forces that are rounding of places, of a rotor at rest without loads all of them, N."""
+        stiffest = self.linearization.matrices().stiffness.getDiagonal()
+        places = [np.abs(part.block.frames[:, :3]).max(initial=0.0) for part in self.system.parts]
+        reach = self.system.comm.allreduce(max(places), op=MPI.MAX)
+        size = stiffest.norm(PETSc.NormType.NORM_INFINITY)
+        return float(_ROUNDED * np.finfo(float).eps * size * reach)
 
     def _forces(self, residual: FloatArray, angle: float) -> list[FloatArray]:
         """Forces of each part's nodes in axes in which those of a steady rotor are the same."""
