@@ -44,8 +44,9 @@ def sweep_spin(
     against the spin; other modes have several and keep f there. Modes are named ``forward_1``,
     ``backward_1``, ... by the sense of their whirl in fixed axes at the last speed, or ``mode_1``,
     ..., counted by the moduli of their eigenvalues at the first speed, of which the lowest are
-    kept. A mode that is not found at a speed is nan. The columns of the probes in the steady
-    rotation come last: displacements and strains over the speed for example.
+    kept. A mode that is not found at a speed is nan. A warning names the speeds at which one grows.
+    The columns of the probes in the steady rotation come last: displacements and strains over the
+    speed for example.
 
     Args:
         model: the model, the same on every rank.
@@ -88,6 +89,11 @@ def _check_columns(model: Model, options: CampbellOptions) -> None:
 
 class _SpinSweep(SpeedSweep):
     """Modes at all speeds, with the senses of their whirls."""
+
+    growing = (
+        "columns of those kept have a negative damping there, and the frequency 0 where they do "
+        "not oscillate"
+    )
 
     def __init__(self, point: OperatingPoint, options: CampbellOptions) -> None:
         """See :class:`SpeedSweep`."""

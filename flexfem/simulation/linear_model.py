@@ -20,9 +20,9 @@ from flexfem.model.model import Model
 from flexfem.model.probes.base import Probe
 from flexfem.model.probes.measured import ShellStrainProbe, StrainProbe
 from flexfem.simulation.equilibria.operating_point import OperatingPoint
-from flexfem.simulation.modes import doubts, settled_modes
+from flexfem.simulation.modes import doubts, growth_warnings, settled_modes
 from flexfem.simulation.run.failure_reasons import modes_hint, with_hint
-from flexfem.solvers.modal.mode_shapes import ComplexArray
+from flexfem.solvers.modal.mode_shapes import ComplexArray, find
 from flexfem.solvers.modal.reduced_equations import Reduction, reduce_equations
 from flexfem.system.measure.probe_rates import probe_rates
 from flexfem.system.measure.strain_rates import strain_rates
@@ -32,6 +32,8 @@ __all__ = ["LARGEST", "LinearModel", "linearize", "output_names", "output_rates"
 #: Number of unknowns up to which a model may keep all degrees of freedom.
 LARGEST = 600
 _ACCURACY = 1e-10
+#: Number of the lowest modes whose growth is told where no modes are requested.
+_WATCHED = 20
 #: Probes whose columns are outputs of a linear model.
 _LINEAR = Probe, StrainProbe, ShellStrainProbe
 
@@ -86,7 +88,8 @@ def linearize(
     """Linearise a model about a state (collective); writes ``linear_model.npz``.
 
     In a steady rotation the coordinates rotate with the model, while probes are those of the
-    instant at which the model has its initial orientation.
+    instant at which the model has its initial orientation. A warning on stderr says that the state
+    is unstable, if a mode of the reduction grows; of all degrees of freedom one of the lowest.
 
     Args:
         model: the model, the same on every rank.
@@ -113,7 +116,9 @@ def linearize(
         hint = modes_hint(status, options.spin, bool(point.system.contacts))
         return _nothing(outputs, with_hint(point.failure(status), hint))
     shapes, reason, error = None, "ok", None
-    if options.modes > 0:
+    if options.modes == 0:
+        found = find(point.linearization, min(point.freedoms, _WATCHED), 0.0, _ACCURACY)
+    else:
         found = settled_modes(point, options.modes, 0.0, _ACCURACY)
         shapes, reason = found.shapes, doubts(found, options.modes)
         error = found.state_error
@@ -121,6 +126,7 @@ def linearize(
             return _nothing(outputs, reason)
         if reason != "ok" and point.system.comm.rank == 0:
             warnings.warn(f"linearize: {reason}", RuntimeWarning, stacklevel=2)
+    point.cautions.say(growth_warnings(point.described, [found.growth], "poles have the rates"))
     reduction = reduce_equations(point.linearization, len(model.loads), shapes)
     matrices = output_rates(model, point, reduction.basis)
     linear = replace(_assemble(model, reduction, outputs, *matrices, reason), state_error=error)

@@ -28,12 +28,16 @@ from flexfem.simulation.run.guard import agreed, guarded, refuse
 from flexfem.simulation.run.outcome import Outcome, Results, conclude
 from flexfem.solvers.modal.mode_shapes import Modes, find
 
-__all__ = ["ModesOutcome", "checks", "doubts", "find_modes", "modes_at", "settled_modes"]
+__all__ = [
+    "ModesOutcome", "checks", "doubts", "find_modes", "growth_warnings", "modes_at",
+    "settled_modes",
+]  # fmt: skip
 
 #: Accuracy below which errors are close to rounding, and above which no mode is determined.
 _FINE, _COARSE = 1e-12, 1e-2
 #: Number of times that modes are computed about an improved equilibrium.
 _SETTLINGS = 3
+_GROWING = "the column real has the rates, and a mode that does not oscillate has the frequency 0"
 _COLUMNS = ("frequency", "damping_ratio", "real", "imag", "mass_x", "mass_y", "mass_z")
 
 
@@ -91,7 +95,8 @@ def find_modes(
         refuse(faults, comm)
         if options.output is not None:
             remove_summary(options.output / "summary.json", comm)
-        point.cautions.say([] if found is None else _growth_warnings(point, found))
+        if found is not None:
+            point.cautions.say(growth_warnings(point.described, [found.growth], _GROWING))
         history = _write(point, options, found)
         summary = point.summary(case, _reason(point, status, options, found))
         return _ended(summary, options, results, comm, found, state, history)
@@ -203,20 +208,20 @@ def _reason(
     return doubts(found, options.modes, options.accuracy)
 
 
-def _growth_warnings(point: OperatingPoint, found: Modes) -> list[str]:
-    """Warning of modes that grow: their frequency of zero would pass for that of a rigid motion."""
-    growth = found.growth
-    count = int(np.count_nonzero(growth))
+def growth_warnings(state: str, growths: Sequence[FloatArray], advice: str) -> list[str]:
+    """Warning of modes that grow, which would pass for rigid motions where they do not oscillate.
+
+    Args:
+        state: words for the state, or the states, about which the modes are.
+        growths: rates of the modes of each state, 1/s, zero for those that do not grow.
+        advice: last words.
+    """
+    worst = max(growths, key=lambda rates: float(rates.max(initial=0.0)), default=np.empty(0))
+    count = int(np.count_nonzero(worst))
     if not count:
         return []
-    what = "the steady rotation" if point.options.spin else "the equilibrium"
-    if not point.is_equilibrium:
-        what = "the state" if point.options.state is not None else "the given configuration"
-    many = f"{count} of {len(found)} modes grow{'s' if count == 1 else ''}"
-    return [
-        f"{what} is unstable: {many}, the fastest by exp({growth.max():.4g} 1/s t); the column "
-        "real has the rates, and a mode that does not oscillate has the frequency 0"
-    ]
+    many = f"{count} of {len(worst)} modes grow{'s' if count == 1 else ''}"
+    return [f"{state} is unstable: {many}, the fastest by exp({worst.max():.4g} 1/s t); {advice}"]
 
 
 def checks(found: Sequence[Modes]) -> dict[str, Any]:

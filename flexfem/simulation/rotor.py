@@ -51,9 +51,10 @@ def sweep_rotor(
     the mode's name, with ``flap`` for motions of the blades along the axis and ``edge`` across it,
     ``fore_aft`` and ``side_side`` for those of the support; ``other`` are modes of four and more
     blades without a force on the support. Modes of the states of forces alone, such as those of an
-    inflow, are left out. ``torque`` (N m) is that of a drive on the first body
-    which keeps the speed, positive about the axis, ``variation`` the change of forces with the
-    azimuth, relative to the largest. The columns of the probes come last.
+    inflow, are left out; a warning names the speeds at which any mode grows. ``torque`` (N m) is
+    that of a drive on the first body which keeps the speed, positive about the axis, ``variation``
+    the change of forces with the azimuth, relative to the largest. The columns of the probes come
+    last.
 
     Args:
         model: the model, the same on every rank.
@@ -87,6 +88,10 @@ class _RotorSweep(SpeedSweep):
 
     point: RotorPoint
     options: RotorOptions
+    growing = (
+        "columns of those kept have a negative damping there, and those that do not oscillate have "
+        "none"
+    )
 
     def __init__(self, point: RotorPoint, options: RotorOptions) -> None:
         """See :class:`SpeedSweep`."""
@@ -94,15 +99,18 @@ class _RotorSweep(SpeedSweep):
         self._parts = list[FloatArray]()
 
     def found(self) -> Modes:
-        """See :meth:`SpeedSweep.found`: those nearest to the target, without those of states."""
+        """See :meth:`SpeedSweep.found`: enough beside those of states."""
         point, options = self.point, self.options
         states = point.system.comm.allreduce(point.linearization.states.count)
         more = min(options.modes + states + 2, point.freedoms - options.modes)
-        found = modes_at(point, options, more)
-        values = found.eigenvalues
-        chosen = np.flatnonzero(np.abs(values.imag) > _STILL * np.abs(values))
-        taken = _nearest(values[chosen], point.linearization.eigenvalues_of_states())
-        return found.some(np.delete(chosen, taken))
+        return modes_at(point, options, more)
+
+    def chosen(self, modes: Modes) -> Modes:
+        """See :meth:`SpeedSweep.chosen`: those that oscillate, without those of states."""
+        values = modes.eigenvalues
+        moving = np.flatnonzero(np.abs(values.imag) > _STILL * np.abs(values))
+        taken = _nearest(values[moving], self.point.linearization.eigenvalues_of_states())
+        return modes.some(np.delete(moving, taken))
 
     def required(self, modes: Modes) -> int:
         """See :meth:`SpeedSweep.required`."""
@@ -117,7 +125,7 @@ class _RotorSweep(SpeedSweep):
         """See :meth:`SpeedSweep.finish`: eigenvalues at another azimuth of the rotor."""
         values = self.modes[-1].eigenvalues[: self.options.modes]
         self.point.rotate()
-        other = self.found()
+        other = self.chosen(self.found())
         if other.failure:
             if self.reason == "ok":
                 self.reason = f"at another azimuth {doubts(other, self.options.modes)}"

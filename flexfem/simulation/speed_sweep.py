@@ -5,7 +5,7 @@ from __future__ import annotations
 
 from abc import ABC, abstractmethod
 from collections.abc import Callable
-from typing import Any
+from typing import Any, ClassVar
 
 from mpi4py import MPI
 
@@ -19,7 +19,7 @@ from flexfem.io.summary import remove_summary
 from flexfem.io.tables.history import HistoryWriter
 from flexfem.launch import StopSignals
 from flexfem.simulation.equilibria.operating_point import OperatingPoint
-from flexfem.simulation.modes import checks, doubts
+from flexfem.simulation.modes import checks, doubts, growth_warnings
 from flexfem.simulation.run.failure_reasons import modes_hint, with_hint
 from flexfem.simulation.run.guard import agreed, refuse
 from flexfem.simulation.run.interruption import Agreement, interruption
@@ -36,19 +36,28 @@ class SpeedSweep(ABC):
         speeds: reached so far, rad/s.
         modes: at each of them.
         states: columns of the steady state at each of them.
+        growths: rates of all modes found there that grow, 1/s, zero for the others.
         reason: status of the analysis.
     """
+
+    #: What the table says of modes that grow.
+    growing: ClassVar[str]
 
     def __init__(self, point: OperatingPoint, options: CampbellOptions) -> None:
         """Begin before the first speed."""
         self.point, self.options = point, options
         self.speeds, self.modes = list[float](), list[Modes]()
         self.states = list[dict[str, float]]()
+        self.growths = list[FloatArray]()
         self.reason = "ok"
 
     @abstractmethod
     def found(self) -> Modes:
-        """Modes about the present state that the table may have (collective)."""
+        """Modes about the present state (collective)."""
+
+    def chosen(self, modes: Modes) -> Modes:
+        """Those of the modes found that the table may have."""
+        return modes
 
     @abstractmethod
     def required(self, modes: Modes) -> int:
@@ -79,6 +88,7 @@ class SpeedSweep(ABC):
             signal = self._follow(lambda: agreement.on(signals))
         if not self.speeds:
             refuse(faults, comm)
+        self.point.cautions.say(self._growth_warnings())
         complete = not signal and len(self.speeds) == self.options.speeds
         further = self.finish() if complete else {}
         columns, table = self.table() if self.speeds else (["mode_1_frequency"], np.zeros((0, 1)))
@@ -120,9 +130,10 @@ class SpeedSweep(ABC):
             return f"{error} {at}"
         if status is not Status.OK:
             return with_hint(f"{point.failure(status)} {at}", modes_hint(status, speed))
-        modes = self.found()
-        if modes.failure:
-            return f"{at} {doubts(modes, options.modes)}"
+        found = self.found()
+        if found.failure:
+            return f"{at} {doubts(found, options.modes)}"
+        modes = self.chosen(found)
         if len(modes) == 0:
             return with_hint(f"no mode was found {at}", "request fewer modes, or more speeds")
         required = self.required(modes)
@@ -131,8 +142,17 @@ class SpeedSweep(ABC):
             self.reason = f"{at} {doubt}"
         self.speeds.append(speed)
         self.modes.append(modes)
+        self.growths.append(found.growth)
         self.states.append(self.keep(speed, modes) | state)
         return ""
+
+    def _growth_warnings(self) -> list[str]:
+        """Warning of all speeds at which a mode grows."""
+        pairs = zip(self.speeds, self.growths, strict=True)
+        where = [f"{speed:.6g}" for speed, rates in pairs if rates.any()]
+        span = " to ".join(dict.fromkeys([*where[:1], *where[-1:]]))
+        state = f"the state at {len(where)} of {len(self.speeds)} speeds, {span} rad/s,"
+        return growth_warnings(state, self.growths, self.growing)
 
     def _write(self, columns: list[str], table: FloatArray, comm: MPI.Intracomm) -> None:
         """Write the table (collective)."""

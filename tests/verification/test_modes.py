@@ -10,6 +10,7 @@ import pytest
 import scipy.linalg
 
 import flexfem as ff
+from flexfem import launch
 from tests.unit.refusals import assert_on_page
 
 AXIS = (0.0, 0.0, 1.0)
@@ -908,6 +909,47 @@ def test_a_spin_about_the_middle_axis_of_inertia_is_told():
             # a dense problem of six unknowns
             assert max(found.history["real"]) == pytest.approx(rate, rel=1e-9)
             assert lines[0].startswith("the steady rotation is unstable: 1 of 6 modes grows")
+
+
+@pytest.mark.parametrize("axis", ["x", "y", "z"])
+def test_sweeps_and_linear_models_tell_of_growth(axis, capsys):
+    """The same as modes, with the largest rate of all speeds; about stable axes nothing."""
+    a, b, c, spin = 1.0, 2.0, 2.5, 3.0
+    model = ff.Model("tumbler")
+    model.add(ff.RigidBody("body", 1.0, np.diag([a, b, c])))
+    rate = spin * np.sqrt((b - a) * (c - b) / (a * c)) if axis == "y" else 0.0
+    grows = f"1 of 6 modes grows, the fastest by exp({rate:.4g} 1/s t); "
+    options = ff.CampbellOptions(modes=6, axis=axis, spin_end=spin, speeds=3, quiet=True)
+    told = ff.sweep_spin(model, options).summary["warnings"]
+    lines = [line for line in told if "is unstable" in line]
+    assert len(lines) == (rate > 0.0)
+    if lines:
+        assert lines[0].startswith(
+            f"the state at 2 of 3 speeds, 1.5 to 3 rad/s, is unstable: {grows}"
+        )
+        assert_on_page(lines[0])
+    for count in (0, 6) if rate > 0.0 else (0, 5):
+        linear = ff.linearize(model, ff.LinearOptions(modes=count, axis=axis, spin=spin))
+        assert linear.status == "ok"
+        if rate > 0.0:
+            assert linear.poles.real.max() == pytest.approx(rate, rel=1e-9)
+        told = capsys.readouterr().err
+        if launch.rank() == 0:
+            assert (f"warning: the steady rotation is unstable: {grows}" in told) == (rate > 0.0)
+
+
+@pytest.mark.serial
+@pytest.mark.parametrize(("axis", "spin"), [("x", 2.0), ("y", 50.0)])
+def test_sweeps_and_linear_models_do_not_tell_errors_as_growth(axis, spin, capsys):
+    """Of the translation of a free bar, see the next test; the largest speed is not special."""
+    model, given = _free_bar(1e-4), {"axis": axis, "spin": spin}
+    options = ff.CampbellOptions(modes=8, speeds=2, spin_end=2.0 * spin, quiet=True, **given)
+    outcome = ff.sweep_spin(model, options)
+    assert outcome.status == "ok"
+    assert outcome.summary["warnings"] == []
+    for count in (0, 8):
+        ff.linearize(model, ff.LinearOptions(modes=count, **given))
+    assert "unstable" not in capsys.readouterr().err
 
 
 @pytest.mark.parametrize(("axis", "spin"), [("x", 2.0), ("y", 50.0), ("z", 50.0)])

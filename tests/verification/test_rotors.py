@@ -149,6 +149,19 @@ def test_lagging_blades_shake_their_support() -> None:
 
 
 @pytest.mark.serial
+def test_ground_resonance_is_told() -> None:
+    """Where lag against the rotation meets the support both grow; at other speeds nothing does."""
+    outcome = found(rotor(lag=True), 4, spin=12.0, spin_end=24.0, speeds=7)
+    assert outcome.status == "ok"
+    (warning,) = outcome.summary["warnings"]
+    rates = [float(coleman(spin).real.max()) for spin in np.linspace(12.0, 24.0, 7)]
+    assert [rate > 1e-6 for rate in rates] == [False, False, True, True, False, False, False]
+    start = "the state at 2 of 7 speeds, 16 to 18 rad/s, is unstable: 1 of 5 modes grows, the "
+    assert warning.startswith(f"{start}fastest by exp({max(rates):.4g} 1/s t); ")
+    assert_on_page(warning)
+
+
+@pytest.mark.serial
 def test_modes_that_are_left_out_are_told() -> None:
     """Speeds far apart lose the lowest mode, and a higher one takes its place."""
     coarse = found(rotor(lag=True), 3, spin_end=8.0, speeds=3)
@@ -347,12 +360,15 @@ def test_light_rotors_have_the_modes_of_axes_that_rotate_with_them(kind: str) ->
 @pytest.mark.parametrize("kind", ["shell", "net"])
 def test_tilted_rotors_are_the_same_at_all_azimuths(kind: str) -> None:
     """About the axis that the support has tilted by a tenth; about that of the start they differ.
+
+    The force has a potential: nothing grows.
     """
     model = light_rotor(kind)
     model.add(ff.PointForce("push", ff.Marker("base", offset=(0.0, 0.0, 1.0)), (30.0, -20.0, 0.0)))
     outcome = found(model, 6, spin=6.0, spin_end=12.0, speeds=2)
     assert outcome.status == "ok"
     assert outcome.summary["checks"]["azimuth"] < 1e-7
+    assert [text for text in outcome.summary["warnings"] if "unstable" in text] == []
 
 
 @pytest.mark.serial

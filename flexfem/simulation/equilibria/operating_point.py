@@ -148,6 +148,13 @@ class OperatingPoint:
         """True if the state was computed, False if it was given."""
         return self.options.spin != 0.0 or self.options.start == "equilibrium"
 
+    @property
+    def described(self) -> str:
+        """The kind of state in words."""
+        if self.is_equilibrium:
+            return "the steady rotation" if self.options.spin else "the equilibrium"
+        return "the state" if self.options.state is not None else "the given configuration"
+
     def check_count(self, owner: str, count: int) -> None:
         """Raise if the model has fewer modes than requested.
 
