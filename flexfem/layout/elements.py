@@ -358,10 +358,13 @@ class StepMatrices(Protocol):
 class TurningElements(ElementFamily, Protocol):
     """Elements whose matrix leaves out how strain rates change with rotations."""
 
-    def rate_changes(self, block: FrameBlock, shifts: FloatArray, scale: float) -> FloatArray:
+    def rate_changes(
+        self, block: FrameBlock, shifts: FloatArray, scale: float, *, local: bool = False
+    ) -> FloatArray:
         """What entries of ``ElementFamily.values`` leave out, (2, k), see there for arguments.
 
-        These are derivatives by positions at fixed rates of increments, and by these rates.
+        These are derivatives by positions at fixed rates of increments, if ``local`` at fixed local
+        velocities, and by these rates.
         """
         ...
 

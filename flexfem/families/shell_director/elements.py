@@ -187,10 +187,12 @@ class DirectorShells:
         )  # fmt: skip
         return blocks.ravel()
 
-    def rate_changes(self, block: FrameBlock, shifts: FloatArray, scale: float) -> FloatArray:
+    def rate_changes(
+        self, block: FrameBlock, shifts: FloatArray, scale: float, *, local: bool = False
+    ) -> FloatArray:
         """See :class:`flexfem.layout.elements.TurningElements`."""
         found = np.zeros((2, len(self._pairs.rows), 6, 6))
-        changes = rate_changes(self.triangles, block, self._starts(block, None))
+        changes = rate_changes(self.triangles, block, self._starts(block, None), local=local)
         for blocks, own, factor in zip(found, changes, (shifts[2], shifts[0]), strict=True):
             add_pairs(scale * float(factor) * own, self._index, UNKNOWNS.tolist(), blocks)
         return found.reshape(2, -1)

@@ -53,7 +53,7 @@ class DirectorRates:
 
 
 def rate_changes(
-    triangles: DirectorTriangles, block: FrameBlock, starts: FloatArray
+    triangles: DirectorTriangles, block: FrameBlock, starts: FloatArray, *, local: bool
 ) -> tuple[FloatArray, FloatArray]:
     """Derivatives (m, 27, 27) of forces through strain rates, N/m and so on.
 
@@ -61,6 +61,7 @@ def rate_changes(
         triangles: the triangles.
         block: their nodes.
         starts: strains at the start, less the effect of strain rates.
+        local: True for fixed local velocities, which rotations of their nodes turn.
 
     Returns:
         Those by local twists at fixed rates, and what those by rates of increments have more than
@@ -77,6 +78,10 @@ def rate_changes(
         stiffness[:, at, at] = damped + fast.planes[:, k] - slow.planes[:, k]
     stiffness[:, 18:, 18:] = triangles.damping[:, None, None] * triangles.shears
     by_places, along = rate_tangents(DirectorRates(triangles, block), stiffness)
+    if local:
+        by_places[:, :, 18:] += along.transpose(0, 2, 1) @ (
+            stiffness @ _turned(triangles, block, along)
+        )
     turns = so3.inverse_tangent(block.increment[triangles.nodes[:, 6:], 3:]) - np.eye(3)
     spins = np.zeros_like(along)
     for k in range(3):
@@ -84,3 +89,20 @@ def rate_changes(
         spins[:, :, at] = along[:, :, at] @ turns[:, k]
     by_rates: FloatArray = along.transpose(0, 2, 1) @ (stiffness @ spins)
     return by_places, by_rates
+
+
+def _turned(triangles: DirectorTriangles, block: FrameBlock, along: FloatArray) -> FloatArray:
+    """Strain rates (m, 24, 9) by velocities that turn with rotations of the three directors.
+
+    Args:
+        triangles: the triangles.
+        block: their nodes.
+        along: (m, 24, 27) strain rates by rates of all unknowns.
+    """
+    found, nodes = np.zeros((*along.shape[:2], 9)), triangles.nodes
+    for k in range(3):
+        turns = -so3.skew(block.velocity[nodes[:, 6 + k], :3])
+        for j in range(6):
+            own = (nodes[:, j] == nodes[:, 6 + k])[:, np.newaxis, np.newaxis] * turns
+            found[:, :, 3 * k : 3 * k + 3] += along[:, :, 3 * j : 3 * j + 3] @ own
+    return found

@@ -232,8 +232,10 @@ class RotationFreeShells:
             )  # fmt: skip
             group.triangles.add_tangents(self._points, index, blocks, factors, response)
 
-    def rate_changes(self, block: FrameBlock, shifts: FloatArray, scale: float) -> FloatArray:
-        """See :class:`flexfem.layout.elements.TurningElements`."""
+    def rate_changes(
+        self, block: FrameBlock, shifts: FloatArray, scale: float, *, local: bool = False
+    ) -> FloatArray:
+        """See :class:`flexfem.layout.elements.TurningElements`: axes of nodes do not turn."""
         pairs, found = self._pairs, np.zeros((2, len(self._pairs.rows), 3, 3))
         positions_into(block.frames, self._points)
         velocities = self._velocities(block)

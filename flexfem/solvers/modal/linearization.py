@@ -31,10 +31,11 @@ import numpy.typing as npt
 
 from flexfem._types import FloatArray, IndexArray, IntArray
 from flexfem.la.nest import CoordinateMatrix, block_indices
+from flexfem.layout.elements import TurningElements
 from flexfem.lie import se3, so3
 from flexfem.solvers.linear.tangent import JointPattern, part_pattern, part_values
 from flexfem.solvers.modal.state_unknowns import StateUnknowns
-from flexfem.system.system import Shifts, System
+from flexfem.system.system import BlockPart, Shifts, System
 
 __all__ = ["Linearization", "Matrices"]
 
@@ -327,11 +328,23 @@ class Linearization:
         of modes: columns, rows, diagonal.
         """
         system, count = self.system, len(self.system.parts)
-        values = [part_values(system, part, shifts) for part in system.parts]
+        values = [self._part_values(part, shifts) for part in system.parts]
         values += [self._couplings.values(a, b, joints) for a in range(count) for b in range(count)]
         for a in range(count):
             values += [self._couplings.side_values(a, gradient) for gradient in gradients]
         self._mats[which].assemble(np.concatenate([*values, *others]))
+
+    def _part_values(self, part: BlockPart, shifts: Shifts) -> FloatArray:
+        """Values of a part's own entries; of damped shells with what their matrix leaves out."""
+        values, elements = part_values(self.system, part, shifts), part.elements
+        if not (isinstance(elements, TurningElements) and elements.viscous):
+            return values
+        if shifts.stiffness != 0.0 and part.block.velocity.any():
+            changes, _ = elements.rate_changes(part.block, shifts.array, shifts.scale, local=True)
+            if part.block.dirichlet is not None:
+                changes[part.dirichlet_entries[: len(changes)]] = 0.0
+            values[: len(changes)] += changes
+        return values
 
     def rigid_rows(self) -> FloatArray:
         """1 for the rigid rows in this rank's range, 0 for all other unknowns."""
