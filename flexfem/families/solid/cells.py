@@ -100,7 +100,8 @@ class Kernels:
         dilatation = _functions(kind.dilatation, kind.cell)
         averaged = _functions(kind.degree - 1, kind.cell)
         results = {"energy": 1, "fields": averaged * sum(FIELDS.values())}
-        results |= dict.fromkeys(("force", "action"), 3 * _functions(kind.degree, kind.cell))
+        nodal = 3 * _functions(kind.degree, kind.cell)
+        results |= dict.fromkeys(("force", "action"), nodal)
         if dilatation:
             results |= dict.fromkeys(
                 ("moments", "duals", "moments_action", "duals_action"), dilatation
@@ -109,7 +110,7 @@ class Kernels:
             scalars = forms.coefficients["stretch"].ufl_element().dim
             results |= {"pulls": scalars, "pulls_action": scalars}
         if forms.damped:
-            results["loss"] = 1
+            results |= {"resistance": nodal, "loss": 1}
         if len(law.initial):
             results["advanced"] = forms.coefficients["history"].ufl_element().dim
         results = {name: size for name, size in results.items() if name not in without}
@@ -518,9 +519,10 @@ class SolidCells:
         found: FloatArray = (own * self._volumes).sum(axis=1)
         return found
 
-    def losses(self, motion: Memory) -> FloatArray:
-        """Powers (m,) of the viscous forces, W."""
-        return self._evaluated(self.kernels.calls["loss"], self._plain, motion)[:, 0]
+    def resistance(self, motion: Memory) -> FloatArray:
+        """Viscous forces (m k, 3) on the nodes of the cells, N."""
+        found = self._evaluated(self.kernels.calls["resistance"], self._plain, motion)
+        return found.reshape(-1, 3)
 
     def add_forces(self, motion: Memory, target: FloatArray) -> None:
         """Add elastic and viscous forces to nodes (n, 3), N; of settled cells."""

@@ -289,13 +289,18 @@ class SolidElements(StresslessElements):
         return [group.fields(self._motion.memory) for group in self.groups]
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """Powers of the viscous forces per volume, W/m^3, as stresses, and ones as rates."""
+        """Viscous forces on the nodes of the cells, N, and their velocities, three numbers of six.
+
+        The mean of the ones times that of the others over a step is what a step takes: the mean of
+        their product would count velocities that change sign.
+        """
         self._move(block)
-        powers = [g.losses(self._motion.memory) / g.size for g in self._damped]
-        stress = np.zeros((sum(map(len, powers)), 6))
-        rates = np.zeros_like(stress)
-        stress[:, 0], rates[:, 0] = self._of_groups(powers), 1.0
-        return stress, rates
+        forces, rates = [np.empty((0, 3))], [np.empty((0, 3))]
+        for group in self._damped:
+            forces.append(group.resistance(self._motion.memory))
+            rates.append(self._motion.velocity[group.nodes].reshape(-1, 3))
+        both = [np.pad(np.concatenate(found), ((0, 0), (0, 3))) for found in (forces, rates)]
+        return both[0], both[1]
 
     def step_forces(self, comm: MPI.Intracomm, count: int, dissipates: bool) -> SolidSteps:
         """See :class:`flexfem.layout.elements.SteppedElements`."""
@@ -309,17 +314,15 @@ class SolidElements(StresslessElements):
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:
-        """See :class:`flexfem.layout.elements.ElementFamily`."""
+        """Cell of each row of :meth:`viscosity`, and ones: forces are those of whole cells."""
         firsts = np.cumsum([0, *(len(g.nodes) for g in self.groups)])
         cells = [
-            first + np.arange(len(g.nodes))
+            np.repeat(first + np.arange(len(g.nodes)), g.nodes.shape[1])
             for first, g in zip(firsts[:-1], self.groups, strict=True)
             if g.kernels.damped
         ]
-        return (
-            np.concatenate([np.empty(0, np.int64), *cells]).astype(np.int64),
-            self._of_groups([g.size for g in self._damped]),
-        )
+        rows = np.concatenate([np.empty(0, np.int64), *cells]).astype(np.int64)
+        return rows, np.ones(len(rows))
 
     @property
     def _damped(self) -> list[SolidCells]:

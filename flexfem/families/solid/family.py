@@ -239,9 +239,9 @@ class SolidFamily(PositionFamily[Solid]):
         law, kind, sizes = body.law[region], kind_of(body), _sizes(body.law[region])
         try:
             forms = SolidForms(law, kind, sizes)
-            if forms.damped and ufl.algorithms.expand_derivatives(forms.loss).empty():
+            if forms.damped and ufl.algorithms.expand_derivatives(forms.resistance).empty():
                 raise ValueError("the dissipation does not depend on the rate of F")
-            kernels = Kernels.compiled(comm, forms)
+            kernels = Kernels.compiled(comm, forms, without=("loss",))
         except ValueError as error:
             raise InputError(f'Solid "{body.name}": {error}') from None
         nodes, places, thickness, density, bodies, numbers = [], [], [], [], [], []

@@ -399,10 +399,10 @@ class SolidForms:
         return self._integral(ufl.inner(moved, test))
 
     @cached_property
-    def loss(self) -> Any:
-        """Power of the viscous forces, W."""
-        v = self.coefficients["velocity"]
-        return ufl.derivative(self._integral(self._D), v, v)
+    def resistance(self) -> Any:
+        """Viscous forces on the nodes, N."""
+        test = ufl.TestFunction(self._vectors)
+        return ufl.derivative(self._integral(self._D), self.coefficients["velocity"], test)
 
     @cached_property
     def fields(self) -> Any:

@@ -37,7 +37,7 @@ class _StepCells(SolidCells):
         vars(self).update(vars(cells))
         own = cells.kernels.forms
         forms = SolidStepForms(own.law, own.kind, own.sizes, dissipates)
-        self.kernels = Kernels.compiled(comm, forms, without=("energy", "fields"))
+        self.kernels = Kernels.compiled(comm, forms, without=("energy", "fields", "resistance"))
         width = sum(count for _, count in self.kernels.columns.values())
         self._own = np.zeros((len(self.nodes), width))
         for name in cells.kernels.columns:
@@ -59,6 +59,10 @@ class _StepCells(SolidCells):
             self.data("_half")[:] = law[0]
             if share is not None:
                 self.data("_share")[:] = share
+
+    def losses(self, motion: Memory) -> FloatArray:
+        """Energies (m,) that the viscous forces take in the step, J."""
+        return self._evaluated(self.kernels.calls["loss"], self._plain, motion)[:, 0]
 
     def reverse(self) -> None:
         """Exchange the dilatations at both ends of the last step."""
