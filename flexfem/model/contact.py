@@ -134,7 +134,8 @@ class Contact:
             touch itself.
         reach: Gap below which surfaces repel, metres; None: a tenth of the radius (half of the
             thickness), and a thousandth of the size of bodies without. It is smaller where bodies
-            are nearer at the start: that gap, of a rigid body that moves all around.
+            are nearer at the start: that gap, of a rigid body that moves all around, of flexible
+            ones where they are so near.
         law: "barrier" or "penalty"; None: see above. All contacts of a model have the same.
         stiffness: Force per penetration and area, N/m^3; of the barrier the scale of its force.
             None: with the barrier that of the mass per area and the speeds at the start, at most

@@ -85,7 +85,8 @@ def _apart(
     dhat = own.surface.dhat.copy()
     here = np.ones(len(x), dtype=np.bool_)
     moving = np.array([one.rigid and np.isfinite(one.density) for one in surfaces.bodies])
-    for found in (_cells(own, near, x, here, moving), _obstacles(own, x, here)):
+    flexible = np.array([not one.rigid for one in surfaces.bodies])
+    for found in (_cells(own, near, x, here, moving, flexible), _obstacles(own, x, here)):
         _check(surfaces, own, found)
         # a function of the user's that has failed says so when the run begins
         pair, column = np.nonzero(found.reduced)
@@ -128,37 +129,43 @@ class _Gaps:
 
 
 def _cells(
-    own: ContactSurface, near: Neighbourhoods, x: FloatArray, here: BoolArray, moving: BoolArray
-) -> _Gaps:
+    own: ContactSurface, near: Neighbourhoods, x: FloatArray, here: BoolArray, moving: BoolArray,
+    flexible: BoolArray,
+) -> _Gaps:  # fmt: skip
     """Gaps of pairs of cells."""
     pairs = find_pairs(own.surface, near, Motion(x, x), own.touching, here)
     weights, distances = np.empty((pairs.count, 4)), np.empty(pairs.count)
     closest_pairs(x, pairs.kind, pairs.points, np.zeros(pairs.count), weights, distances)
     bodies = own.surface.label[pairs.points[:, [0, 3]]]
-    reduced = _of_one_body(own, pairs, bodies, moving)
+    reduced = _reduced(own, pairs, bodies, moving, flexible)
     return _Gaps(distances - pairs.touch, pairs.dhat, pairs.points, reduced, bodies)
 
 
-def _of_one_body(
-    own: ContactSurface, pairs: Pairs, bodies: IntArray, moving: BoolArray
+def _reduced(
+    own: ContactSurface, pairs: Pairs, bodies: IntArray, moving: BoolArray, flexible: BoolArray
 ) -> BoolArray:
-    """Points (m, 4) of one of the two ``bodies`` (m, 2) of each pair, whose reach is reduced.
+    """Points (m, 4) of the two ``bodies`` (m, 2) of each pair whose reach is reduced.
 
-    It is the rigid one that moves, or else the one with more points: a small gap at one place does
-    not reduce the reach of a sphere or a plane that stays everywhere.
+    They are those of a rigid one that moves, or else of the one with more points: a small gap at
+    one place does not reduce the reach of a sphere or a plane that stays everywhere. Beside nothing
+    rigid that moves they are those of flexible bodies as well: what slides away from where it has
+    been near would climb a step otherwise, onto parts that repel from farther away.
 
     Args:
         own: surface of the contact.
         pairs: all of them.
         bodies: of their sides.
         moving: True for rigid bodies that move.
+        flexible: True for bodies that are not rigid.
     """
     size, rolls = np.bincount(own.surface.label)[bodies], moving[bodies]
     middle = np.where(pairs.kind >= EDGE_EDGE, 2, 1)[:, np.newaxis]
     second = np.where(
         rolls[:, 0] != rolls[:, 1], rolls[:, 1], size[:, 1] >= size[:, 0]
     )[:, np.newaxis]  # fmt: skip
-    chosen: BoolArray = (np.arange(4) >= middle) == second
+    side = (np.arange(4) >= middle).astype(np.int64)
+    slides = flexible[bodies] & ~moving[bodies[:, ::-1]]
+    chosen: BoolArray = (side == second) | np.take_along_axis(slides, side, axis=1)
     return chosen
 
 
