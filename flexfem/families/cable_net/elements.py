@@ -168,12 +168,12 @@ class CableElements(StresslessElements):
         return self.cables.measured(kernels.energies, self._points)
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """Powers of the dampers per length, W/m, as stresses, and ones as rates."""
+        """Forces of the dampers, N, and rates of strain, the first of six numbers each."""
         self._move(block)
-        powers = self.cables.measured(kernels.powers, self._points, self._rates)
-        stress, rates = np.zeros((2, len(self._damped), 6))
-        stress[:, 0], rates[:, 0] = (powers / self.size)[self._damped], 1.0
-        return stress, rates
+        forces, rates = np.zeros((2, len(self.size), 6))
+        own = self.cables.nodes, self.cables.numbers
+        kernels.viscosity(*own, self._points, self._rates, forces, rates)
+        return forces[self._damped], rates[self._damped]
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:

@@ -44,12 +44,12 @@ __all__ = [
     "add_step_forces",
     "add_step_products",
     "energies",
-    "powers",
     "step_losses",
     "step_tangents",
     "strains",
     "tangents",
     "taut_parts",
+    "viscosity",
 ]  # fmt: skip
 
 #: Columns of the numbers of a cable.
@@ -178,16 +178,17 @@ def _rate(d: _Pair, v: FloatArray, i: int, j: int, row: FloatArray) -> float:
 
 
 @kernel
-def powers(
-    nodes: IndexArray, numbers: FloatArray, x: FloatArray, v: FloatArray, out: FloatArray
-) -> None:
-    """Powers (m,) of the dampers, W."""
+def viscosity(
+    nodes: IndexArray, numbers: FloatArray, x: FloatArray, v: FloatArray, forces: FloatArray,
+    rates: FloatArray,
+) -> None:  # fmt: skip
+    """Forces of the dampers, N, and rates of strain, 1/s: the first of six numbers (m, 6) each."""
     for m in range(len(nodes)):
         i, j, row = nodes[m, 0], nodes[m, 1], numbers[m]
         d = _between(x, i, j)
         e, rate = d[3] / row[REST] - 1.0, _rate(d, v, i, j, row)
-        viscous = _stress(e, rate, row)[0] - _taut(e, row[SLACK])
-        out[m] = row[STIFFNESS] * row[REST] * viscous * rate
+        forces[m, 0] = row[STIFFNESS] * (_stress(e, rate, row)[0] - _taut(e, row[SLACK]))
+        rates[m, 0] = rate
 
 
 @kernel
