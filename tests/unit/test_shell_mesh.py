@@ -93,14 +93,8 @@ def test_ghosts_are_the_neighbours_on_other_ranks(distributed):
     np.testing.assert_array_equal(np.sort(part.cell_ids[part.owned :]), expected)
 
 
-def test_numbering_fits_the_dolfinx_mesh(distributed):
+def test_every_node_has_one_owner(distributed):
     comm, mesh, _, part = distributed
-    dofs = np.sort(part.space.dofmap.list, axis=1)
-    np.testing.assert_array_equal(dofs, np.sort(part.cells, axis=1))
-    geometry = part.mesh.geometry
-    positions = geometry.x[geometry.dofmaps[0]]
-    wanted = mesh.points[part.node_ids[part.space.dofmap.list]]
-    np.testing.assert_array_equal(positions, wanted)
     assert part.index_map.size_global == len(mesh.points)
     owners = np.zeros(len(mesh.points))
     owners[part.node_ids[: part.index_map.size_local]] = 1.0
@@ -118,17 +112,6 @@ def test_scatter_brings_the_owners_values(distributed):
     rows[: part.index_map.size_local] = values[part.node_ids[: part.index_map.size_local]]
     vector.scatter_forward()
     np.testing.assert_array_equal(rows, values[part.node_ids])
-
-
-def test_area_by_dolfinx(distributed):
-    """The form language sees every cell once: a cell lost or doubled changes the area by 1/100."""
-    import dolfinx
-    import ufl
-
-    comm, mesh, _, part = distributed
-    form = dolfinx.fem.form(dolfinx.fem.Constant(part.mesh, 1.0) * ufl.dx(part.mesh))
-    area = comm.allreduce(dolfinx.fem.assemble_scalar(form))
-    assert area == pytest.approx(mesh.areas.sum(), rel=1e-12)
 
 
 @pytest.mark.serial

@@ -106,7 +106,8 @@ class FrameBlock:
         self._offset: FloatArray | None = None
         self.shifted = False
         self._rates = np.zeros(2)
-        self._residual, self._step = (GhostedRows(comm, index_map, 6) for _ in range(2))
+        self._residual = GhostedRows(comm, index_map, 6)
+        self._step = self._residual.beside()
         self.residual, self.step = self._residual.values, self._step.values
         own = np.s_[: self.owned, :width]
         self._owned = self.residual[own], self.step[own]

@@ -1,6 +1,7 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
 """Rows of numbers of a block's nodes, with ghosts: nodes that other ranks own."""
 
+from copy import copy
 from typing import Any
 
 from mpi4py import MPI
@@ -9,10 +10,9 @@ import numpy as np
 
 from flexfem._types import FloatArray
 from flexfem.la.counting_comm import CountingComm
+from flexfem.mesh.distributed.nodes import shared_counts
 
 __all__ = ["GhostedRows"]
-
-_TAG = 1205
 
 
 class GhostedRows:
@@ -29,10 +29,21 @@ class GhostedRows:
         self._vector, self._add = la.vector(index_map, width), la.InsertMode.add
         self.values: FloatArray = self._vector.array.reshape(-1, width)
         self._counter = comm if isinstance(comm, CountingComm) else None
-        to = index_map.index_to_dest_ranks(_TAG).array
-        self._forward, self._reverse = (
-            (len(np.unique(ranks)), 8 * width * len(ranks)) for ranks in (to, index_map.owners)
+        self._reverse, self._forward = (
+            (int(np.count_nonzero(counts)), 8 * width * int(counts.sum()))
+            for counts in shared_counts(comm, index_map.owners)
         )
+
+    def beside(self) -> "GhostedRows":
+        """Other rows of the same nodes, by the same communicators: to make them takes longest."""
+        from dolfinx import la
+
+        other = copy(self)
+        vector = self._vector._cpp_object
+        other._vector = la.Vector(type(vector)(vector))
+        other.values = other._vector.array.reshape(self.values.shape)
+        other.values[:] = 0.0
+        return other
 
     def spread(self) -> None:
         """Copy the owners' rows to ghosts (forward halo exchange)."""

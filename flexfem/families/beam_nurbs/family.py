@@ -22,7 +22,6 @@ from flexfem.families.beam_nurbs.loads import nurbs_line_forces, nurbs_node_forc
 from flexfem.families.beam_nurbs.masses import ElementMasses
 from flexfem.families.beam_nurbs.sensors import CurveStrainSensor
 from flexfem.families.common.beam_family import BeamFamily
-from flexfem.families.common.block_nodes import distributed
 from flexfem.layout.elements import ElementFamily, one_width
 from flexfem.layout.family import ContactLine, Sensor
 from flexfem.layout.inner_forces import InnerForces
@@ -33,6 +32,7 @@ from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.materials.section import Section
 from flexfem.materials.section_wall import SectionWall
+from flexfem.mesh.distributed.nodes import distributed
 from flexfem.mesh.nurbs.polyline import polyline
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.probes.base import AnyProbe

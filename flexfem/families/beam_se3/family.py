@@ -162,7 +162,7 @@ class SE3BeamFamily(BeamFamily):
     @override
     def block(self, comm: MPI.Intracomm, ranks: IntArray) -> tuple[FrameBlock, ElementFamily]:
         own, data = self.mesh, self.mesh.cells
-        mesh = create_beam_mesh(comm, own.points, data.cells, ranks)
+        mesh = create_beam_mesh(comm, data.cells, ranks)
         mine = replace(data.take(mesh.cell_ids), cells=mesh.cells)
         frames = own.frames[mesh.node_ids]
         block = FrameBlock(

@@ -17,7 +17,6 @@ from flexfem.core.marker import Attachment, Ground, Marker, SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.runs import starts
 from flexfem.families.cable.elements import CableMasses, HeavyCable
-from flexfem.families.common.block_nodes import distributed
 from flexfem.joints.cable import Cable
 from flexfem.joints.cable_guides import Guide, Sheave, marker_of
 from flexfem.joints.cable_path import Path, course
@@ -27,6 +26,7 @@ from flexfem.layout.family import Family
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.layout.surface_places import SurfacePlace
 from flexfem.lie import se3
+from flexfem.mesh.distributed.nodes import distributed
 from flexfem.model.model import Model
 
 __all__ = ["CableFamily"]

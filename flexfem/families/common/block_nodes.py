@@ -1,5 +1,5 @@
 # SPDX-License-Identifier: LGPL-3.0-or-later
-"""Distribution of a block's nodes over the ranks, and families whose nodes are points of cells."""
+"""Families whose nodes are points of cells."""
 
 from abc import abstractmethod
 from collections.abc import Mapping
@@ -20,35 +20,12 @@ from flexfem.layout.lines import Line
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.layout.surface_places import SurfacePlace, fitted_sides
 from flexfem.lie import se3
+from flexfem.mesh.distributed.nodes import distributed
 from flexfem.mesh.distributed.partition import ordered_along
 from flexfem.model.bodies.mesh_body import MeshBody
 from flexfem.model.structure.place import Place
 
-__all__ = ["MeshFamily", "PositionFamily", "distributed"]
-
-#: of the messages that set up the exchange of ghosts
-_TAG = 1201
-
-
-def distributed(comm: MPI.Intracomm, owner: IntArray, touched: IntArray) -> tuple[IntArray, Any]:
-    """Nodes of this rank, ghosts last, and their distribution (collective).
-
-    Args:
-        comm: communicator.
-        owner: rank of every node.
-        touched: nodes of the elements of this rank; nodes may occur more than once.
-    """
-    from dolfinx.common import IndexMap
-
-    number = np.empty(len(owner), dtype=np.int64)
-    number[np.argsort(owner, kind="stable")] = np.arange(len(owner))
-    mine = np.flatnonzero(owner == comm.rank)
-    ghosts = np.setdiff1d(touched, mine)
-    ids = np.concatenate([mine, ghosts]).astype(np.int64)
-    index_map = IndexMap(
-        comm, len(mine), number[ghosts].astype(np.int64), owner[ghosts].astype(np.int32), _TAG
-    )
-    return ids, index_map
+__all__ = ["MeshFamily", "PositionFamily"]
 
 
 class PositionFamily[B: Any](Family):

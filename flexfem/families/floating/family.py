@@ -15,7 +15,6 @@ from flexfem.core.inertia import inertia_about
 from flexfem.core.joint import Joint
 from flexfem.core.marker import Carrier, Marker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.families.common.block_nodes import distributed
 from flexfem.families.common.body_lines import floating_line
 from flexfem.families.floating.elements import FloatingBodies, FloatingGroup
 from flexfem.families.floating.nodes import FloatingNodes, body_data
@@ -25,6 +24,7 @@ from flexfem.layout.family import Family, Sensor
 from flexfem.layout.lines import Line
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.lie import se3
+from flexfem.mesh.distributed.nodes import distributed
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.model import Model
 from flexfem.model.probes.base import AnyProbe

@@ -15,7 +15,6 @@ import numpy as np
 from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.core.marker import Marker, SurfaceMarker
 from flexfem.core.nodes.frame_block import FrameBlock
-from flexfem.families.common.block_nodes import distributed
 from flexfem.families.common.shell_surface import ShellSurface
 from flexfem.families.shell_director.elements import DirectorShells
 from flexfem.families.shell_director.surface import director_cells, shell_surface
@@ -37,6 +36,7 @@ from flexfem.layout.node_loads import Force
 from flexfem.layout.numbered_model import NumberedModel
 from flexfem.layout.surface_places import SurfacePlace
 from flexfem.lie import se3
+from flexfem.mesh.distributed.nodes import distributed
 from flexfem.mesh.distributed.partition import strips
 from flexfem.mesh.distributed.shell_mesh import create_shell_mesh
 from flexfem.mesh.shells.patches import EdgeRule

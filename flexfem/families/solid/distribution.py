@@ -13,11 +13,9 @@ import numpy as np
 from flexfem._types import IntArray
 from flexfem.families.solid.body import Solid
 from flexfem.families.solid.meshes.stored import StoredFigure
+from flexfem.mesh.distributed.nodes import index_map_of
 
 __all__ = ["distributed_nodes", "pieces_of", "shared"]
-
-#: of the messages that set up the exchange of ghosts
-_TAG = 1201
 
 
 def pieces_of(body: Solid) -> int:
@@ -110,8 +108,6 @@ def distributed_nodes(
         first: (b + 1,) first node of each body in the family.
         comm: communicator.
     """
-    from dolfinx.common import IndexMap
-
     counts = np.array([share.counts for share in shares])
     # nodes are numbered rank after rank, those of a rank body after body
     start = np.concatenate([[0], np.cumsum(counts.T)])[:-1].reshape(comm.size, len(bodies))
@@ -125,8 +121,5 @@ def distributed_nodes(
         numbers.append(start[owner[far], k] + number[far])
         owners.append(owner[far])
     own = np.concatenate(mine)
-    index_map = IndexMap(
-        comm, len(own), np.concatenate(numbers).astype(np.int64),
-        np.concatenate(owners).astype(np.int32), _TAG,
-    )  # fmt: skip
+    index_map = index_map_of(comm, len(own), np.concatenate(numbers), np.concatenate(owners))
     return np.concatenate([own, *ghosts]).astype(np.int64), index_map

@@ -10,8 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from flexfem._types import IntArray
-from flexfem.mesh.distributed.distribute import distributed_mesh
-from flexfem.mesh.geometry.topology import edge_keys
+from flexfem.mesh.distributed.nodes import distributed_along
 from flexfem.mesh.surface_mesh import SurfaceMesh
 
 __all__ = ["ShellMesh", "create_shell_mesh"]
@@ -21,13 +20,11 @@ __all__ = ["ShellMesh", "create_shell_mesh"]
 class ShellMesh:
     """This rank's part of the mesh of all shells.
 
-    Cells are numbered as in the DOLFINx mesh, owned ones first. The ghosts are the cells that are
-    neighbours of owned cells, or of these neighbours, but belong to other ranks. The patch of an
-    owned cell is its three nodes and those in its row of `opposite`.
+    Owned cells are the first. The ghosts are the cells that are neighbours of owned cells, or of
+    these neighbours, but belong to other ranks. The patch of an owned cell is its three nodes and
+    those in its row of `opposite`.
 
     Attributes:
-        mesh: The DOLFINx mesh.
-        space: Its space of continuous linear functions; degrees of freedom are local nodes.
         index_map: Distribution of the nodes (owned first, then ghosts).
         owned: Number of owned cells.
         cells: Local nodes of each cell, in the order of the input, shape (c, 3).
@@ -37,8 +34,6 @@ class ShellMesh:
         body: Number of each cell's body, shape (c,).
     """
 
-    mesh: Any
-    space: Any
     index_map: Any
     owned: int
     cells: npt.NDArray[np.int32]
@@ -64,43 +59,20 @@ def create_shell_mesh(
         destination: Rank of each triangle, the same on every rank, shape (m,).
         rings: Ghosts are the neighbours (1), or these and their neighbours (2).
     """
-    triangles, topology = surface.triangles, surface.topology
-    ranks, offsets = _ranks(topology.neighbours, destination, rings)
-    mesh, space, nodes = distributed_mesh(
-        comm, "triangle", surface.points, triangles, ranks, offsets, _edge_cells(triangles)
-    )
-    owned = mesh.topology.index_map(2).size_local
-    ids = np.asarray(mesh.topology.original_cell_index, dtype=np.int64)
-    order = np.argsort(nodes)
-
-    def local(wanted: IntArray) -> npt.NDArray[np.int32]:
-        return order[np.searchsorted(nodes, wanted, sorter=order)].astype(np.int32)
-
-    far = topology.opposite[ids[:owned]]
-    opposite = np.full(far.shape, -1, dtype=np.int32)
-    opposite[far >= 0] = local(far[far >= 0])
-    return ShellMesh(
-        mesh, space, space.dofmap.index_map, owned, local(triangles[ids]), opposite, ids, nodes,
-        surface.body[ids],
-    )  # fmt: skip
-
-
-def _ranks(neighbours: IntArray, destination: IntArray, rings: int) -> tuple[IntArray, IntArray]:
-    """Return owner and ghost ranks of each cell one after the other, and where each cell begins."""
-    ranks = destination[:, np.newaxis]
+    topology = surface.topology
+    ghosts = np.zeros(len(destination), dtype=np.bool_)
+    around = np.flatnonzero(destination == comm.rank)
+    owned = len(around)
     for _ in range(rings):
-        around = np.where(
-            neighbours[:, :, np.newaxis] >= 0, ranks[neighbours], ranks[:, np.newaxis]
-        )
-        ranks = np.column_stack([ranks, around.reshape(len(ranks), -1)])
-    chosen = np.ones(ranks.shape, dtype=bool)
-    for k in range(1, ranks.shape[1]):
-        chosen[:, k] = (ranks[:, :k] != ranks[:, k : k + 1]).all(axis=1)
-    return ranks[chosen], np.concatenate([[0], np.cumsum(chosen.sum(axis=1))])
-
-
-def _edge_cells(triangles: IntArray) -> int:
-    """Return the largest number of triangles at one edge, those of other bodies included."""
-    pairs = triangles[:, [[1, 2], [2, 0], [0, 1]]].reshape(-1, 2)
-    keys = edge_keys(pairs, int(triangles.max()) + 1)
-    return int(np.unique(keys, return_counts=True)[1].max())
+        near = topology.neighbours[around]
+        around = np.unique(near[near >= 0])
+        ghosts[around] = True
+    ghosts &= destination != comm.rank
+    ids = np.concatenate([np.flatnonzero(destination == comm.rank), np.flatnonzero(ghosts)])
+    nodes, cells, index_map = distributed_along(comm, surface.triangles, destination, ids)
+    opposite = topology.opposite[ids[:owned]].astype(np.int32)
+    there = opposite >= 0
+    order = np.argsort(nodes)
+    places = np.searchsorted(nodes, opposite[there], sorter=order)
+    opposite[there] = order[places]
+    return ShellMesh(index_map, owned, cells, opposite, ids, nodes, surface.body[ids])
