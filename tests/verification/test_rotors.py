@@ -20,6 +20,16 @@ SUPPORT, MOUNT, WIDTH = 70.0, 4000.0, 0.1
 SPINS = np.linspace(0.0, 6.0, 4)
 
 
+def add_support(model: ff.Model) -> None:
+    """Add a body that a spring holds along X."""
+    base = ff.Marker("base")
+    model.add(
+        ff.RigidBody("base", SUPPORT - 20.0, (5.0, 5.0, 5.0)),
+        ff.Prismatic("rail", ff.Ground(), base, axis=(1, 0, 0)),
+        ff.SpringDamper("mount", ff.Ground((-3.0, 0.0, 0.0)), base, stiffness=MOUNT),
+    )
+
+
 def rotor(blades: int = 3, *, lag: bool = False, start: float = 0.0) -> ff.Model:
     """Rigid blades on hinges with springs, on a hub that rotates about Z.
 
@@ -33,11 +43,7 @@ def rotor(blades: int = 3, *, lag: bool = False, start: float = 0.0) -> ff.Model
     hub, base = ff.Marker("hub"), ff.Marker("base")
     model.add(ff.RigidBody("hub", 20.0, (1.0, 1.0, 1.5)))
     if lag:
-        model.add(
-            ff.RigidBody("base", SUPPORT - 20.0, (5.0, 5.0, 5.0)),
-            ff.Prismatic("rail", ff.Ground(), base, axis=(1, 0, 0)),
-            ff.SpringDamper("mount", ff.Ground((-3.0, 0.0, 0.0)), base, stiffness=MOUNT),
-        )
+        add_support(model)
     model.add(ff.Revolute("bearing", base if lag else ff.Ground(), hub, axis=(0, 0, 1)))
     for k in range(blades):
         c, s = np.cos(start + 2.0 * np.pi * k / blades), np.sin(start + 2.0 * np.pi * k / blades)
@@ -215,12 +221,8 @@ def solid_blades(stiffness: float = 1e11, *, hinged: bool) -> ff.Model:
     model, hub, base = ff.Model("rotor"), ff.Marker("hub"), ff.Marker("base")
     model.add(ff.RigidBody("hub", 20.0, (1.0, 1.0, 1.5)))
     if hinged:
-        model.add(
-            ff.RigidBody("base", SUPPORT - 20.0, (5.0, 5.0, 5.0)),
-            ff.Prismatic("rail", ff.Ground(), base, axis=(1, 0, 0)),
-            ff.SpringDamper("mount", ff.Ground((-3.0, 0.0, 0.0)), base, stiffness=MOUNT),
-            ff.Revolute("bearing", base, hub, axis=(0, 0, 1)),
-        )
+        add_support(model)
+        model.add(ff.Revolute("bearing", base, hub, axis=(0, 0, 1)))
     else:
         model.add(ff.Spherical("ball", ff.Ground(), hub))
     law = ff.laws.SaintVenantKirchhoff(stiffness, 0.0)

@@ -33,7 +33,7 @@ class BeamMesh:
 
 
 def create_beam_mesh(comm: MPI.Intracomm, cells: IndexArray, destination: IntArray) -> BeamMesh:
-    """Distribute an interval mesh (collective).
+    """Distribute the cells of beams (collective).
 
     Args:
         comm: communicator.
