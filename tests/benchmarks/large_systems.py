@@ -6,7 +6,8 @@ with 32 elements a link, whose multipliers are those of a tree; ``truss`` the ca
 ``deployable_truss``, with loops along a line; ``net`` a square net of beams of two elements, with
 loops in two directions. Each run is a fresh process with one thread a rank, in which a small model
 loads what is compiled before, and starts at rest. Declaration and set-up are processor time of the
-rank that takes most, steps what the clock says. Exponents are the slopes of log(time) over
+rank that takes most, steps what the clock says: on average, as some may factorise anew, and their
+median, as the machine may stop for a while. Exponents are the slopes of log(time) over
 log(unknowns) from the second size to the last; "faster by" is the time of a step on the first
 number of ranks over that on this one. With ``--rounds`` the numbers of ranks take turns; times and
 ratios are the medians of the rounds, with the least and the largest ratio. Run from the source
@@ -27,8 +28,9 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
+from itertools import pairwise
 from pathlib import Path
-from statistics import median
+from statistics import mean, median
 from typing import Any
 
 import flexfem as ff
@@ -73,15 +75,16 @@ def measure(name: str, size: int, seconds: float) -> None:
     spans = system.comm.allgather((built - begin, ready - built))
     declared, set_up = (max(span) for span in zip(*spans, strict=True))
 
-    def advance(steps: int) -> float:
-        """Seconds of some steps, of the slowest rank."""
-        start = time.perf_counter()
+    def advance(steps: int) -> list[float]:
+        """Seconds of some steps, of the slowest rank in each."""
+        times = [time.perf_counter()]
         for _ in range(steps):
             assert simulation.advance(dt) is Status.OK
-        return max(system.comm.allgather(time.perf_counter() - start))
+            times.append(time.perf_counter())
+        own = [end - start for start, end in pairwise(times)]
+        return [max(step) for step in zip(*system.comm.allgather(own), strict=True)]
 
-    each = advance(BEFORE) / BEFORE
-    each = min(each, advance(2) / 2)
+    each = min(mean(advance(BEFORE)), mean(advance(2)))
     steps = max(5, math.ceil(seconds / each))
     iterations = system.counters.newton_iterations
     spent = advance(steps)
@@ -90,7 +93,7 @@ def measure(name: str, size: int, seconds: float) -> None:
     if system.comm.rank == 0:
         print(json.dumps({
             "unknowns": system.unknowns, "declared": declared, "set_up": set_up,
-            "step": spent / steps, "steps": steps, "iterations": iterations / steps,
+            "step": mean(spent), "median": median(spent), "iterations": iterations / steps,
             "factorizations": system.counters.factorizations, "memory": max(peaks),
         }))  # fmt: skip
 
@@ -111,6 +114,13 @@ def run(name: str, size: int, ranks: int, seconds: float) -> dict[str, Any]:
 def middle(runs: list[dict[str, Any]]) -> dict[str, Any]:
     """Medians of what these runs of one system have measured."""
     return {key: median(one[key] for one in runs) for key in runs[0]}
+
+
+def ratios(first: list[dict[str, Any]], others: list[dict[str, Any]], key: str) -> str:
+    """Median of the ratios of rounds, with the least and the largest."""
+    found = sorted(one[key] / other[key] for one, other in zip(first, others, strict=True))
+    spread = f" ({found[0]:.2f} to {found[-1]:.2f})" if len(found) > 1 else ""
+    return f"{median(found):.2f}{spread}"
 
 
 def exponent(rows: list[dict[str, Any]], key: str) -> float:
@@ -134,8 +144,8 @@ def main() -> None:
         measure(name, int(size), given.seconds)
         return
     print("| system | size | unknowns | ranks | declared s | set-up s | MB a rank | ms a step | "
-          "iterations | factorisations | faster by |")  # fmt: skip
-    print("|---" * 11 + "|")
+          "median | iterations | factorisations | faster by | of medians |")  # fmt: skip
+    print("|---" * 13 + "|")
     ranks = [int(count) for count in given.ranks.split(",")]
     for name in given.systems.split(","):
         sizes = SYSTEMS[name][2]
@@ -150,16 +160,13 @@ def main() -> None:
             for count in ranks:
                 x = middle(rounds[count])
                 rows[count].append(x)
-                faster = sorted(
-                    first["step"] / this["step"]
-                    for first, this in zip(rounds[ranks[0]], rounds[count], strict=True)
+                faster = " | ".join(
+                    ratios(rounds[ranks[0]], rounds[count], key) for key in ("step", "median")
                 )
-                spread = f" ({faster[0]:.2f} to {faster[-1]:.2f})" if len(faster) > 1 else ""
                 print(f"| {name} | {size} | {x['unknowns']:.0f} | {count} | {x['declared']:.2f} | "
                       f"{x['set_up']:.2f} | {x['memory'] / 1e6:.0f} | {1e3 * x['step']:.2f} | "
-                      f"{x['iterations']:.1f} | {x['factorizations']:.0f} | "
-                      f"{median(faster):.2f}{spread} |",
-                      flush=True)  # fmt: skip
+                      f"{1e3 * x['median']:.2f} | {x['iterations']:.1f} | "
+                      f"{x['factorizations']:.0f} | {faster} |", flush=True)  # fmt: skip
         for count in ranks if len(sizes) > 1 else ():
             print(f"{name}, ranks {count}: a step takes as the power "
                   f"{exponent(rows[count], 'step'):.2f} of the unknowns, the set-up as "
