@@ -144,6 +144,10 @@ MODELS = {
     "compiled arm": lambda: robot("compiled", "arm"),
     "sampled tool": lambda: robot("sampled", "tool", 2e-3),
 }
+#: Their names; several ranks have a part of the chain each.
+ON_RANKS = [
+    name if name == "chain" else pytest.param(name, marks=pytest.mark.serial) for name in MODELS
+]
 
 
 def motion(model, steps=12):
@@ -171,9 +175,7 @@ def test_some_ranks_may_have_none(monkeypatch):
 
 
 @pytest.mark.three_ranks
-@pytest.mark.parametrize(
-    "name", ["chain", *(pytest.param(name, marks=pytest.mark.serial) for name in list(MODELS)[1:])]
-)
+@pytest.mark.parametrize("name", ON_RANKS)
 def test_motions_are_those_of_single_calls(name, monkeypatch):
     found = motion(MODELS[name]())
     # the same calls, one by one from Python: another byte would be another argument
@@ -242,9 +244,7 @@ def test_few_calls_from_python(name, functions, builtins):
     assert others < builtins
 
 
-@pytest.mark.parametrize(
-    "name", ["chain", *(pytest.param(name, marks=pytest.mark.serial) for name in list(MODELS)[1:])]
-)
+@pytest.mark.parametrize("name", ON_RANKS)
 def test_nothing_outlives_its_run(name):
     simulation = Simulation(MODELS[name](), ff.RunOptions(dt=1e-3, t_end=1.0, quiet=True))
     for _ in range(3):

@@ -44,8 +44,12 @@ class ShellMesh:
 
     def local(self, nodes: IntArray) -> npt.NDArray[np.int32]:
         """Return the local nodes of nodes of the input, which are all here."""
-        order = np.argsort(self.node_ids)
-        return order[np.searchsorted(self.node_ids, nodes, sorter=order)].astype(np.int32)
+        return _local(self.node_ids, nodes)
+
+
+def _local(node_ids: IntArray, nodes: IntArray) -> npt.NDArray[np.int32]:
+    order = np.argsort(node_ids)
+    return order[np.searchsorted(node_ids, nodes, sorter=order)].astype(np.int32)
 
 
 def create_shell_mesh(
@@ -59,20 +63,16 @@ def create_shell_mesh(
         destination: Rank of each triangle, the same on every rank, shape (m,).
         rings: Ghosts are the neighbours (1), or these and their neighbours (2).
     """
-    topology = surface.topology
-    ghosts = np.zeros(len(destination), dtype=np.bool_)
-    around = np.flatnonzero(destination == comm.rank)
-    owned = len(around)
+    topology, mine = surface.topology, destination == comm.rank
+    own = around = np.flatnonzero(mine)
+    ghosts = np.zeros_like(mine)
     for _ in range(rings):
         near = topology.neighbours[around]
         around = np.unique(near[near >= 0])
         ghosts[around] = True
-    ghosts &= destination != comm.rank
-    ids = np.concatenate([np.flatnonzero(destination == comm.rank), np.flatnonzero(ghosts)])
+    ids = np.concatenate([own, np.flatnonzero(ghosts & ~mine)])
     nodes, cells, index_map = distributed_along(comm, surface.triangles, destination, ids)
-    opposite = topology.opposite[ids[:owned]].astype(np.int32)
-    there = opposite >= 0
-    order = np.argsort(nodes)
-    places = np.searchsorted(nodes, opposite[there], sorter=order)
-    opposite[there] = order[places]
-    return ShellMesh(index_map, owned, cells, opposite, ids, nodes, surface.body[ids])
+    far = topology.opposite[own]
+    opposite = np.full(far.shape, -1, dtype=np.int32)
+    opposite[far >= 0] = _local(nodes, far[far >= 0])
+    return ShellMesh(index_map, len(own), cells, opposite, ids, nodes, surface.body[ids])
