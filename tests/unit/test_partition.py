@@ -57,6 +57,25 @@ def test_ladder_is_cut_across(order: str, ranks: int, rng: np.random.Generator) 
 
 
 @pytest.mark.serial
+@pytest.mark.parametrize("shuffled", [False, True])
+def test_nets_are_cut_straight(shuffled: bool, rng: np.random.Generator) -> None:
+    """A square of 30 x 30 bodies, 3 rows between neighbours; halves grown from a corner: 111."""
+    place = np.arange(900)
+    if shuffled:
+        rng.shuffle(place)
+    place = place.reshape(30, 30)
+    pairs = np.concatenate(
+        [np.stack([a.ravel(), b.ravel()], axis=1) for a, b in (
+            (place[1:], place[:-1]), (place[:, 1:], place[:, :-1])
+        )]
+    )  # fmt: skip
+    links = {(int(a), int(b)): 3 for a, b in np.sort(pairs, axis=1)}
+    found = partition_bodies([5] * 900, [1] * 900, links, 2, split_above=100)
+    assert loads(found, [1] * 900, 2) == [2250, 2250]
+    assert cut(found, links) == 3 * 30
+
+
+@pytest.mark.serial
 def test_weights_are_even(rng: np.random.Generator) -> None:
     """Bodies of 1 to 30 elements in a ring: no rank has 5 % more than its share of them."""
     elements = rng.integers(1, 31, 120).tolist()

@@ -4,10 +4,11 @@
 Bodies stay whole, so that their factors and solves are local to a rank and only joints cross ranks.
 They are the vertices of a graph whose edges count the rows of joints between two bodies; rows
 between ranks are solved for by all of them together. The graph is bisected again and again: halves
-are grown from one of its ends, or taken from the order of the model, and improved by moving one
-body after another (Fiduccia, Mattheyses 1982, 10.1109/DAC.1982.1585498). Weights are integers and
-ties go to the body that comes first, so that every rank finds the same. A body is cut only when it
-is larger than a rank's share and large enough to be worth it.
+are grown from one of its ends, divided between two of them, or taken from the order of the model,
+and improved by moving one body after another (Fiduccia, Mattheyses 1982,
+10.1109/DAC.1982.1585498). Weights are integers and ties go to the body that comes first, so that
+every rank finds the same. A body is cut only when it is larger than a rank's share and large enough
+to be worth it.
 
 PT-SCOTCH and KaHIP, of DOLFINx or petsc4py, find as few rows or fewer where all bodies are equal,
 but take no weights of vertices from Python: one of two ranks gets 1.9 times the mean weight of a
@@ -16,7 +17,7 @@ chain with large and small bodies (``tests/benchmarks/partitioners.py``).
 
 import heapq
 from collections.abc import Mapping, Sequence
-from itertools import count
+from itertools import combinations, count
 from typing import NamedTuple
 
 import numpy as np
@@ -156,24 +157,43 @@ class _Graph(NamedTuple):
 
     def from_the_end(self) -> list[int]:
         """Bodies in the order of their distance from one that is far from the others."""
-        return self._by_distance([self._by_distance(range(len(self.near)))[-1]])
+        return self._by_distance([self._by_distance(range(len(self.near)))[0][-1]])[0]
 
-    def _by_distance(self, starts: Sequence[int]) -> list[int]:
-        """Bodies by their distance from the first start; other parts of the graph follow."""
-        order: list[int] = []
-        seen = [False] * len(self.near)
+    def across(self, ends: Sequence[int]) -> list[list[int]]:
+        """Orders of bodies by how much nearer they are to one of three than to another one.
+
+        These are the first and the last body of an order, and one that is as far from both as
+        possible. Cuts across a net or a grid are straight then, and oblique from one end on.
+        """
+        first, last = (self._by_distance([end])[1] for end in (ends[0], ends[-1]))
+        between = list(map(min, first, last))  # of a net, largest along a diagonal
+        middle = self._by_distance([between.index(max(between))])[1]
+        aside = [d - abs(x - y) for d, x, y in zip(middle, first, last, strict=True)]
+        third = self._by_distance([aside.index(max(aside))])[1]
+        pairs = combinations((first, last, third), 2)
+        differences = [[x - y for x, y in zip(*pair, strict=True)] for pair in pairs]
+        return [sorted(range(len(ends)), key=found.__getitem__) for found in differences]
+
+    def _by_distance(self, starts: Sequence[int]) -> tuple[list[int], list[int]]:
+        """Bodies by their distance from the first start, and the distance of each.
+
+        Other parts of the graph follow, with distances from a body of theirs.
+        """
+        order = list[int]()
+        distance = [-1] * len(self.near)
         for start in (*starts, *range(len(self.near))):
-            if seen[start]:
+            if distance[start] >= 0:
                 continue
-            seen[start], at = True, len(order)
+            distance[start], at = 0, len(order)
             order.append(start)
             while at < len(order):
-                for other, _ in self.near[order[at]]:
-                    if not seen[other]:
-                        seen[other] = True
+                body = order[at]
+                for other, _ in self.near[body]:
+                    if distance[other] < 0:
+                        distance[other] = distance[body] + 1
                         order.append(other)
                 at += 1
-        return order
+        return order, distance
 
     def grown(self, order: Sequence[int]) -> list[int]:
         """Bodies as a half grows: next is always the one that leaves the fewest rows cut."""
@@ -206,7 +226,8 @@ def _bisect(graph: _Graph, rooms: tuple[float, float], ranks: int) -> list[bool]
     """Bisect a graph: flags of the first half; ``rooms`` are the weights of both halves."""
     ends = graph.from_the_end()
     part = rooms[0] / max(sum(rooms), 1e-300)
-    orders = (range(len(ends)), ends, graph.grown(ends), graph.grown(ends[::-1])[::-1])
+    grown = graph.grown(ends), graph.grown(ends[::-1])[::-1]
+    orders = (range(len(ends)), ends, *grown, *graph.across(ends))
     tried = [_Halves(graph, graph.first(order, part), rooms, ranks) for order in orders]
     for halves in tried:
         halves.improve()
