@@ -35,7 +35,8 @@ class SentByRank:
         largest_front: number of rows of its largest front of rows between ranks.
         messages, bytes: sent in an iteration with kept factors of the multipliers' system: nodes of
             joints, and right-hand sides of rows.
-        factor_messages, factor_bytes: sent in a factorisation of that system.
+        factor_messages, factor_bytes: sent besides in an iteration that factorises that system.
+            Right-hand sides go with the fronts, but for models with contacts.
         front_flops: floating-point operations of its fronts then.
     """
 
@@ -99,7 +100,7 @@ def rank_costs(serial: NumberedModel, ranks: int, split_above: int) -> RankCosts
             shared[on] += rows
     found = tuple(SentByRank() for _ in range(ranks))
     _count_nodes(serial, placement, found)
-    _count_fronts(shared, found)
+    _count_fronts(shared, found, alone=bool(serial.model.contacts))
     return RankCosts(_largest_share(serial, placement, ranks), sum(shared.values()), found)
 
 
@@ -145,8 +146,11 @@ def _count_nodes(serial: NumberedModel, placement: Placement, found: Sequence[Se
         found[owner].send(1, _NODE * nodes)
 
 
-def _count_fronts(shared: _Shared, found: Sequence[SentByRank]) -> None:
-    """Add what ranks send, and calculate, to eliminate the rows between them."""
+def _count_fronts(shared: _Shared, found: Sequence[SentByRank], *, alone: bool) -> None:
+    """Add what ranks send, and calculate, to eliminate the rows between them.
+
+    Fronts are sent ``alone``, or with right-hand sides.
+    """
 
     @cache
     def left(half: tuple[int, int]) -> frozenset[tuple[int, ...]]:
@@ -169,6 +173,6 @@ def _count_fronts(shared: _Shared, found: Sequence[SentByRank]) -> None:
             one.largest_front = max(one.largest_front, front)
             if size:
                 one.send(len(merge.to), size)
-            one.factor_messages += len(merge.to)
+            one.factor_messages += len(merge.to) if alone or not size else 0
             one.factor_bytes += len(merge.to) * _BYTES * (size**2 + 1)
             one.front_flops += 2.0 / 3.0 * (front**3 - rows(merge.whole) ** 3)

@@ -56,6 +56,11 @@ class CountingComm(MPI.Intracomm):
         self._count_reduction(recvbuf.nbytes)
         super().Allreduce(sendbuf, recvbuf, *args, **kwargs)
 
+    def Iallreduce(self, sendbuf: Any, recvbuf: Any, *args: Any, **kwargs: Any) -> MPI.Request:
+        """See :meth:`Allreduce`."""
+        self._count_reduction(recvbuf.nbytes)
+        return super().Iallreduce(sendbuf, recvbuf, *args, **kwargs)
+
     def allreduce(self, sendobj: Any, *args: Any, **kwargs: Any) -> Any:
         """See ``MPI.Comm``; arrays count with their bytes, other objects with those of a number."""
         self._count_reduction(getattr(sendobj, "nbytes", 8))

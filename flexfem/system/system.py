@@ -522,8 +522,7 @@ class System:
 
     def accept(self, law: FloatArray, h: float) -> None:
         """End a step: accept the trial state, and choose the best prediction."""
-        self.choose_prediction(self.evaluation.accept(law, h))
-        self._remember()
+        self.choose_prediction(self.evaluation.accept(law, h), self._remember)
 
     def take(self) -> None:
         """Accept the trial state with its velocities and accelerations."""
@@ -550,16 +549,24 @@ class System:
             if isinstance(part.elements, HistoryElements):
                 part.elements.advance(part.block)
 
-    def choose_prediction(self, misses: Misses) -> None:
-        """Set ``prediction`` by the largest errors of all kinds on this rank (collective).
+    def choose_prediction(self, misses: Misses, meanwhile: Callable[[], None]) -> None:
+        """Set ``prediction`` by the largest errors of all kinds on any rank (collective).
 
         If the errors are equal, velocities are used: a motion that begins continues.
+
+        Args:
+            misses: errors on this rank.
+            meanwhile: called while those of other ranks are under way.
         """
-        rest, plain, curved = misses
         if self.comm.size > 1:
-            buffer = np.array(misses)
-            self.comm.Allreduce(MPI.IN_PLACE, buffer, op=MPI.MAX)
-            rest, plain, curved = buffer.tolist()
+            largest = np.array(misses)
+            request = self.comm.Iallreduce(MPI.IN_PLACE, largest, op=MPI.MAX)
+            meanwhile()
+            request.Wait()
+            misses = tuple(largest.tolist())
+        else:
+            meanwhile()
+        rest, plain, curved = misses
         better = Prediction.ACCELERATION if curved < _BETTER * plain else Prediction.VELOCITY
         self.prediction = Prediction.REST if rest < _BETTER * min(plain, curved) else better
 

@@ -109,9 +109,11 @@ def test_a_net_moves_as_with_new_factors(monkeypatch: pytest.MonkeyPatch) -> Non
     """With a factorisation of the multipliers' system in less than every fifth step."""
     monkeypatch.setattr(multiplier_system, "_WIDEST", 0)  # fronts, as in large nets
     calls: list[int] = []
-    factor = InterfaceSystem.factor
+    factor = InterfaceSystem.factor_and_solve
     monkeypatch.setattr(
-        InterfaceSystem, "factor", lambda self, *args: calls.append(1) or factor(self, *args)
+        InterfaceSystem,
+        "factor_and_solve",
+        lambda self, *args: calls.append(1) or factor(self, *args),
     )
     found, counts = [], []
     for least in (0.0, np.inf):

@@ -142,9 +142,13 @@ def test_interface_system_equals_a_dense_solve(interior, far, shared, rng):
         x[:interior] = right[numbers[:interior]]
         if rank == 0:  # right-hand sides of shared rows are summed over the ranks
             x[interior:] = right[numbers[interior:]]
+        both = x.copy()
         system.solve(x)
         # round-off; a row summed twice or not at all is wrong by order 1
         np.testing.assert_allclose(factor * x, expected[numbers], atol=1e-11)
+        assert system.factor_and_solve(factor * values, True, both)
+        np.testing.assert_array_equal(both, x)
+    assert not system.factor_and_solve(values, rank < size - 1, both)  # singular on one rank alone
 
 
 @pytest.mark.three_ranks
@@ -172,10 +176,15 @@ def test_rank_dissection_equals_a_dense_solve(joined, rng):
         assert system.factor(factor * mine[::-1, ::-1], True)
         # each right-hand side is given by the first rank that has the row
         x = np.array([right[k] if holders[k][0] == rank else 0.0 for k in numbers])
+        at_once = x.copy()
         system.solve(x)
         # round-off; a front without one rank's entries is off by order 1
         np.testing.assert_allclose(factor * x, np.linalg.solve(every, right)[numbers], atol=1e-13)
-        assert not system.factor(mine[::-1, ::-1], rank < size - 1)  # singular on one rank alone
+        assert system.factor_and_solve(factor * mine[::-1, ::-1], True, at_once)
+        np.testing.assert_array_equal(at_once, x)
+        one = rank < size - 1  # singular on one rank alone
+        assert not system.factor(mine[::-1, ::-1], one)
+        assert not system.factor_and_solve(mine[::-1, ::-1], one, at_once)
 
 
 @pytest.mark.three_ranks

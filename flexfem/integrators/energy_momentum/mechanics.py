@@ -384,11 +384,14 @@ class StepMechanics(Mechanics):
             contacts.evaluate()
         misses = [part.accept(self.h) for part in self._parts.values()]
         rest, plain, curved = (max(each) for each in zip(*misses, strict=True))
-        system.choose_prediction((rest, plain, curved))
-        for own in system.parts:
-            if own.elements is not None:
-                own.elements.accept(own.block)
-        system.interface.update()
+
+        def remember() -> None:
+            for own in system.parts:
+                if own.elements is not None:
+                    own.elements.accept(own.block)
+            system.interface.update()
+
+        system.choose_prediction((rest, plain, curved), remember)
         self._rows.accept()
         system.constraints.accept()
         for contacts in self._contacts:

@@ -13,7 +13,7 @@ from mpi4py import MPI
 
 import numpy as np
 
-from flexfem._types import FloatArray, IndexArray, IntArray
+from flexfem._types import BoolArray, FloatArray, IndexArray, IntArray
 from flexfem.core.runs import starts
 from flexfem.kernels.sequence import Call, Step
 from flexfem.solvers.frozen.pieces import Bodies
@@ -252,6 +252,13 @@ class MultiplierSystem:
         Args:
             regular: False if a rigid body of this rank has a singular matrix.
         """
+        self._assemble()
+        if not self._system.constraints.size_global:
+            return regular
+        return self._eliminate().factor(self._values, regular)
+
+    def _assemble(self) -> None:
+        """Compute the entries of the Schur complement of this rank's bodies."""
         rows = self._system.constraints
         if not self._found:
             self._pairs, self._found = self._find_pairs(), True
@@ -264,10 +271,6 @@ class MultiplierSystem:
         np.multiply(rows.owned, rows.compliance, out=self._diagonal)
         if len(rows.coupling):
             self._coupling[:] = rows.owned[rows.coupled[:, 0]] * rows.coupling
-        if not rows.size_global:
-            return regular
-        factors = self._eliminate()
-        return factors.factor(self._values, regular)
 
     @property
     def correction(self) -> FloatArray:
@@ -312,9 +315,13 @@ class MultiplierSystem:
         return self._factors.factor_shared(regular)
 
     def solution(
-        self, values: FloatArray, bodies: Sequence[Sequenced], *, beyond: bool
-    ) -> list[Step]:
-        """What :meth:`solve` does if the system is ``banded``."""
+        self, values: FloatArray, bodies: Sequence[Sequenced], *, beyond: bool,
+        regular: BoolArray | None = None,
+    ) -> list[Step]:  # fmt: skip
+        """What :meth:`solve` does if the system is ``banded``.
+
+        With ``regular`` what :meth:`factor_shared` does as well, see ``InterfaceSystem.solution``.
+        """
         rows, steps = self._system.constraints, self._response
         calls = [one.response(self._response) for one in bodies]
         if beyond:
@@ -324,7 +331,7 @@ class MultiplierSystem:
         given = self._local_node, steps, rows.owned, values, self._correction
         calls.append(Call(row_products, rows.own.memory, *given))
         assert self._factors is not None
-        return [*calls, *self._factors.solution(self._correction)]
+        return [*calls, *self._factors.solution(self._correction, regular)]
 
     def solve(
         self, values: FloatArray, bodies: Sequence[Responding], *, beyond: bool = False
@@ -336,6 +343,27 @@ class MultiplierSystem:
             bodies: those with right-hand sides; the responses of the others are the last ones.
             beyond: True for a correction of the steps already applied at the interface.
         """
+        self._load(values, bodies, beyond=beyond)
+        assert self._solver is not None  # a factorisation comes first
+        self._solver.solve(self._correction)
+        return self._correction
+
+    def factor_and_solve(
+        self, regular: bool, values: FloatArray, bodies: Sequence[Responding]
+    ) -> FloatArray | None:
+        """What :meth:`factor` and :meth:`solve` do, with fewer messages (collective).
+
+        Returns:
+            See :meth:`solve`; None on all ranks if the system is singular on one.
+        """
+        self._assemble()
+        solver = self._eliminate()
+        self._load(values, bodies, beyond=False)
+        regular = solver.factor_and_solve(self._values, regular, self._correction)
+        return self._correction if regular else None
+
+    def _load(self, values: FloatArray, bodies: Sequence[Responding], *, beyond: bool) -> None:
+        """Write the right-hand side of the correction into its array."""
         rows = self._system.constraints
         for one in bodies:
             one.respond(self._response)
@@ -344,9 +372,6 @@ class MultiplierSystem:
             steps = np.multiply(self._owned_node, self._system.interface.steps, out=self._beyond)
             steps += self._response
         row_products(rows.own.memory, self._local_node, steps, rows.owned, values, self._correction)
-        assert self._solver is not None  # a factorisation comes first
-        self._solver.solve(self._correction)
-        return self._correction
 
     def forget_responses(self) -> None:
         """Set the responses of bodies without right-hand sides to zero."""

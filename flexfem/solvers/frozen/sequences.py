@@ -53,8 +53,9 @@ class FrozenSequences:
         tests += [calls[1] for calls in inversions]
         self._regular = Call(all_true, in_one_array(tests))
         inverting = [call for calls in inversions for call in calls]
-        self._prepare = sequence([*inverting, *factorisation, self._regular])
-        self._at_rows = sequence(self._solve(system.constraints.values, beyond=False))
+        self._factors: list[Step] = [*inverting, *factorisation, self._regular]
+        solution = self._solve(system.constraints.values, beyond=False, anew=True)
+        self._prepare_and_solve = sequence([*self._factors, *solution])
 
     @classmethod
     def of(
@@ -68,12 +69,21 @@ class FrozenSequences:
 
     def prepare(self, shifts: Shifts) -> bool:
         """See ``FrozenSolver.prepare`` (collective)."""
+        self._use(shifts)
+        self._prepare()
+        return self._multipliers.factor_shared(bool(self._regular.result[0]))
+
+    def prepare_and_solve(self, shifts: Shifts) -> FloatArray | None:
+        """What both do for the rows' values; None if the system is singular (collective)."""
+        self._use(shifts)
+        self._prepare_and_solve()
+        return self.correction if self._regular.result[0] else None
+
+    def _use(self, shifts: Shifts) -> None:
         if shifts is not self._shifts:
             self._shifts = shifts
             self._rates[:] = shifts.array
             self._scale.set(shifts.scale)
-        self._prepare()
-        return self._multipliers.factor_shared(bool(self._regular.result[0]))
 
     def solve(self, values: FloatArray, *, beyond: bool) -> FloatArray:
         """See ``FrozenSolver._solve`` (collective)."""
@@ -85,6 +95,14 @@ class FrozenSequences:
         return self.correction
 
     @cached_property
+    def _prepare(self) -> Callable[[], None]:
+        return sequence(self._factors)
+
+    @cached_property
+    def _at_rows(self) -> Callable[[], None]:
+        return sequence(self._solve(self._system.constraints.values, beyond=False))
+
+    @cached_property
     def _again(self) -> Callable[[], None]:
         return sequence(self._solve(self._values, beyond=False))
 
@@ -92,13 +110,14 @@ class FrozenSequences:
     def _beyond(self) -> Callable[[], None]:
         return sequence(self._solve(self._values, beyond=True))
 
-    def _solve(self, values: FloatArray, *, beyond: bool) -> list[Step]:
-        """Steps of a solve with the given values of rows."""
+    def _solve(self, values: FloatArray, *, beyond: bool, anew: bool = False) -> list[Step]:
+        """Steps of a solve with the given values of rows, with new factors of shared ones."""
         steps: list[Step] = []
         bodies: list[RigidBodies | FlexibleBodies] = [*self._rigid, *self._flexible]
         for one in bodies:
             steps.append(Call(copy, one.group.part.block.residual, one.group.own.right))
-        steps += self._multipliers.solution(values, bodies, beyond=beyond)
+        regular = self._regular.result if anew else None
+        steps += self._multipliers.solution(values, bodies, beyond=beyond, regular=regular)
         rows = self._system.constraints
         for one in bodies:
             own, nodes = one.group.own, one.group.part.interface_nodes

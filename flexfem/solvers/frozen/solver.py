@@ -316,14 +316,21 @@ class FrozenSolver:
             subtracted - and the result of the refinement.
         """
         rows = self.system.constraints
-        if keep_interface:
-            self._multipliers.follow_sliders()
-        elif not self.prepare(shifts):
-            return False, np.zeros(rows.size), None
-        for contacts in self.system.contacts:
-            alike = contraction < _ALIKE
-            self._stiff.take(contacts.rows(), shifts, self._compliances, alike=alike)
-        correction, refined = self._with_springs(self._solve(rows.values), refine=refine), None
+        if rows.size_global and not (keep_interface or self.system.contacts):
+            found = self._prepare_and_solve(shifts)
+            if found is None:
+                return False, np.zeros(rows.size), None
+            correction = found
+        else:
+            if keep_interface:
+                self._multipliers.follow_sliders()
+            elif not self.prepare(shifts):
+                return False, np.zeros(rows.size), None
+            for contacts in self.system.contacts:
+                alike = contraction < _ALIKE
+                self._stiff.take(contacts.rows(), shifts, self._compliances, alike=alike)
+            correction = self._with_springs(self._solve(rows.values), refine=refine)
+        refined = None
         if refine:
             kept = KeptOperator(self._add_kept, self._solve, self._solve_beyond)
             correction, refined = self._refinement.correct(
@@ -383,12 +390,33 @@ class FrozenSolver:
         sequences = self._sequences
         if sequences is not None and shifts.stiffness:
             return sequences.prepare(shifts)
+        regular = self._multipliers.factor(self._invert(shifts))
+        if regular and shifts.stiffness:
+            self._make_sequences()
+        return regular
+
+    def _prepare_and_solve(self, shifts: Shifts) -> FloatArray | None:
+        """What :meth:`prepare` and :meth:`_solve` for the rows do, with fewer messages."""
+        self._multipliers.follow_sliders()
+        rows, sequences = self.system.constraints, self._sequences
+        if sequences is not None and shifts.stiffness:
+            return sequences.prepare_and_solve(shifts)
+        regular = self._invert(shifts)
+        self._take_residuals()
+        correction = self._multipliers.factor_and_solve(regular, rows.values, self.bodies)
+        if correction is None:
+            return None
+        if shifts.stiffness:
+            self._make_sequences()
+        self._add_forces(correction)
+        self._finish()
+        return correction
+
+    def _invert(self, shifts: Shifts) -> bool:
+        """Invert the rigid bodies' matrices; False if one is singular."""
         regular = True
         for rigid in self.rigid:
             regular = rigid.invert(shifts) and regular
-        regular = self._multipliers.factor(regular)
-        if regular and shifts.stiffness:
-            self._make_sequences()
         return regular
 
     def _make_sequences(self) -> None:
@@ -416,12 +444,16 @@ class FrozenSolver:
         if self._sequences is not None:
             return self._sequences.solve(values, beyond=beyond)
         correction = self._load(values, self.bodies, beyond=beyond)
+        self._finish()
+        return correction
+
+    def _finish(self) -> None:
+        """Steps of the bodies from their right-hand sides, after their responses to these."""
         responded = self.system.constraints.size_global > 0
         for flexible in self._flexible:
             (flexible.complete if responded else flexible.solve)()
         for rigid in self.rigid:
             rigid.solve()
-        return correction
 
     def _with_springs(self, correction: FloatArray, *, refine: bool = False) -> FloatArray:
         """Add stiff springs, if there are any, to the solve that gave a correction (r,)."""
@@ -442,12 +474,17 @@ class FrozenSolver:
         Returns:
             The correction (r,).
         """
-        rows = self.system.constraints
-        for right, residual, _ in self._loads:
-            right[:] = residual
-        if not rows.size_global:
+        self._take_residuals()
+        if not self.system.constraints.size_global:
             return self._nothing
         correction = self._multipliers.solve(values, bodies, beyond=beyond)
-        for right, _, nodes in self._loads:
-            rows.add_forces(correction, nodes, right)
+        self._add_forces(correction)
         return correction
+
+    def _take_residuals(self) -> None:
+        for right, residual, _ in self._loads:
+            right[:] = residual
+
+    def _add_forces(self, correction: FloatArray) -> None:
+        for right, _, nodes in self._loads:
+            self.system.constraints.add_forces(correction, nodes, right)

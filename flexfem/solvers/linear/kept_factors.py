@@ -77,6 +77,21 @@ class KeptFactors:
 
         Collective; see :meth:`InterfaceSystem.factor`. The values must stay until the next ones.
         """
+        if self._keeps(values):
+            return self._all_regular(regular)
+        return self._renewed(self._system.factor(values, regular))
+
+    def factor_and_solve(self, values: FloatArray, regular: bool, right: FloatArray) -> bool:
+        """See :meth:`factor`, :meth:`solve` and :meth:`InterfaceSystem.factor_and_solve`."""
+        if not self._keeps(values):
+            return self._renewed(self._system.factor_and_solve(values, regular, right))
+        regular = self._all_regular(regular)
+        if regular:
+            self.solve(right)
+        return regular
+
+    def _keeps(self, values: FloatArray) -> bool:
+        """Take new values; True if the factors serve for them as well."""
         if self._values is not None and not self._fresh:
             self._pause = 0  # old factors have served
             self._served += 1
@@ -85,17 +100,16 @@ class KeptFactors:
         keep = self._values is not None and self._more < min(self._worth, mean) and not self._wait
         self._wait = max(self._wait - 1, 0)
         self._values, self._more = values, 0
-        if not keep:
-            return self._renew(regular)
-        self._fresh = False
+        self._fresh = not keep
+        return keep
+
+    def _all_regular(self, regular: bool) -> bool:
         return regular if self._comm.size == 1 else self._comm.allreduce(regular, op=MPI.LAND)
 
-    def _renew(self, regular: bool = True) -> bool:
-        """Factorise the present values; False if they are singular."""
-        assert self._values is not None
+    def _renewed(self, regular: bool) -> bool:
+        """Count a factorisation of the present values; they are forgotten if they are singular."""
         self.renewals += 1
         self._served = self._all = 0
-        regular = self._system.factor(self._values, regular)
         self._fresh = True
         if not regular:
             self._values = None
@@ -119,9 +133,7 @@ class KeptFactors:
             if not size <= (_SLOW * before if before else np.finfo(float).max):
                 right[:] = given
                 self._wait = self._pause = min(2 * self._pause + 1, _LONGEST)
-                if self._renew():
-                    self._system.solve(right)
-                else:
+                if not self._renewed(self._system.factor_and_solve(self._values, True, right)):
                     right[:] = np.nan
                 return
             before = size

@@ -328,6 +328,18 @@ class InterfaceSystem:
         """
         return self.factor_shared(self._own.factor(values) and regular)
 
+    def factor_and_solve(self, values: FloatArray, regular: bool, right: FloatArray) -> bool:
+        """What :meth:`factor` and :meth:`solve` do, with half of their messages (collective)."""
+        regular = self._own.factor(values) and regular
+        if regular:
+            self._own.reduce(right)
+        if self._shared is not None:
+            part = right[self._count :]
+            regular = self._shared.factor_and_solve(self._own.complement, regular, part)
+        if regular:
+            self._own.complete(right)
+        return regular
+
     def factor_shared(self, regular: bool) -> bool:
         """Second part of :meth:`factor`, after the elimination of the unshared rows."""
         if self._shared is None:
@@ -341,11 +353,24 @@ class InterfaceSystem:
             self._shared.solve(right[self._count :])
         self._own.complete(right)
 
-    def solution(self, right: FloatArray) -> list[Step]:
-        """What :meth:`solve` does for this array, if the unshared rows are a narrow ``band``."""
+    def solution(self, right: FloatArray, regular: BoolArray | None = None) -> list[Step]:
+        """What :meth:`solve` does for this array, if the unshared rows are a narrow ``band``.
+
+        Args:
+            right: the array.
+            regular: (1,) True if this rank's factors have become regular, for what
+                :meth:`factor_shared` and :meth:`solve` do; True if all have, then.
+        """
         assert self.band is not None
         (reduce, complete), shared = self.band.solution(right), self._shared
         if shared is None:
             return [*reduce, *complete]
         part = right[self._count :]
-        return [*reduce, lambda: shared.solve(part), *complete]
+        if regular is None:
+            return [*reduce, lambda: shared.solve(part), *complete]
+        complement, all_regular = self.band.complement, regular
+
+        def factor_and_solve() -> None:
+            all_regular[0] = shared.factor_and_solve(complement, bool(all_regular[0]), part)
+
+        return [*reduce, factor_and_solve, *complete]

@@ -51,6 +51,32 @@ def _places(rows: IntArray, size: int) -> IntArray:
     return (rows[:, np.newaxis] * size + rows).ravel()
 
 
+class _Message:
+    """What one half of the ranks tells the other one of its rows.
+
+    Attributes:
+        whole: all of the following; ``factors`` is what comes before ``right``.
+        complement: (r r,) of its rows, followed by a flag of failure.
+        right: (r,) its part of the right-hand side.
+    """
+
+    def __init__(self, size: int) -> None:
+        """Number of rows."""
+        self.whole = np.zeros(size * size + 1 + size)
+        self.factors, self.right = np.split(self.whole, [size * size + 1])
+        self.complement = self.factors[:-1]
+
+    def set(self, complement: FloatArray, regular: bool) -> None:
+        """Write the complement, and whether the factors that left it are regular."""
+        self.complement[:] = complement.reshape(-1)
+        self.factors[-1] = 0.0 if regular else 1.0
+
+    @property
+    def failed(self) -> bool:
+        """True if factors were singular."""
+        return bool(self.factors[-1] > 0.0)
+
+
 class _Level:
     """Two halves that are joined, with the rows that both have left.
 
@@ -83,32 +109,46 @@ class _Level:
         self.left = _Rows(numbers[left], here[left], holders[left])
         self._front = DenseElimination(count, self.size)
         self.operations = self._front.operations
-        # complements of both halves, each with a flag of failure
-        self._sent = np.zeros(len(self._own) ** 2 + 1)
-        self._received = np.zeros(len(self._other) ** 2 + 1)
+        # of both halves: complements, a flag of failure, parts of the right-hand side
+        self._mine, self._others = (_Message(len(rows)) for rows in (self._own, self._other))
         self._own_pairs, self._other_pairs = (
             _places(rows, self.size) for rows in (self._own, self._other)
         )
         self._matrix, self._vector = np.zeros((self.size, self.size)), np.zeros(self.size)
-        self._part, self._others = np.zeros(len(self._own)), np.zeros(len(self._other))
 
     def factor(self, complement: FloatArray, regular: bool) -> tuple[FloatArray, bool]:
         """Join the complements of both halves: that of the rows left then, False if singular."""
-        self._sent[:-1] = complement.reshape(-1)
-        self._sent[-1] = 0.0 if regular else 1.0
-        self._exchange(self._sent, self._received)
-        if not regular or self._received[-1] > 0.0:
+        self._mine.set(complement, regular)
+        self._exchange(self._mine.factors, self._others.factors)
+        return self._eliminate()
+
+    def reduce(self, right: FloatArray) -> FloatArray:
+        """Join the right-hand sides of both halves: that of the rows left."""
+        self._mine.right[:] = right
+        self._exchange(self._mine.right, self._others.right)
+        return self._reduce()
+
+    def factor_and_reduce(
+        self, complement: FloatArray, regular: bool, right: FloatArray
+    ) -> tuple[FloatArray, bool, FloatArray]:
+        """What :meth:`factor` and :meth:`reduce` do, by one message."""
+        self._mine.set(complement, regular)
+        self._mine.right[:] = right
+        self._exchange(self._mine.whole, self._others.whole)
+        complement, regular = self._eliminate()
+        return complement, regular, self._reduce() if regular else self._vector[self._count :]
+
+    def _eliminate(self) -> tuple[FloatArray, bool]:
+        mine, others = self._mine, self._others
+        if mine.failed or others.failed:
             return self._front.complement, False
-        parts = self._own_pairs, self._sent, self._other_pairs, self._received
+        parts = self._own_pairs, mine.complement, self._other_pairs, others.complement
         _join(*parts, self._matrix.reshape(-1))
         regular = self._front.eliminate(self._matrix)
         return self._front.complement, regular
 
-    def reduce(self, right: FloatArray) -> FloatArray:
-        """Join the right-hand sides of both halves: that of the rows left."""
-        self._part[:] = right
-        self._exchange(self._part, self._others)
-        _join(self._own, self._part, self._other, self._others, self._vector)
+    def _reduce(self) -> FloatArray:
+        _join(self._own, self._mine.right, self._other, self._others.right, self._vector)
         self._front.reduce(self._vector)
         return self._vector[self._count :]
 
@@ -173,6 +213,18 @@ class RankDissection:
         part = right[self._order]
         for level in self._levels:
             part = level.reduce(part)
+        self._complete(part, right)
+
+    def factor_and_solve(self, matrix: FloatArray, regular: bool, right: FloatArray) -> bool:
+        """What :meth:`factor` and :meth:`solve` do, with half of their messages (collective)."""
+        matrix, part = matrix.reshape(-1)[self._pairs], right[self._order]
+        for level in self._levels:
+            matrix, regular, part = level.factor_and_reduce(matrix, regular, part)
+        if regular:
+            self._complete(part, right)
+        return regular
+
+    def _complete(self, part: FloatArray, right: FloatArray) -> None:
         for level in reversed(self._levels):
             part = level.complete(part)
         right[:] = part[self._place]
