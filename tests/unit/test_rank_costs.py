@@ -107,6 +107,16 @@ def test_costs_of_a_chain_on_a_thousand_ranks() -> None:
 
 
 @pytest.mark.serial
+def test_fronts_are_sent_alone_where_there_are_contacts() -> None:
+    """Springs of contacts come between factors and right-hand sides."""
+    apart, touching = chain(8), chain(8)
+    touching.add(ff.Contact("ground", surfaces=ff.RigidPlane(ff.Ground((0.0, 0.0, -100.0)))))
+    for model, expected in ((apart, 0), (touching, 3)):
+        costs = rank_costs(NumberedModel(model), 8, 4000).as_dict()
+        assert (costs["messages"], costs["factor_messages"]) == (5, expected)
+
+
+@pytest.mark.serial
 def test_info_lists_the_costs(capsys: pytest.CaptureFixture[str]) -> None:
     assert execute(["chain", "--links", "16", "--ranks", "1,8"], "flexfem info") == 0
     one, eight = capsys.readouterr().out.split("bytes more\n")[1].splitlines()[:2]
