@@ -20,7 +20,7 @@ DEPTH = 10
 #: part; rigid bodies add two.
 FILES = 13
 #: Make the sequences of compiled loops, and the elimination of the multipliers, once.
-MAKING = {"_make_sequences", "evaluation", "_eliminate"}
+MAKING = {"_make_sequences", "_at_rows", "evaluation", "_eliminate"}
 
 
 def _names(frame):

@@ -387,29 +387,23 @@ class FrozenSolver:
         False if it is singular. The residuals are evaluated; :meth:`again` solves after it.
         """
         self._multipliers.follow_sliders()
-        sequences = self._sequences
-        if sequences is not None and shifts.stiffness:
+        sequences = self._sequences_of(shifts)
+        if sequences is not None:
             return sequences.prepare(shifts)
-        regular = self._multipliers.factor(self._invert(shifts))
-        if regular and shifts.stiffness:
-            self._make_sequences()
-        return regular
+        return self._multipliers.factor(self._invert(shifts))
 
     def _prepare_and_solve(self, shifts: Shifts) -> FloatArray | None:
         """What :meth:`prepare` and :meth:`_solve` for the rows do, with fewer messages."""
         self._multipliers.follow_sliders()
-        rows, sequences = self.system.constraints, self._sequences
-        if sequences is not None and shifts.stiffness:
+        rows, sequences = self.system.constraints, self._sequences_of(shifts)
+        if sequences is not None:
             return sequences.prepare_and_solve(shifts)
         regular = self._invert(shifts)
         self._take_residuals()
         correction = self._multipliers.factor_and_solve(regular, rows.values, self.bodies)
-        if correction is None:
-            return None
-        if shifts.stiffness:
-            self._make_sequences()
-        self._add_forces(correction)
-        self._finish()
+        if correction is not None:
+            self._add_forces(correction)
+            self._finish()
         return correction
 
     def _invert(self, shifts: Shifts) -> bool:
@@ -419,15 +413,19 @@ class FrozenSolver:
             regular = rigid.invert(shifts) and regular
         return regular
 
-    def _make_sequences(self) -> None:
-        """Make sequences for the factors in use, if they are used for the second time."""
-        key, often = (self.shifts if self._flexible else None), self._often
-        if key in often:
-            self._sequences = often[key] = FrozenSequences.of(
-                self.system, self._multipliers, self.rigid, self._flexible
-            )
-        else:
-            often[key] = None
+    def _sequences_of(self, shifts: Shifts) -> FrozenSequences | None:
+        """Sequences for the factors in use, if there are any: from their second use on."""
+        if not shifts.stiffness:
+            return None
+        if self._sequences is None:
+            key = self.shifts if self._flexible else None
+            if key in self._often:
+                self._sequences = self._make_sequences()
+            self._often[key] = self._sequences
+        return self._sequences
+
+    def _make_sequences(self) -> FrozenSequences | None:
+        return FrozenSequences.of(self.system, self._multipliers, self.rigid, self._flexible)
 
     def _solve(self, values: FloatArray, *, beyond: bool = False) -> FloatArray:
         """Solve with the frozen operator for the blocks' residuals and the given row values.
