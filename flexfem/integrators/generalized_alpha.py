@@ -25,6 +25,7 @@ from flexfem.constraints.elements.states import StateStep, state_step
 from flexfem.core.nodes.prediction import Prediction
 from flexfem.core.state import State
 from flexfem.core.status import Status
+from flexfem.integrators.ended_accelerations import count_ended, ended_state, restore_ended
 from flexfem.integrators.integrator import Integrator, discard, predictions
 from flexfem.integrators.split.step import Split
 from flexfem.solvers.newton.iteration import Equations
@@ -125,10 +126,12 @@ class GeneralizedAlpha(Integrator):
 
     def state(self, system: System) -> State:
         """See :meth:`Integrator.state`."""
-        return self.split.state() if self.split is not None else State()
+        own = ended_state(system)
+        return own if self.split is None else own | self.split.state()
 
     def restore(self, system: System, state: State) -> None:
         """See :meth:`Integrator.restore`."""
+        restore_ended(system, state)
         if self.split is not None:
             self.split.restore(state)
 
@@ -201,6 +204,7 @@ class GeneralizedAlpha(Integrator):
     def accept(self, system: System, h: float) -> None:
         """See :meth:`Integrator.accept`."""
         rows, laws = system.constraints, step_laws(self.rho_inf, h)
+        count_ended(system)
         if self.split is None:
             np.divide(rows.multipliers, laws.scale, out=rows.forces)
         else:

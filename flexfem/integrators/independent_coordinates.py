@@ -24,6 +24,7 @@ from flexfem._types import FloatArray
 from flexfem.core.nodes.frame_block import FrameBlock
 from flexfem.core.state import State
 from flexfem.core.status import Status
+from flexfem.integrators.ended_accelerations import count_ended, ended_state, restore_ended
 from flexfem.integrators.generalized_alpha import GeneralizedAlpha, predict_step, step_laws
 from flexfem.integrators.integrator import Integrator, discard, predictions
 from flexfem.integrators.split.step import Split
@@ -90,10 +91,11 @@ class IndependentCoordinates(Integrator):
 
     def state(self, system: System) -> State:
         """See :meth:`Integrator.state`."""
-        return State()
+        return ended_state(system)
 
     def restore(self, system: System, state: State) -> None:
         """See :meth:`Integrator.restore`."""
+        restore_ended(system, state)
 
     def shifts(self, h: float) -> Shifts:
         """See :meth:`Integrator.shifts`."""
@@ -171,6 +173,7 @@ class IndependentCoordinates(Integrator):
         (1 - alpha_f) w + alpha_f w0`` from the accelerations w, which satisfy the constraints.
         """
         scheme, rows = self.scheme, system.constraints
+        count_ended(system)
         old = [
             {name: values.copy() for name, values in part.block.state().items()}
             for part in system.parts

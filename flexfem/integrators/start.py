@@ -13,12 +13,13 @@ from flexfem._types import BoolArray, FloatArray
 from flexfem.constraints.batch import Constraints
 from flexfem.core.row import START_GAP
 from flexfem.core.status import Status
+from flexfem.integrators.ended_accelerations import keep_ended
 from flexfem.integrators.redundancy import check_independence
 from flexfem.integrators.stiff_dampers import StiffDampers
 from flexfem.solvers.frozen.solver import FrozenSolver
 from flexfem.solvers.linear.tangent import TangentSolver
 from flexfem.system.mechanics import END_POINT, VISCOUS
-from flexfem.system.system import MASS, System
+from flexfem.system.system import GYROSCOPIC, MASS, System
 
 __all__ = [
     "accelerate",
@@ -155,6 +156,7 @@ def _decay(system: System, tangent: TangentSolver, dt: float, *, starting: bool)
     rows, given = system.constraints, _steps(system)
     dampers = StiffDampers.of(system, tangent, dt)
     system.decayed = dampers.any or system.viscous()
+    system.ended = []
     _set_steps(system, given)
     if not system.decayed:
         return True
@@ -171,8 +173,18 @@ def _decay(system: System, tangent: TangentSolver, dt: float, *, starting: bool)
             return False
         found = [last + step for last, step in zip(found, _steps(system), strict=True)]
     assert damped is not None
-    if starting and dampers.far and not _give_rates(system, damped, dt):
-        return False
+    gained = [np.zeros_like(step) for step in given]
+    if starting and dampers.far:
+        if not _give_rates(system, damped, dt):
+            return False
+        # velocities that are given have forces of elements which the accelerations do not know
+        VISCOUS.multiply_mass(system, dt, GYROSCOPIC)
+        gained = [part.block.owned_residual.copy() for part in system.parts]
+    for part, first, last in zip(system.parts, given, found, strict=True):
+        part.block.owned_step[:] = last - first
+    END_POINT.multiply_mass(system, 1.0)
+    lacking = zip(system.parts, gained, strict=True)
+    keep_ended(system, [part.block.owned_residual + own for part, own in lacking])
     rows.evaluate(_RATES)
     for part, last in zip(system.parts, found, strict=True):
         part.block.owned_step[:] = last

@@ -144,7 +144,11 @@ class ElementFamily(Protocol):
         ...
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """Viscous stress resultants and strain rates (j, 6) at the points of :attr:`viscous_at`."""
+        """Viscous stress resultants and strains (j, 6) at the points of :attr:`viscous_at`.
+
+        The strains are those that positions make, without initial ones that change with time: what
+        damping takes in a step is the mean of the stresses times their change.
+        """
         ...
 
     @property

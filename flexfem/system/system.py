@@ -289,8 +289,11 @@ class System:
         modal_dampers: dampers of modes, None without any or where nothing moves.
         decayed: True if damping has ended accelerations where the state was made consistent last.
         slowed: True if dampers of joints have ended velocities at the start.
-        withheld: work, J, that damping does not take although velocities tell so, on this rank, by
-            schemes whose accelerations lack a part of it, see ``integrators.split``.
+        withheld: (n_owned,) work, J, at the nodes of each part that damping does not take although
+            stresses tell so, or takes beside them if negative: of schemes whose accelerations lack
+            a part of it, see ``integrators.split`` and ``integrators.ended_accelerations``.
+        ended: (n, 6) forces of each part that the accelerations lack since the state was made
+            consistent last, whose work in the next step counts there; or none.
         row_forces: computes forces of all rows (r,) for :meth:`reported_forces` (collective); None
             if those of the rows are reported.
     """
@@ -330,7 +333,8 @@ class System:
         self.linear = linear or LinearSolver()
         self.counters, self.traffic = Counters(), Traffic()
         self.time = self.lead = 0.0
-        self.withheld = 0.0
+        self.withheld = [np.zeros(part.block.owned) for part in self.parts]
+        self.ended: list[FloatArray] = []
         self.decayed = self.slowed = False
         self.prediction = Prediction.VELOCITY
         self.modal_dampers: ModalDampers | None = None
@@ -432,6 +436,10 @@ class System:
         """True if elements of a part have damping, on any rank (collective)."""
         own = any(part.elements is not None and part.elements.viscous for part in self.parts)
         return bool(self.comm.allreduce(own, op=MPI.LOR))
+
+    def may_decay(self) -> bool:
+        """True if damping may end accelerations at a start (collective)."""
+        return bool(self.comm.allreduce(self.constraints.damped, op=MPI.LOR)) or self.viscous()
 
     def predict(self, law: FloatArray, rates: FloatArray) -> None:
         """Start a step in every block; see ``core.nodes.frame_kernels.predict``."""

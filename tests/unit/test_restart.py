@@ -61,6 +61,23 @@ def driven() -> ff.Model:
     return model
 
 
+def loaded_late() -> ff.Model:
+    """A damped rod that a force pulls from the checkpoint on: accelerations of its jump have ended.
+
+    Their work counts in the next step.
+    """
+    rod = ff.LineMesh.straight({"rod": np.array([[0.0, 0.0, 0.0], [0.2, 0.0, 0.0]])}, 6)
+    model, rubber = ff.Model("loaded_late", mesh=rod), ff.Material(1e6, 0.3, 1000.0)
+    late = ff.TimeFunction(lambda t: float(t >= 0.01), breakpoints=[0.01])
+    model.add(
+        ff.Beam("rod", ff.Section.circle(0.02, rubber), damping=1e-2),
+        ff.Rigid("clamp", ff.Ground(), ff.Marker("rod", "start")),
+        ff.PointForce("pull", ff.Marker("rod", "end"), (0.01, 0.0, 0.0), amplitude=late),
+        ff.EnergyProbe("energy"),
+    )
+    return model
+
+
 def _six_times(rotation: np.ndarray) -> float:
     """Six times the angle about the third axis, in [-pi, pi]."""
     return float(np.angle(complex(rotation[0, 0], rotation[1, 0]) ** 6))
@@ -222,6 +239,7 @@ MODELS: dict[str, tuple[Any, dict[str, Any]]] = {
     "sheet": (sheet, {"dt": 2e-3, "t_end": 0.072, "split_above": 1, "tolerance": 1e-9}),
     "energy": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "energy_momentum"}),
     "heated": (heated, {"dt": 2e-3, "t_end": 0.072, "split_above": 1, "tolerance": 1e-10}),
+    "loaded_late": (loaded_late, {"dt": 2e-3, "t_end": 0.018, "split_above": 1}),
     "index2": (driven, {"dt": 2e-3, "t_end": 0.072, "integrator": "stabilized_index2"}),
 }
 #: Not restarted on ranks here: three of them are in ``tests/cases/test_restart_runs.py``.

@@ -227,10 +227,10 @@ class NurbsBeams:
         return any(group.viscous for group in self.groups)
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """Viscous stress resultants and strain rates (j, 6) at the points of :attr:`viscous_at`."""
+        """Viscous stress resultants and strains (j, 6) at the points of :attr:`viscous_at`."""
         both = [np.empty((2, 0, 6)), *(np.stack(g.viscosity(block)) for g in self.groups)]
-        stress, rate = np.concatenate(both, axis=1)
-        return stress, rate
+        stress, strain = np.concatenate(both, axis=1)
+        return stress, strain
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:

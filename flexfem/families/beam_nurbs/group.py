@@ -276,10 +276,11 @@ class NurbsGroup:
         return self._material.viscous
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """Viscous stress resultants and strain rates (m q, 6) at the quadrature points."""
+        """Viscous stress resultants and strains (m q, 6) at the quadrature points."""
         both = self._point_strains(block.frames, block.velocity)
         strain, rate = (np.ascontiguousarray(h) for h in np.split(both.reshape(-1, 12), 2, axis=1))
-        return self._points.viscous_stress(strain, rate), rate
+        stress = self._points.viscous_stress(strain, rate)
+        return stress, strain + self._points.rest.reshape(-1, 6)
 
     def add_motion(self, block: FrameBlock, chosen: BoolArray, motion: FloatArray) -> None:
         """Add energy and momenta of the chosen (m,) elements, see ``flexfem.core.nodes.motion``."""

@@ -280,13 +280,13 @@ class SE3Beams:
         return any(group.viscous for _, group in self.groups)
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """Viscous stress resultants and strain rates (m, 6) of all cells."""
+        """Viscous stress resultants and strains (m, 6) of all cells."""
         if len(self.groups) == 1:
             return self.groups[0][1].viscosity(block)
-        stress, rate = np.empty((2, len(self.data.cells), 6))
+        stress, strain = np.empty((2, len(self.data.cells), 6))
         for rows, group in self.groups:
-            stress[rows], rate[rows] = group.viscosity(block)
-        return stress, rate
+            stress[rows], strain[rows] = group.viscosity(block)
+        return stress, strain
 
     def step_forces(self, comm: MPI.Intracomm, count: int, dissipates: bool) -> EnergyBeams:
         """See :class:`flexfem.layout.elements.SteppedElements`."""

@@ -296,13 +296,14 @@ class BeamGroup:
         return strain, resultant, energy * self.lengths[chosen]
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """Viscous stress resultants and strain rates (m, 6) of all cells."""
+        """Viscous stress resultants and strains (m, 6) of all cells, see ``ElementFamily``."""
         twists, strain = self._strain(block.frames)
-        rate = np.empty_like(twists)
+        rate, lengths = np.empty_like(twists), self.lengths[:, np.newaxis]
         cell_rates(self.cells.memory, twists, block.nodes.memory, rate)
-        rate /= self.lengths[:, np.newaxis]
+        rate /= lengths
         damping = self.data.damping
-        return self._material.viscous_stress(strain, rate, self.data.section, damping), rate
+        stress = self._material.viscous_stress(strain, rate, self.data.section, damping)
+        return stress, twists / lengths
 
     def losses(self, change: FloatArray, h: float) -> FloatArray:
         """Energies (m,) that linear damping takes from the cells, see ``SteppedElements``."""

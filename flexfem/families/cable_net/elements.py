@@ -168,12 +168,12 @@ class CableElements(StresslessElements):
         return self.cables.measured(kernels.energies, self._points)
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """Forces of the dampers, N, and rates of strain, the first of six numbers each."""
+        """Forces of the dampers, N, and strains, the first of six numbers each."""
         self._move(block)
-        forces, rates = np.zeros((2, len(self.size), 6))
+        forces, strains = np.zeros((2, len(self.size), 6))
         own = self.cables.nodes, self.cables.numbers
-        kernels.viscosity(*own, self._points, self._rates, forces, rates)
-        return forces[self._damped], rates[self._damped]
+        kernels.viscosity(*own, self._points, self._rates, forces, strains)
+        return forces[self._damped], strains[self._damped]
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:

@@ -180,15 +180,15 @@ def _rate(d: _Pair, v: FloatArray, i: int, j: int, row: FloatArray) -> float:
 @kernel
 def viscosity(
     nodes: IndexArray, numbers: FloatArray, x: FloatArray, v: FloatArray, forces: FloatArray,
-    rates: FloatArray,
+    strains: FloatArray,
 ) -> None:  # fmt: skip
-    """Forces of the dampers, N, and rates of strain, 1/s: the first of six numbers (m, 6) each."""
+    """Forces of the dampers, N, and strains: the first of six numbers (m, 6) each."""
     for m in range(len(nodes)):
         i, j, row = nodes[m, 0], nodes[m, 1], numbers[m]
         d = _between(x, i, j)
         e, rate = d[3] / row[REST] - 1.0, _rate(d, v, i, j, row)
         forces[m, 0] = row[STIFFNESS] * (_stress(e, rate, row)[0] - _taut(e, row[SLACK]))
-        rates[m, 0] = rate
+        strains[m, 0] = e
 
 
 @kernel

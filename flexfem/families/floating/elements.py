@@ -316,17 +316,17 @@ class FloatingBodies:
         return out
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """Forces of damping and rates of the coordinates, six at a time."""
-        forces, rates = [np.empty((0, 6))], [np.empty((0, 6))]
+        """Forces of damping and the coordinates, six at a time."""
+        forces, coordinates = [np.empty((0, 6))], [np.empty((0, 6))]
         for group in self.groups:
             _, eta = group.coordinates(block.frames, block.velocity, block.acceleration)
             for all_of, values in (
-                (forces, eta[:, :, 1] @ group.data.damping), (rates, eta[:, :, 1])
+                (forces, eta[:, :, 1] @ group.data.damping), (coordinates, eta[:, :, 0])
             ):  # fmt: skip
                 padded = np.zeros((len(values), 6 * _sixes(group)))
                 padded[:, : values.shape[1]] = values
                 all_of.append(padded.reshape(-1, 6))
-        return np.concatenate(forces), np.concatenate(rates)
+        return np.concatenate(forces), np.concatenate(coordinates)
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:

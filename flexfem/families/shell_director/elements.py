@@ -260,9 +260,10 @@ class DirectorShells:
 
         Strains are covariant, and stresses are those of the areas of their points.
         """
-        rates = self.triangles.rates(block.frames, block.velocity)
-        stresses = self.triangles.viscous_stresses(block.frames, rates)
-        return stresses.reshape(-1, 6), rates.reshape(-1, 6)
+        own, frames = self.triangles, block.frames
+        stresses = own.viscous_stresses(frames, own.rates(frames, block.velocity))
+        strains = own.changes(frames) + own.starts
+        return stresses.reshape(-1, 6), strains.reshape(-1, 6)
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:

@@ -354,13 +354,13 @@ class RotationFreeShells:
         """See :class:`flexfem.layout.elements.ElementFamily`."""
         positions_into(block.frames, self._points)
         inertial_into(block.frames, block.velocity, self._vectors)
-        rates = [g.triangles.strain_rates(self._points, self._vectors) for g in self.groups]
-        stresses = [
-            g.triangles.viscous_stresses(g.triangles.strains(self._points), rate)
-            for g, rate in zip(self.groups, rates, strict=True)
-        ]
-        nothing = np.empty((0, 6))
-        return np.concatenate([nothing, *stresses]), np.concatenate([nothing, *rates])
+        stresses, strains = [np.empty((0, 6))], [np.empty((0, 6))]
+        for own in (group.triangles for group in self.groups):
+            since_start = own.strains(self._points)
+            rates = own.strain_rates(self._points, self._vectors)
+            stresses.append(own.viscous_stresses(since_start, rates))
+            strains.append(since_start + own.starts)
+        return np.concatenate(stresses), np.concatenate(strains)
 
     @property
     def viscous_at(self) -> tuple[IntArray, FloatArray]:

@@ -289,17 +289,17 @@ class SolidElements(StresslessElements):
         return [group.fields(self._motion.memory) for group in self.groups]
 
     def viscosity(self, block: FrameBlock) -> tuple[FloatArray, FloatArray]:
-        """Viscous forces on the nodes of the cells, N, and their velocities, three numbers of six.
+        """Viscous forces on the nodes of the cells, N, and their positions, three numbers of six.
 
-        The mean of the ones times that of the others over a step is what a step takes: the mean of
-        their product would count velocities that change sign.
+        The mean of the ones times the change of the others is what a step takes: the mean power of
+        both ends would count velocities that change sign.
         """
         self._move(block)
-        forces, rates = [np.empty((0, 3))], [np.empty((0, 3))]
+        forces, places = [np.empty((0, 3))], [np.empty((0, 3))]
         for group in self._damped:
             forces.append(group.resistance(self._motion.memory))
-            rates.append(self._motion.velocity[group.nodes].reshape(-1, 3))
-        both = [np.pad(np.concatenate(found), ((0, 0), (0, 3))) for found in (forces, rates)]
+            places.append(self._points[group.nodes].reshape(-1, 3))
+        both = [np.pad(np.concatenate(found), ((0, 0), (0, 3))) for found in (forces, places)]
         return both[0], both[1]
 
     def step_forces(self, comm: MPI.Intracomm, count: int, dissipates: bool) -> SolidSteps:

@@ -87,7 +87,7 @@ class StiffDamping:
             acting: True if there were impulses.
         """
         if self._withheld:
-            self._system.withheld += self._work(h)
+            self._withhold(h)
         if not (acting or self.lacking):
             self._withheld = False
             return
@@ -125,12 +125,12 @@ class StiffDamping:
         blocks = [part.block for part in self._system.parts]
         return [block.velocity[: block.owned, : block.width].copy() for block in blocks]
 
-    def _work(self, h: float) -> float:
-        """Work over a step of size h, s, of forces that it has not given back, on this rank, J."""
-        mean = [0.5 * (a + b) for a, b in zip(self._rates, self._velocities(), strict=True)]
-        work = sum(float(np.vdot(own, one)) for own, one in zip(self._forces, mean, strict=True))
-        # accelerations at the begin of a step have half of the weight
-        return 0.5 * h * work
+    def _withhold(self, h: float) -> None:
+        """Count the work over a step of size h, s, of forces that it has not given back."""
+        every = zip(self._forces, self._rates, self._velocities(), strict=True)
+        for total, (own, a, b) in zip(self._system.withheld, every, strict=True):
+            # accelerations at the begin of a step have half of the weight
+            total[:] += 0.25 * h * np.einsum("ni,ni->n", own, a + b)
 
     def _damp(self, rates: list[FloatArray], factor: float) -> None:
         """Set the residuals to a factor times C times twists (n, 6) of each block (collective)."""

@@ -21,6 +21,7 @@ class ChosenBodies:
     Attributes:
         cells: mask over the elements of this rank for each part, empty for rigid bodies.
         masses, forces: one mask for each part; line_forces: masks over those inside elements.
+        nodes: mask over the owned nodes of each part.
         sides: (t, 2) True for sides of the rows' terms at chosen bodies, the ground included.
     """
 
@@ -43,10 +44,12 @@ class ChosenBodies:
         self.masses: list[BoolArray] = []
         self.forces: list[BoolArray] = []
         self.line_forces: list[list[BoolArray]] = []
+        self.nodes: list[BoolArray] = []
         for part in system.parts:
             body = np.empty(0, dtype=np.int64) if part.elements is None else part.elements.body
             self.cells.append(member[part.kind][body])
             of_node = member[part.kind][part.node_body]
+            self.nodes.append(of_node[: part.block.owned])
             self.masses.append(of_node[part.masses.nodes])
             self.forces.append(of_node[part.forces.nodes])
             self.line_forces.append([member[part.kind][f.body] for f in part.line_forces])
