@@ -105,8 +105,8 @@ class EnergyMeter:
     the mean of viscous stresses, or of forces of dampers, times the change of strains or values; of
     moments, drives and friction it is the mean times the mean rate times the step. All are of
     second order. Mean rates are not what steps with ``rho_inf < 1`` take in modes whose damping
-    they do not resolve: with 0 a tenth to a quarter of the energy was counted too much. Where forces
-    of rows are means over the step (``Constraints.mean_forces``), they count as such, and
+    they do not resolve: with 0 a tenth to a quarter of the energy was counted too much. Where
+    forces of rows are means over the step (``Constraints.mean_forces``), they count as such, and
     damping takes the mean stress along the change of strain, exactly what the step says.
 
     Forces of rows are the multipliers of the integrator, not ``System.reported_forces``: they
