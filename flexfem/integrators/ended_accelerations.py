@@ -29,7 +29,7 @@ def keep_ended(system: System, forces: Sequence[FloatArray]) -> None:
 
 def count_ended(system: System) -> None:
     """Count the work in the step from the accepted to the trial state, which is to be accepted."""
-    for part, forces, withheld in zip(system.parts, system.ended, system.withheld, strict=False):
+    for part, forces, withheld in zip(system.parts, system.ended, system.withheld, strict=True):
         block, own = part.block, forces[: part.block.owned]
         if not own.any():
             continue
@@ -38,7 +38,7 @@ def count_ended(system: System) -> None:
             turns = block.frames0[: block.owned, 3:].reshape(-1, 3, 3)
             way[:, :3] = np.einsum("nji,nj->ni", turns, way[:, :3])
         withheld[:] += 0.5 * np.einsum("ni,ni->n", own, way)
-        forces[:] = 0.0
+    system.ended = []
 
 
 def ended_state(system: System) -> State:

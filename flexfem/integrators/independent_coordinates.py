@@ -173,7 +173,8 @@ class IndependentCoordinates(Integrator):
         (1 - alpha_f) w + alpha_f w0`` from the accelerations w, which satisfy the constraints.
         """
         scheme, rows = self.scheme, system.constraints
-        count_ended(system)
+        if system.ended:
+            count_ended(system)
         old = [
             {name: values.copy() for name, values in part.block.state().items()}
             for part in system.parts

@@ -195,8 +195,10 @@ class _TimeSteps(Steps):
         cautions, serial = self.cautions, self._simulation.serial
         for watch in (self._watch, self._turns, self._alternating):
             cautions.say([] if watch is None else watch.texts())
+        lossless = self._options.rho_inf == 1.0 and not self._simulation.events.fired
         # the first rank has the history
-        cautions.say(self.system.comm.bcast(energy_drift(serial.model, history)))
+        drift = energy_drift(serial.model, history, lossless=lossless)
+        cautions.say(self.system.comm.bcast(drift))
         cautions.say(locked_shapes(serial, self.system))
 
     def summary(self) -> dict[str, Any]:
