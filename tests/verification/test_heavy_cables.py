@@ -12,6 +12,7 @@ import pytest
 
 import flexfem as ff
 from tests.histories import columns
+from tests.unit.refusals import assert_on_page
 
 G = 9.81
 SMALL = (0.01, 0.01, 0.01)
@@ -117,7 +118,8 @@ def test_accelerations_are_those_of_the_material() -> None:
     """d'Alembert's principle for 18 points of an explicit map from material to places.
 
     The map is differentiated numerically, at fixed material: in steps of 1e-7 i, and twice along
-    the motion. Ends and eyelet are free.
+    the motion. Ends and eyelet are free. What passes the eyelet changes its direction at once: the
+    eyelet gives it that momentum.
     """
     model = model_of()
     for name, place, rate, mass in zip("aeb", POINTS, RATES, MASSES, strict=True):
@@ -153,6 +155,16 @@ def test_accelerations_are_those_of_the_material() -> None:
     M = np.diag(own) + np.einsum("ink,jnk,n->ij", J, J, masses)
     forces = own * np.tile(weight, 3) - pull * longer
     forces += np.einsum("ink,nk,n->i", J, weight - curved, masses)
+
+    def at_eyelet(q: np.ndarray) -> Any:
+        """Arc length of the material that is at the eyelet now, less that of the eyelet."""
+        moved = np.array(lines_of(q)[1])
+        return before[3] / lengths.sum() * moved.sum() - moved[:3].sum()
+
+    flow = at_eyelet(q + 1e-7j * v).imag / 1e-7
+    ahead, into = (POINTS[2] - POINTS[1]) / lengths[3], lines_of(q)[0][2]
+    behind = into(1.0) - into(0.0)
+    forces[2:4] -= MU * REST / lengths.sum() * flow**2 * (ahead - behind)
     exact = np.linalg.solve(M, forces)
     # differences leave 1e-6; terms with the square of the flow are parts of 1e-2
     np.testing.assert_allclose(found, exact, atol=2e-5 * np.abs(exact).max())
@@ -195,6 +207,7 @@ def hanging(**cable: Any) -> ff.Model:
         ff.Cable("rope", [ff.Ground(), ff.Marker("load")], **given),
         ff.PositionProbe("at", ff.Marker("load")),
         ff.CableProbe("pull", "rope"),
+        ff.ReactionProbe("hold", "rope"),
     )
 
 
@@ -211,6 +224,8 @@ def test_equilibrium_and_modes_of_a_hanging_load() -> None:
     # Newton's tolerance; the preload is that of a rope that is 1 % heavier
     assert found["at_z"][-1] == pytest.approx(-long, abs=1e-9)
     assert found["pull_tension"][-1] == pytest.approx(half * G, rel=1e-8)
+    # without the weight of the rope, of which the ground holds the other half
+    assert found["hold_fz"][-1] == pytest.approx(LOAD * G, rel=1e-8)
     modes = ff.find_modes(model, ff.ModeOptions(modes=3, start="equilibrium", quiet=True))
     swing, stretch = half * G / long / third, STIFFNESS / rest / third
     exact = np.sqrt([swing, swing, stretch]) / (2.0 * np.pi)
@@ -255,8 +270,48 @@ def test_a_winch_lifts_rope_and_load() -> None:
     exact = (LOAD + 0.5 * MU * (LONG + hauled(t))) * (G - faster)
     # second order in the step; the mass that is hauled in is 1e-1
     np.testing.assert_allclose(history["pull_tension"], exact, rtol=2e-4)
+    # the load alone; the tension is up to 1.4 times as much
+    np.testing.assert_allclose(history["hold_fz"], LOAD * (G - faster), rtol=2e-4)
     # the energy of what comes in, and the work along it, are 1e-1 and more of the energy
     balanced(history, 1e-4)
+
+
+@pytest.mark.serial
+def test_a_rope_through_an_eyelet_in_free_flight() -> None:
+    """What flows through an eyelet that moves leaves it its momentum, whatever the step."""
+    model = ff.Model("flight")
+    places = {"a": (-1.0, 0.0, 0.2), "eye": (0.0, 0.0, 0.0), "b": (0.7, 0.0, 0.4)}
+    rates = {"a": (0.0, 1.0, 0.0), "eye": (0.0, 0.0, 0.0), "b": (0.3, 0.0, 0.5)}
+    for name, place in places.items():
+        model.add(ff.RigidBody(name, 1.0, (0.5, 0.6, 0.7), position=place, velocity=rates[name]))
+    path = [ff.Marker("a"), ff.Eyelet(ff.Marker("eye")), ff.Marker("b")]
+    model.add(
+        ff.Cable("rope", path, mass_per_length=1.0, tension_only=False),
+        ff.MomentumProbe("p"),
+        ff.EnergyProbe(),
+    )
+    history = run(model, 4e-3, 0.4, rho_inf=1.0, tolerance=1e-10)
+    for axis in "xyz":
+        # second order in the step, 1e-6; without what the eyelet does 1e-2
+        np.testing.assert_allclose(history[f"p_p{axis}"], history[f"p_p{axis}"][0], atol=1e-5)
+        np.testing.assert_allclose(history[f"p_l{axis}"], history[f"p_l{axis}"][0], atol=1e-5)
+    # 2e-6, and 3e-3
+    balanced(history, 1e-5)
+
+
+@pytest.mark.parametrize("given", [{"axes": "a"}, {}])
+def test_forces_of_heavy_ropes_that_are_not_known(given: dict[str, str]) -> None:
+    """Of one that ends on the ground, and in axes that the last part does not know."""
+    ends = [ff.Marker("load"), ff.Marker("other") if given else ff.Ground()]
+    model = model_of(
+        ff.RigidBody("load", LOAD, SMALL, position=(0.0, 0.0, -LONG)),
+        ff.RigidBody("other", LOAD, SMALL),
+        ff.Cable("rope", ends, mass_per_length=MU, axial_stiffness=STIFFNESS),
+        ff.ReactionProbe("hold", "rope", **given),
+    )
+    with pytest.raises(ValueError, match='Cable "rope" with mass') as caught:
+        run(model, 1e-3, 1e-3)
+    assert_on_page(str(caught.value))
 
 
 def crane() -> ff.Model:
@@ -283,6 +338,8 @@ def crane() -> ff.Model:
         ff.PositionProbe("at", ff.Marker("load")),
         ff.PositionProbe("head", head),
         ff.CableProbe("pull", "rope"),
+        ff.ReactionProbe("hold", "rope"),
+        ff.ReactionProbe("hold_b", "rope", axes="b"),
         ff.EnergyProbe(),
     )  # fmt: skip
     return model

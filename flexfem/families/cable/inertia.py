@@ -7,11 +7,13 @@ length ``sigma`` from the first guide moves along the path at ``sigma' = L' - y 
 the tangent t. Beside guide k material has the velocity ``v_k + w t``, where ``w = sigma' - Z_k``
 and ``Z_k`` is the sum of ``t . (v_j+1 - v_j)`` of the straight parts before it: over sheaves as
 through points. On a straight part velocities are linear in ``sigma``; on a sheave t turns with the
-angle. Accelerations a follow by differentiation at fixed material, and with the virtual
-displacements at a fixed rest length d'Alembert's principle, the integral of ``rho (a - g) . dr``,
-has the forces. It holds for the mass that is there, whatever flows in at a winch (Escalona 2017,
-"An arbitrary Lagrangian-Eulerian discretization method for modeling and simulation of reeving
-systems in multibody dynamics", where flows are unknowns of their own).
+angle. At a point what flows through changes its direction at once, by the limit of an arc: the
+guide gives it ``rho w^2`` times the change of t. Accelerations a follow by differentiation at fixed
+material, and with the virtual displacements at a fixed rest length d'Alembert's principle, the
+integral of ``rho (a - g) . dr``, has the forces. It holds for the mass that is there, whatever
+flows in at a winch (Escalona 2017, "An arbitrary Lagrangian-Eulerian discretization method for
+modeling and simulation of reeving systems in multibody dynamics", where flows are unknowns of their
+own).
 
 The turning of a sheave's axis moves the cable on it, too, which is left out.
 """
@@ -232,6 +234,7 @@ def _forces(
     first, count = cables.start[c], cables.start[c + 1] - cables.start[c]
     W, whole, pulls, sums = np.empty((count, _WIDTH)), np.empty(3), np.zeros(count), np.zeros(2)
     V, A, point, force = np.empty((2, 3)), np.empty((2, 3)), np.empty((4, 3)), np.empty(3)
+    flow = np.empty(2)
     _course_into(own, at, c, W, whole)
     density = scale * cables.density[c] * cables.rest[c, 0] / whole[0]
     for j in range(count - 1):
@@ -244,6 +247,11 @@ def _forces(
             _put(W[j], force, 1.0, j + side, node, arc, pulls, sums, f)
     for k in range(1, count - 1):
         pieces, span = _pieces(own, c, k, W), W[k, _AT] - W[k - 1, _AT + 1]
+        if pieces == 0:  # the limit of an arc of no length, along which nothing pulls
+            _flow_into(cables.rest[c], whole, W[k, _Z : _Z + 2], W[k, _AT], flow)
+            thrust = density * flow[0] * flow[0]
+            for i in range(3):
+                f[cables.centre[first + k], i] += thrust * (W[k, _T + i] - W[k - 1, _T + i])
         for n in range(5 * pieces):
             part = (n // 5 + _POINTS[n % 5]) / pieces
             arc = _arc_point_into(own, at, c, k, part, W, whole, point)

@@ -11,6 +11,8 @@ from flexfem import _checks
 from flexfem._fields import checked, declared, text, vector
 from flexfem._types import IntArray
 from flexfem.core.joint import Joint
+from flexfem.core.marker import Ground
+from flexfem.joints.cable import Cable
 from flexfem.model.bodies.basic import Beam
 from flexfem.model.bodies.floating_body import FloatingBody
 from flexfem.model.bodies.shell import Shell
@@ -151,7 +153,8 @@ class ReactionProbe(AnyProbe):
     that hangs from the ground (marker a) on a joint is acted on by the opposite of its weight. The
     opposite force acts on marker a's body at the same place. Of a joint of lines of shells it is
     the resultant in inertial axes, the moment about the first node of the second line, or about the
-    marker of the body that it holds a line to.
+    marker of the body that it holds a line to. A cable with mass acts on the body by its tension
+    and by the inertia and weight of its last part; it must end on a body then.
 
     In motions the force belongs to the time of the row and to accelerations that satisfy the
     constraints there, whatever the integrator; drives are differentiated over eighths of a step.
@@ -185,6 +188,22 @@ class ReactionProbe(AnyProbe):
             raise ValueError(
                 f'ReactionProbe "{self.name}": {model[self.joint].owner} needs axes "inertial", '
                 f'got "{self.axes}"'
+            )
+        self._check_cable(model[self.joint])
+
+    def _check_cable(self, cable: Joint) -> None:
+        """Refuse what is not known of the force of a cable with mass."""
+        if not isinstance(cable, Cable) or not cable.mass_per_length:
+            return
+        if isinstance(cable.b, Ground):
+            raise ValueError(
+                f'ReactionProbe "{self.name}": {cable.owner} with mass ends on the ground, where '
+                "its force is not known; end it on a body that is fixed there"
+            )
+        if self.axes == "a":
+            raise ValueError(
+                f'ReactionProbe "{self.name}": {cable.owner} with mass needs axes "inertial" or '
+                '"b", got "a"'
             )
 
 

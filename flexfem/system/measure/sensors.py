@@ -6,11 +6,14 @@ columns of its probe; the columns are the sums over all ranks.
 """
 
 from abc import ABC, abstractmethod
+from collections.abc import Sequence
 from typing import ClassVar
 
 import numpy as np
 
 from flexfem._types import FloatArray
+from flexfem.core.joint import Joint
+from flexfem.core.marker import SurfaceMarker
 from flexfem.joints.cable import Cable
 from flexfem.layout.family import Sensor
 from flexfem.layout.numbered_model import NumberedModel
@@ -36,21 +39,25 @@ class RowSensor(ABC):
         width: number of columns.
         forced: number of the first ones, which depend on forces.
         joints: numbers of the joints of this rank with a name: those of lines of shells have
-            parts, of which this rank has its own.
+            parts, of which this rank has its own; then others whose forces are theirs, too.
     """
 
     width: ClassVar[int]
     forced: ClassVar[int]
 
-    def __init__(self, system: System, name: str) -> None:
-        """Find the joint."""
+    def __init__(self, system: System, name: str, others: Sequence[int] = ()) -> None:
+        """Find the joint; ``others`` are numbers of joints on this rank that go with it."""
         self._system, rows = system, system.constraints
         self.joints = [
             k
             for k, placed in enumerate(rows.joints)
             if placed.joint.name == name and (placed.owned or not placed.joint.joins_lines)
         ]
-        self._owned = bool(self.joints) and rows.joints[self.joints[0]].owned
+        self.joints += others
+        self._owned = any(rows.joints[k].owned for k in self.joints)
+        self._foreign = [
+            slice(rows.start[k], rows.start[k + 1]) for k in self.joints if not rows.joints[k].owned
+        ]
 
     @abstractmethod
     def values(self, forces: FloatArray) -> FloatArray:
@@ -62,6 +69,10 @@ class RowSensor(ABC):
         if not self._owned:
             return np.zeros(self.width)
         refresh_rows(self._system)
+        if self._foreign:
+            forces = forces.copy()
+            for rows in self._foreign:
+                forces[rows] = 0.0
         return self.values(forces)
 
 
@@ -69,14 +80,15 @@ class _ReactionSensor(RowSensor):
     """Force and moment of a joint on the body of its marker b.
 
     For a joint of lines it is the resultant of its parts, about the first part's marker: a node of
-    the line, or the marker of a body.
+    the line, or the marker of a body. Inertia and weight of a cable with mass reach the body over
+    the tie of its last node.
     """
 
     width: ClassVar[int] = 6
     forced: ClassVar[int] = 6
 
-    def __init__(self, system: System, probe: ReactionProbe) -> None:
-        super().__init__(system, probe.joint)
+    def __init__(self, system: System, probe: ReactionProbe, joint: Joint) -> None:
+        super().__init__(system, probe.joint, _last_tie(system, joint))
         self._axes, rows = probe.axes, system.constraints
         self._first = rows.marker_start[self.joints]
         second = np.array([rows.joints[k].joint.second for k in self.joints], dtype=np.int64)
@@ -91,6 +103,15 @@ class _ReactionSensor(RowSensor):
             return np.concatenate([force, moment])
         R = se3.rotation(rows.poses[self._first[0] if self._axes == "a" else self._markers[0]])
         return np.concatenate([force @ R, moment @ R])
+
+
+def _last_tie(system: System, joint: Joint) -> list[int]:
+    """Number of the joint on this rank that keeps the last node of a cable with mass, if any."""
+    if not isinstance(joint, Cable) or not joint.mass_per_length:
+        return []
+    node = joint.name, (len(joint.path) - 1,)
+    ends = [(k, placed.joint.a) for k, placed in enumerate(system.constraints.joints)]
+    return [k for k, a in ends if isinstance(a, SurfaceMarker) and (a.body, a.nodes) == node]
 
 
 class _CableSensor(RowSensor):
@@ -139,6 +160,6 @@ def create_sensor(probe: AnyProbe, system: System, serial: NumberedModel) -> Sen
         case CableProbe():
             return _CableSensor(system, probe, serial.model[probe.cable])
         case ReactionProbe():
-            return _ReactionSensor(system, probe)
+            return _ReactionSensor(system, probe, serial.model[probe.joint])
     sensors = (part.family.sensor(probe, part) for part in system.parts)
     return next((sensor for sensor in sensors if sensor is not None), None)
