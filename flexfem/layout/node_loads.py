@@ -11,6 +11,7 @@ from flexfem._types import BoolArray, FloatArray, IntArray
 from flexfem.bodies.node_forces import Wrenches, add_forces, force_states, force_tangent
 from flexfem.bodies.node_inertia import add_inertia, add_mass_motion, inertia_tangent
 from flexfem.core.nodes.frame_block import FrameBlock
+from flexfem.core.nodes.frame_kernels import Nodes
 from flexfem.kernels.sequence import Call, Number
 
 __all__ = ["Force", "NodeForces", "NodeMasses", "Wrench", "wrenches"]
@@ -30,7 +31,8 @@ class NodeMasses:
 
     def add_residual(self, block: FrameBlock, gravity: FloatArray, scale: float) -> None:
         """Add ``scale`` times inertia and gravity forces to the block's residual."""
-        add_inertia(self.nodes, self.matrices, block.nodes.memory, gravity, scale)
+        nodes = self._state(block)
+        add_inertia(self.nodes, self.matrices, nodes.memory, gravity, scale)
 
     def residual_call(self, block: FrameBlock, gravity: FloatArray, scale: Number) -> Call:
         """Call of the loop of :meth:`add_residual`."""
@@ -44,12 +46,22 @@ class NodeMasses:
 
         With ``local`` the derivative K is that at fixed local velocities and accelerations.
         """
-        out = np.empty_like(self.matrices)
+        out, nodes = np.empty_like(self.matrices), self._state(block)
         inertia_tangent(
-            self.nodes, self.matrices, block.nodes.memory, gravity, block.inertial and not local,
+            self.nodes, self.matrices, nodes.memory, gravity, block.inertial and not local,
             shifts, scale, out,
         )  # fmt: skip
         return out
+
+    def _state(self, block: FrameBlock) -> Nodes:
+        """State of the nodes, without turns of axes that nodes with positions alone do not have.
+
+        Where a model rotates steadily, their velocities hold its spin as well.
+        """
+        if block.width == 6 or not block.velocity[self.nodes, 3:].any():
+            return block.nodes
+        velocity = np.pad(block.velocity[:, :3], ((0, 0), (0, 3)))
+        return Nodes(**(vars(block.nodes) | {"velocity": velocity}))
 
     def tangent_call(
         self, block: FrameBlock, gravity: FloatArray, shifts: FloatArray, scale: Number,
