@@ -6,12 +6,16 @@ import importlib
 import re
 from itertools import product
 
+from mpi4py import MPI
+
 import numpy as np
 import pytest
 import scipy.linalg
+from dolfinx.mesh import CellType, create_box
 
 import flexfem as ff
 from flexfem import launch
+from tests.unit.particle_body import bar
 from tests.unit.refusals import assert_on_page
 
 AXIS = (0.0, 0.0, 1.0)
@@ -63,8 +67,6 @@ def _shapes(modes):
 @pytest.mark.parametrize("spin", [0.0, pytest.param(20.0, marks=pytest.mark.three_ranks)])
 @pytest.mark.parametrize(("damping", "dense"), [(0.0, 0), (2e-4, 100)])
 def test_any_number_of_ranks_gives_the_same_modes(spin, damping, dense, monkeypatch):
-    from mpi4py import MPI
-
     from flexfem.solvers.modal import modes as solver
 
     options = ff.ModeOptions(modes=5, spin=spin, split_above=1, quiet=True)
@@ -535,8 +537,6 @@ def test_modes_that_are_not_good_enough_are_no_success(monkeypatch):
     [(20.0, 0.0), pytest.param(20.0, 2e-4, marks=pytest.mark.three_ranks), (0.0, 2e-4)],
 )
 def test_modes_near_a_target_under_rotation_and_with_damping(spin, damping, monkeypatch):
-    from mpi4py import MPI
-
     from flexfem.solvers.modal import modes as solver
 
     target = 30.0
@@ -1060,6 +1060,57 @@ def test_bodies_without_nodal_rotations_precess_as_rigid_ones(kind, mass, axis):
     # double ones are parted by the root of round-off; triangles with masses at their corners have
     # another inertia by 2 %
     np.testing.assert_allclose(found.modes.eigenvalues.imag, expected, rtol=2e-2)
+
+
+@pytest.mark.parametrize("frame", ["left", "mean_axes"])
+def test_bodies_in_floating_frames_precess_as_rigid_ones(frame):
+    """As above, wherever the axis is: amplitudes have no place that turns about it."""
+    spin, sides, at = 2.0, np.array([1.0, 0.6, 0.3]), np.array([3.0, -2.0, 1.0])
+    cells = CellType.hexahedron
+    box = create_box(MPI.COMM_SELF, [-0.5 * sides, 0.5 * sides], (4, 3, 2), cells)
+    soft = ff.solid_body(box, ff.Material(1e7, 0.3, 1e3))
+    reduced = ff.reduce_body(soft, {"left": lambda x: np.isclose(x[0], -0.5)}, modes=5)
+    model = ff.Model()
+    model.add(ff.FloatingBody("body", reduced, frame=frame, position=at))
+    centre = ",".join(map(str, at))
+    found = ff.find_modes(model, ff.ModeOptions(modes=6, spin=spin, centre=centre, quiet=True))
+    # with amplitudes that turn no equilibrium is found
+    assert found.status == "ok"
+    a, b, c = np.roll((np.sum(sides**2) - sides**2) / 12.0, 1)
+    precession = spin * np.sqrt((a - b) * (a - c) / (b * c))
+    expected = np.sort([0.0, 0.0, spin, spin, spin, precession])
+    # double ones are parted by the root of round-off; vibrations are above 100 rad/s
+    rates = found.modes.eigenvalues.imag
+    np.testing.assert_allclose(rates, expected, rtol=1e-2, atol=1e-4)
+
+
+@pytest.mark.parametrize("place", [(0.0, 0.0, 0.0), (2.0, 3.0, 1.0)])
+def test_blades_in_floating_frames_have_the_modes_of_beams(place):
+    """On a hub that spins, at the origin and elsewhere."""
+    spin, place, rates = 60.0, np.array(place), []
+    aluminium = ff.Material(7e10, 0.3, 2700.0)
+    ends = np.array([place, place + np.array([1.0, 0.0, 0.0])]).tolist()
+    blade = ff.LineMesh.straight({"blade": [tuple(end) for end in ends]}, 20)
+    for floating in (False, True):
+        model, root = ff.Model(mesh=blade), ff.Marker("blade", "start")
+        if floating:
+            reduced, root = bar(modes=9, stiffening=True), ff.Marker("blade", "left")
+            model = ff.Model()
+            model.add(ff.FloatingBody("blade", reduced, position=place, stiffening=True))
+        else:
+            section = ff.Section.rectangle(0.02, 0.02, aluminium)
+            model.add(ff.Beam("blade", section, orientation=(0.0, 1.0, 0.0)))
+        model.add(
+            ff.RigidBody("hub", 1.0, (0.1, 0.1, 0.1), position=place),
+            ff.Rigid("root", ff.Marker("hub"), root),
+            ff.Revolute("bearing", ff.Ground(place), ff.Marker("hub")),
+            ff.PrescribedAngle("motor", ff.Ground(place), ff.Marker("hub"), angle=lambda t: 0.0),
+        )
+        centre = ",".join(map(str, place))
+        options = ff.ModeOptions(modes=4, spin=spin, centre=centre, quiet=True)
+        rates.append(ff.find_modes(model, options).modes.eigenvalues.imag)
+    # elements, and a stiffness of first order in the stress; amplitudes that turn: 3e-2 and 11
+    np.testing.assert_allclose(rates[1], rates[0], rtol=5e-3)
 
 
 @pytest.mark.serial

@@ -24,6 +24,7 @@ from flexfem.core.nodes.frame_kernels import (
 from flexfem.core.nodes.ghosted_rows import GhostedRows
 from flexfem.core.nodes.prediction import Misses
 from flexfem.core.state import Numbering
+from flexfem.lie import se3
 
 __all__ = ["FrameBlock"]
 
@@ -61,12 +62,14 @@ class FrameBlock:
         offset: first global node of this rank.
         elements: (m,) numbers of the elements whose places this rank evaluates; None: those whose
             last node it owns.
+        amplitudes: (n,) True for nodes without a place, whose translations are amplitudes.
     """
 
     def __init__(
         self, name: str, comm: MPI.Intracomm, frames: FloatArray, velocity: FloatArray,
         node_ids: IntArray, index_map: Any, inertial: bool, width: int = 6,
         dirichlet: BoolArray | None = None, elements: IntArray | None = None,
+        amplitudes: BoolArray | None = None,
     ) -> None:  # fmt: skip
         """Create a block (collective).
 
@@ -81,10 +84,13 @@ class FrameBlock:
             width: unknowns of a node; 3 needs ``inertial``.
             dirichlet: (n, width) fixed unknowns, on all ranks or none.
             elements: see the attribute.
+            amplitudes: see the attribute; None for none.
         """
         self.name, self.comm, self.inertial, self.width = name, comm, inertial, width
         self.node_ids, self.index_map, self.dirichlet = node_ids, index_map, dirichlet
         self.elements = elements
+        none = np.zeros(len(frames), dtype=np.bool_)
+        self.amplitudes = none if amplitudes is None else amplitudes
         self.unturned = np.full(len(frames), -1)
         if dirichlet is not None and width == 6:
             alone = dirichlet[:, 3:].sum(axis=1) == 1
@@ -120,6 +126,15 @@ class FrameBlock:
             rates=self._rates, offset=np.zeros((0, 6)), turn=np.zeros((count, 6)),
             velocity_change=np.zeros((count, 6)), acceleration_change=np.zeros((count, 6)),
         )  # fmt: skip
+
+    def rigid_twists(self, twist: FloatArray) -> FloatArray:
+        """Local twists (n, 6) of the nodes in a rigid motion with a twist (6,) in inertial axes.
+
+        Amplitudes do not change.
+        """
+        found = se3.adjoint(se3.inverse(self.frames)) @ twist
+        found[self.amplitudes] = 0.0
+        return found
 
     @property
     def sizes(self) -> tuple[int, int]:

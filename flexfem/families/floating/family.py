@@ -140,6 +140,7 @@ class FloatingBodyFamily(Family):
         block = FrameBlock(
             "floating_bodies", comm, nodes.frames[ids], nodes.velocities[ids], ids, index_map,
             inertial=True, dirichlet=nodes.held[ids] if nodes.held.any() else None,
+            amplitudes=nodes.held[ids, 3],
         )  # fmt: skip
         groups = []
         for kind in nodes.kinds:

@@ -89,8 +89,7 @@ class Rotation:
 
     def twists(self, system: System) -> list[FloatArray]:
         """Local twists (n, 6) of the nodes of each part at 1 rad/s (collective)."""
-        frames = [part.block.frames for part in system.parts]
-        return [se3.adjoint(se3.inverse(own)) @ self.unit_twist for own in frames]
+        return [part.block.rigid_twists(self.unit_twist) for part in system.parts]
 
     def solve(self, linearization: Linearization, residual: FloatArray) -> PETSc.Vec | None:
         """Step of Newton's method for a residual; None if the matrix is singular (collective)."""
@@ -318,7 +317,7 @@ def _fixed(
         block = linearization.system.parts[0].block
         for xi in free:
             # the node farthest from the axis is moved the most
-            t = (se3.adjoint(se3.inverse(block.frames[: block.owned])) @ xi)[:, : block.width]
+            t = block.rigid_twists(xi)[: block.owned, : block.width]
             node = int(np.argmax(np.linalg.norm(t[:, :3], axis=1)))
             n = t[node] / np.linalg.norm(t[node])
             at = matrix.getOwnershipRange()[0] + block.width * node + np.arange(block.width)
@@ -345,8 +344,7 @@ def _is_free(linearization: Linearization, xi: FloatArray) -> bool:
     largest = float(np.abs(rates).max(initial=0.0))
     for block in (part.block for part in system.parts):
         if block.dirichlet is not None:
-            twists = se3.adjoint(se3.inverse(block.frames)) @ xi
-            held = np.abs(twists[:, : block.width])[block.dirichlet]
+            held = np.abs(block.rigid_twists(xi)[:, : block.width])[block.dirichlet]
             largest = max(largest, float(held.max(initial=0.0)))
     return bool(system.comm.allreduce(largest, op=MPI.MAX) < _TURNED)
 
