@@ -217,6 +217,14 @@ class Interface:
             self.steps[nodes] = block.step.take(local, axis=0)
         self._exchange(self.steps)
 
+    def rigid_twists(self, twist: FloatArray) -> FloatArray:
+        """Local twists (n, 6), see :meth:`FrameBlock.rigid_twists` (collective)."""
+        found = np.zeros((len(self.keys), 6))
+        for block, local, nodes in self._sources:
+            found[nodes] = block.rigid_twists(twist)[local]
+        self._exchange(found)
+        return found
+
     def _exchange(self, table: FloatArray) -> None:
         """Send the rows of owned nodes in a table to the ranks that need them."""
         sent = [(rank, table[nodes]) for rank, nodes, _ in self._send]

@@ -1113,6 +1113,30 @@ def test_blades_in_floating_frames_have_the_modes_of_beams(place):
     np.testing.assert_allclose(rates[1], rates[0], rtol=5e-3)
 
 
+def test_sliders_on_bodies_in_floating_frames_rotate_anywhere():
+    """The line of a body that turns as a whole keeps its amplitudes, and the joint holds."""
+    line = np.linspace([0.0, 0.0, 0.0], [1.0, 0.0, 0.0], 5)
+    section = ff.Section.rectangle(0.02, 0.02, ff.Material(7e10, 0.3, 2700.0))
+    body = ff.beam_body(line, section, orientation=(0.0, 1.0, 0.0), comm=MPI.COMM_SELF)
+    reduced = ff.reduce_body(body, {"left": line[0]}, modes=4, lines={"axis": line})
+    rates = []
+    for place in np.array([[0.0, 0.0, 0.0], [2.0, 3.0, 1.0]]):
+        model, bead = ff.Model(), ff.Marker("bead")
+        slide = ff.Sliding("slide", ff.Carrier("bar", "axis"), bead, tied=True)
+        model.add(
+            ff.FloatingBody("bar", reduced, position=place),
+            ff.Revolute("bearing", ff.Ground(place), ff.Marker("bar", "left")),
+            ff.RigidBody("bead", 0.1, (1e-3,) * 3, position=place + np.array([0.6, 0.0, 0.0])),
+            slide,
+            ff.PrescribedSlide("drive", slide, zeta=lambda t: 0.6),
+        )
+        centre = ",".join(map(str, place))
+        options = ff.ModeOptions(modes=3, spin=10.0, centre=centre, quiet=True)
+        rates.append(ff.find_modes(model, options).modes.eigenvalues.imag)
+    assert rates[0][-1] > 10.0
+    np.testing.assert_allclose(rates[1], rates[0], rtol=1e-6, atol=1e-4)
+
+
 @pytest.mark.serial
 @pytest.mark.parametrize("kind", ["solid", "rotation_free"])
 def test_bodies_without_nodal_rotations_are_stretched_by_their_spin(kind):

@@ -340,7 +340,7 @@ def _first_rank(linearization: Linearization) -> int:
 def _is_free(linearization: Linearization, xi: FloatArray) -> bool:
     """True if no joint and no held edge prevents a rigid motion of the whole model."""
     system, rows = linearization.system, linearization.system.constraints
-    rates = rows.changes(se3.adjoint(se3.inverse(system.interface.frames)) @ xi)
+    rates = rows.changes(system.interface.rigid_twists(xi))
     largest = float(np.abs(rates).max(initial=0.0))
     for block in (part.block for part in system.parts):
         if block.dirichlet is not None:
@@ -407,7 +407,8 @@ def _standing(
         R = so3.exp(turn * rotation.axis)
         moved = se3.frame(rotation.centre - R @ rotation.centre, R)
         for part, kept in zip(system.parts, frames, strict=True):
-            part.block.frames[:] = se3.compose(moved, kept)
+            placed = ~part.block.amplitudes
+            part.block.frames[placed] = se3.compose(moved, kept[placed])
         system.interface.update()
         rows.evaluate(np.array([1.0, 1.0]))
         # dampers and friction do not depend on positions
