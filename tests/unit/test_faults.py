@@ -26,6 +26,7 @@ from flexfem.io import read_history
 from flexfem.io.folder_lock import FolderLock
 from flexfem.io.tables.history import HistoryWriter
 from tests.unit.elastic_bodies import pair
+from tests.unit.refusals import assert_on_page
 
 COMM = MPI.COMM_WORLD
 #: Time (s) from which on a function fails, between two steps.
@@ -340,6 +341,21 @@ def test_a_first_step_that_fails_leaves_columns_without_rows() -> None:
     assert {len(values) for values in outcome.history.values()} <= {0}
     assert ("tip_z" in outcome.history) == (COMM.rank == 0)
     assert not seen
+
+
+def test_column_that_the_history_does_not_have() -> None:
+    """It is named with those that there are, or with the rank that has them."""
+    model = ff.Model("ball")
+    model.add(ff.RigidBody("ball", 1.0, (1.0, 1.0, 1.0)), ff.PositionProbe("at", ff.Marker("ball")))
+    history = ff.simulate(model, ff.RunOptions(dt=0.1, t_end=0.1, quiet=True)).history
+    near, others = "did you mean at_z or at_y or at_x", "there are t, at_x, at_y, at_z"
+    empty = "it is empty here, of several ranks the first has all columns"
+    for name, known in (("at_zz", near), ("speed", others)):
+        with pytest.raises(KeyError) as raised:
+            history[name]
+        (text,) = raised.value.args
+        assert text == f'the history has no column "{name}": {empty if COMM.rank else known}'
+        assert_on_page(text)
 
 
 def test_speeds_before_one_that_fails(shared_tmp_path: Path) -> None:

@@ -4,7 +4,7 @@
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, NoReturn
 
 from mpi4py import MPI
 
@@ -15,7 +15,7 @@ from flexfem._types import FloatArray
 from flexfem.io.summary import write_summary
 from flexfem.io.view.document import View, view
 from flexfem.la.counting_comm import Sent
-from flexfem.options import Settings
+from flexfem.options import Settings, meant
 from flexfem.simulation.run.guard import agreed, folder_is_lost
 from flexfem.system.system import System
 
@@ -23,6 +23,16 @@ __all__ = ["Outcome", "Results", "conclude", "summary_of"]
 
 #: Headline results from the columns of the history.
 Results = Callable[[Mapping[str, FloatArray]], Mapping[str, float]]
+
+
+class Columns(dict[str, FloatArray]):
+    """Columns of a history by their names; what is none of them is told in one line."""
+
+    def __missing__(self, name: str) -> NoReturn:
+        """Raise KeyError."""
+        known = meant(str(name), self) or f"there are {', '.join(self)}"
+        empty = "it is empty here, of several ranks the first has all columns"
+        raise KeyError(f'the history has no column "{name}": {known if self else empty}')
 
 
 @dataclass(frozen=True)
@@ -41,6 +51,10 @@ class Outcome:
     summary: Mapping[str, Any]
     history: Mapping[str, FloatArray] = field(default_factory=dict)
     folder: Path | None = None
+
+    def __post_init__(self) -> None:
+        """Let the history name columns that it does not have."""
+        object.__setattr__(self, "history", Columns(self.history))
 
     def show(
         self, *, frames: int | None = None, fields: Sequence[str] | None = None, height: int = 620
