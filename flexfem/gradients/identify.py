@@ -196,15 +196,19 @@ class _Fit:
         limits: tuple[int, float], *, known: bool,
     ) -> Identification:  # fmt: skip
         """Call the method."""
-        from scipy.optimize import least_squares
+        from scipy.optimize import OptimizeResult, least_squares
 
         most, tolerance = limits
         begin = flat(self._start, self._start) / self.scale
-        most = max(most - len(self.history), 1)
-        found = least_squares(
-            lambda x: self._of(x)[0], begin, jac=lambda x: self._of(x)[1], max_nfev=most,
-            bounds=self._bounds(bounds), ftol=tolerance, xtol=tolerance, gtol=None,
-        )  # fmt: skip
+        most, between = max(most - len(self.history), 1), self._bounds(bounds)
+        if self._of(begin)[1].any():
+            found = least_squares(
+                lambda x: self._of(x)[0], begin, jac=lambda x: self._of(x)[1], max_nfev=most,
+                bounds=between, ftol=tolerance, xtol=tolerance, gtol=None,
+            )  # fmt: skip
+        else:  # SciPy would divide by zero
+            untold = "the measurements do not change with any parameter"
+            found = OptimizeResult(x=begin, success=False, message=untold)
         differences, jacobian = self._of(found.x)
         left = _left(differences, len(begin))
         covariance, told = _covariance(jacobian)

@@ -203,6 +203,19 @@ def test_what_measurements_do_not_tell():
         assert_on_page(text)
 
 
+def test_measurements_that_tell_nothing():
+    """A parameter that does not reach the model keeps its start, with an infinite error."""
+    measured = {"x": np.zeros(4)}
+    options = ff.RunOptions(dt=0.02, t_end=0.06, rho_inf=1.0)
+    found = ff.identify(lambda forgotten: oscillator(15.0), measured, {"forgotten": 3.0}, options)
+    assert not found.success
+    assert found.message == "the measurements do not change with any parameter"
+    assert (found.values["forgotten"], found.errors["forgotten"]) == (3.0, np.inf)
+    assert found.motions == 1
+    (text,) = found.warnings
+    assert 'do not tell "forgotten"' in text
+
+
 @pytest.mark.slow
 @pytest.mark.serial
 def test_the_end_of_a_fit_does_not_depend_on_units():
