@@ -54,6 +54,28 @@ def test_only_chosen_fields_are_written(shared_tmp_path: Path) -> None:
         np.testing.assert_array_equal(one.cell_data["resultant"], other.cell_data["resultant"])
 
 
+def test_series_of_another_model_are_gone(shared_tmp_path: Path) -> None:
+    """Solids of an earlier run in the folder; files of ParaView that are no series stay."""
+    law, sizes = ff.laws.NeoHookean.from_young(1e6, 0.3), (1.0, 1.0, 1.0)
+    block = ff.Model("block")
+    box = ff.SolidMesh.box(sizes, (1, 1, 1), "hexahedron")
+    block.add(ff.Solid("cube", law, box, density=1e3, degree=1, fixed={"x0": "xyz"}))
+    options = ff.RunOptions(dt=0.02, t_end=0.02, quiet=True, output=shared_tmp_path)
+    assert ff.simulate(block, options).status == "ok"
+    MPI.COMM_WORLD.Barrier()
+    assert (shared_tmp_path / "solids.pvd").exists()
+    own = shared_tmp_path / "own.pvd"
+    if MPI.COMM_WORLD.rank == 0:
+        own.write_text("<VTKFile><Collection/></VTKFile>")
+    MPI.COMM_WORLD.Barrier()
+    assert ff.simulate(mechanism(), options).status == "ok"
+    MPI.COMM_WORLD.Barrier()
+    left = {path.stem for path in shared_tmp_path.glob("*.pvd")}
+    assert "own" in left
+    assert not [name for name in left if name.startswith("solid")]
+    assert not list(shared_tmp_path.glob("solid*/*.vtu"))
+
+
 def test_a_stress_brings_the_surfaces(shared_tmp_path: Path) -> None:
     found = run(shared_tmp_path, "von_mises")
     assert arrays(found["beam_surfaces"]) == {"body", "von_mises"}

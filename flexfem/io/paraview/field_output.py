@@ -16,6 +16,7 @@ from flexfem.io.paraview.paraview_state import write_paraview_state
 from flexfem.io.scene_file import SceneFile, Walls
 from flexfem.io.vtu.body_fields import JointFields, JointWriter
 from flexfem.io.vtu.field_choice import EVERYTHING, FieldChoice
+from flexfem.io.vtu.series import remove_series
 from flexfem.joints.cable import Cable
 from flexfem.joints.elastic_lock import ElasticLock
 from flexfem.layout.family import registry
@@ -50,6 +51,7 @@ class FieldOutput:
             InputError: the series of an earlier run cannot be read.
         """
         self._system, self._folder, self._opened = system, folder, False
+        self._continues = resume is not None
         comm = system.comm
         self._filled: list[Series] = []
         self._empty: list[Series] = []
@@ -77,6 +79,8 @@ class FieldOutput:
 
     def write(self, time: float, step: int) -> None:
         """Write the accepted state."""
+        if not (self._opened or self._continues):  # also of bodies that this model lacks
+            remove_series(self._folder, self._system.comm)
         for series in self._filled:
             series.write(time, step)
         if not self._opened:

@@ -47,6 +47,8 @@ _TYPE_NAMES = {
 }  # fmt: skip
 # Attributes of the point and the cell arrays
 type _Header = tuple[tuple[str, ...], tuple[str, ...]]
+# Names of series, which are names of files
+_NAME = re.compile(r"[A-Za-z0-9_.-]+")
 # Stands for the time in a text; no document has this character
 _TIME = "\0"
 _DOCUMENT_END, _PVD_END = "</VTKFile>\n", "</Collection>"
@@ -130,7 +132,7 @@ class VtuSeries:
             ValueError: If the name cannot be used.
             InputError: If the index of the earlier run cannot be read.
         """
-        if not re.fullmatch(r"[A-Za-z0-9_.-]+", name):
+        if not _NAME.fullmatch(name):
             raise ValueError(f"VtuSeries '{name}': the name must be usable as a file name")
         self.folder, self.name, self.comm = Path(folder), name, comm
         self._folder, self._index_file = self.folder / name, self.folder / f"{name}.pvd"
@@ -397,6 +399,27 @@ class VtuSeries:
                 stream.truncate()
         except OSError:
             pass
+        return False
+
+
+def remove_series(folder: Path, comm: MPI.Comm) -> None:
+    """Remove all series of a folder, which are those of an earlier run (collective).
+
+    Raises:
+        OSError: On all ranks, if a file cannot be removed.
+    """
+    names: list[str] = []
+    if comm.rank == 0:
+        names = [path.stem for path in sorted(folder.glob("*.pvd")) if _is_index(path)]
+    for name in comm.bcast(names):
+        VtuSeries(folder, name, comm).close()
+
+
+def _is_index(path: Path) -> bool:
+    """Return True for the index of a series, and not for other files of ParaView."""
+    try:
+        return bool(_NAME.fullmatch(path.stem) and _read_pvd(path, path.stem))
+    except (OSError, InputError):
         return False
 
 
