@@ -463,7 +463,7 @@ CASE = ff.Case(
     build=build,
     options=(
         ff.Option("bays", int, 12, "of the ring", minimum=6),
-        ff.Option("rings", int, 4, "of triangles of a net", minimum=1),
+        ff.Option("rings", int, 4, "of triangles of a net", minimum=1, maximum=1000),
         ff.Option("elements", int, 2, "of each batten and longeron", minimum=1),
         ff.Option("radius", float, 3.0, "of the deployed ring", unit="m", above=0.0),
         ff.Option("height", float, 1.5, "of the battens", unit="m", above=0.0),

@@ -319,7 +319,7 @@ CASE = ff.Case(
     description=__doc__,
     build=build,
     options=(
-        ff.Option("panels", int, 20, "number of panels", minimum=2),
+        ff.Option("panels", int, 20, "number of panels", minimum=2, maximum=1000),
         ff.GridOption("mesh", "11x41", "nodes of a panel along its short and long side"),
         ff.Option(
             "element", str, "rotation_free", "formulation of the panels", choices=ff.SHELL_ELEMENTS

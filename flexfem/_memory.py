@@ -58,13 +58,16 @@ def peak() -> float:
     return 1024.0 * resource.getrusage(resource.RUSAGE_SELF).ru_maxrss  # Linux counts in kB
 
 
-def check_room(owner: str, needed: float, of: float | None = None) -> None:
+def check_room(
+    owner: str, needed: float, of: float | None = None, *, what: str = "elements"
+) -> None:  # fmt: skip
     """Refuse data that need more memory than available.
 
     Args:
         owner: prefix of messages, and the large object, such as ``LineMesh: 10 elements``.
         needed: bytes.
         of: bytes that there are; those of :func:`available` by default.
+        what: those of which there are too many, for the advice.
 
     Raises:
         InputError: they are too many.
@@ -75,7 +78,7 @@ def check_room(owner: str, needed: float, of: float | None = None) -> None:
     if needed > room:
         raise InputError(
             f"{owner} would need about {shown(needed)} of memory, {shown(room)} are available; "
-            "reduce the number of elements"
+            f"reduce the number of {what}"
         )
 
 

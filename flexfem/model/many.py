@@ -8,10 +8,14 @@ from typing import Any, overload, override
 import numpy as np
 
 from flexfem import _checks
+from flexfem._memory import check_room
 from flexfem._packages import without_collection
 from flexfem.core.marker import Marker
 
 __all__ = ["Each", "Many", "each"]
+
+#: Bytes of an object at least.
+_OBJECT = 1e3
 
 
 @dataclass(frozen=True)
@@ -90,6 +94,7 @@ class Many[Thing](Sequence[Thing]):
         if not any(numbers):
             raise ValueError(f"{owner}: needs names, a count or values of each, of one at least")
         (number,) = numbers
+        check_room(f"{owner}: {number} objects", _OBJECT * number, what="objects")
         self.names = _names(names, number)
         self._owner = owner
         places = [_column(value, number) for value in arguments]

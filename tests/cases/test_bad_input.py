@@ -142,6 +142,8 @@ COMMANDS = {
     "run slider_crank --dt 1e-3 --t-end 1e-4": ("dt 0.001 s exceeds t_end 0.0001 s",),
     "run slider_crank --links 3": ("--links",),
     "run chain --links 0": ("--links", "'0'"),
+    "run solar_array --panels 1000000000": ("--panels", "<= 1000", "'1000000000'"),
+    "run mesh_reflector --bays 6 --rings 1000000": ("--rings", "<= 1000", "'1000000'"),
     "run chain --elements many": ("--elements", "'many'"),
     "run heavy_top --spin slowly": ("--spin", "'slowly'", "fast, slow"),
     "run heavy_top --rho-inf 1.01": ("--rho-inf", "'1.01'"),

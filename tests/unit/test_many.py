@@ -144,6 +144,10 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
         "count must be at least 1, got 0",
     ),
     (
+        lambda: ff.Many(ff.RigidBody, "rod", 1.0, INERTIA, count=2**40),
+        "Many RigidBody 'rod': 1099511627776 objects would need about .* reduce the number of obj",
+    ),
+    (
         lambda: ff.Many(ff.RigidBody, "rod", ff.each([1.0, -1.0]), INERTIA),
         'RigidBody "rod_1": mass must be positive, got -1.0',
     ),
