@@ -68,9 +68,10 @@ def history_format() -> Any:
 
 
 def split_above() -> Any:
-    """Declare the option of all analyses for the division of long beams."""
+    """Declare the option of all analyses for the division of large bodies."""
     return option(
-        "a beam with more elements than this and than a rank's share is split over ranks",
+        "a beam, shell or solid with more elements than this, and more work than a rank's "
+        "share, is split over ranks",
         default=4000,
         minimum=1,
     )

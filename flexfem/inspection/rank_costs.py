@@ -23,6 +23,8 @@ __all__ = ["RankCosts", "SentByRank", "rank_costs", "table"]
 #: Numbers that are sent of a node: frame, increment, and velocity.
 _NODE = 12 + 6 + 6
 _BYTES = 8
+_TITLE = "largest counts of a rank in an iteration"
+_APART = "besides: closed contacts, bodies that are split over ranks, GMRES, full Newton iterations"
 
 type _Shared = Mapping[tuple[int, ...], int]
 
@@ -118,7 +120,7 @@ def table(costs: Sequence[RankCosts]) -> str:
         lines.append((str(one["ranks"]), f"{one['share']:.2f}", *rows, *sent, *factors))
     widths = [max(map(len, column)) for column in zip(names, *lines, strict=True)]
     text = ["  ".join(map(str.rjust, line, widths)) for line in (names, *lines)]
-    return "\n".join(["largest counts of a rank in an iteration", *text])
+    return "\n".join([_TITLE, *text, _APART])
 
 
 def _largest_share(serial: NumberedModel, placement: Placement, ranks: int) -> float:

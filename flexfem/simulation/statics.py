@@ -14,7 +14,6 @@ import numpy as np
 from flexfem import _checks
 from flexfem._checks import InputError
 from flexfem._faults import current
-from flexfem._memory import peak
 from flexfem._types import FloatArray
 from flexfem.analyses.statics import StaticOptions
 from flexfem.core.status import Status
@@ -488,7 +487,6 @@ class StaticSteps(Steps):
             "linear_solves": solves.solves,
             "linear_iterations": solves.iterations,
             "linear_hierarchies": solves.setups,
-            "peak_memory": self.system.comm.allreduce(peak(), op=MPI.MAX),
             "critical_points": [point.summary() for point in self.followed.critical],
             "buckling": self._factors,
             "output_at": self._targets.met,

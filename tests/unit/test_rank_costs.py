@@ -119,9 +119,10 @@ def test_fronts_are_sent_alone_where_there_are_contacts() -> None:
 @pytest.mark.serial
 def test_info_lists_the_costs(capsys: pytest.CaptureFixture[str]) -> None:
     assert execute(["chain", "--links", "16", "--ranks", "1,8"], "flexfem info") == 0
-    one, eight = capsys.readouterr().out.split("bytes more\n")[1].splitlines()[:2]
+    one, eight, apart = capsys.readouterr().out.split("bytes more\n")[1].splitlines()[:3]
     assert one.split() == ["1", "1.00", "0", "0", "0", "0", "+0", "0"]
     assert eight.split() == ["8", "1.00", "21", "9", "5", "504", "+0", "672"]
+    assert apart.startswith("besides: closed contacts, bodies that are split over ranks")
     assert execute(["chain", "--json", "--ranks=8"], "flexfem info") == 0
     assert json.loads(capsys.readouterr().out)["ranks"][0]["ranks"] == 8
 

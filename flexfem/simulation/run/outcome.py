@@ -11,6 +11,7 @@ from mpi4py import MPI
 import numpy as np
 
 from flexfem._faults import FAILURES, FunctionError, current, noted
+from flexfem._memory import peak
 from flexfem._types import FloatArray
 from flexfem.io.summary import write_summary
 from flexfem.io.view.document import View, view
@@ -117,7 +118,8 @@ def _tell(summary: dict[str, Any], comm: MPI.Intracomm) -> None:
 def summary_of(system: System, case: str, reason: str) -> dict[str, Any]:
     """Return the part of ``summary.json`` common to all analyses (collective).
 
-    Sizes, counts and status; messages and bytes are those of the rank that sends most.
+    Sizes, counts and status; messages and bytes are those of the rank that sends most, memory
+    (bytes) is that of the rank with most.
     """
     counters, traffic, comm = system.counters, system.traffic, system.comm
     per_iteration = np.array(traffic.sent) / max(traffic.iterations, 1)
@@ -141,6 +143,7 @@ def summary_of(system: System, case: str, reason: str) -> dict[str, Any]:
         "newton_iterations": counters.newton_iterations,
         "factorizations": counters.factorizations,
         "residual_evaluations": counters.residual_evaluations,
+        "peak_memory": comm.allreduce(peak(), op=MPI.MAX),
         "status": reason,
         "results": {},
     }

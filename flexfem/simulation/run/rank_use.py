@@ -17,7 +17,8 @@ def idle_or_crowded(system: System) -> list[str]:
     idle = comm.allreduce(int(not any(part.block.owned for part in system.parts)))
     if idle:
         found.append(
-            f"{idle} of {comm.size} ranks have no bodies and wait; fewer ranks take no longer"
+            f"{idle} of {comm.size} ranks have no bodies and wait: take fewer ranks, or "
+            "--split-above below the number of elements of a large beam, shell or solid"
         )
     ranks, cores = _crowded(comm)
     if ranks:
