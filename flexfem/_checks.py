@@ -158,10 +158,21 @@ def array(owner: str, what: str, value: object, shape: tuple[int, ...]) -> Float
     ):
         raise ValueError(_not_numbers(owner, what, value, shape))
     # calls of NumPy take long for the few numbers that most arrays of a model hold
+    _refuse_masks(owner, what, value)
     few = raw.size <= _FEW
     if not (all(map(isfinite, raw.ravel().tolist())) if few else np.isfinite(raw).all()):
         raise ValueError(f"{owner}: {what} must be finite, got {show(value)}")
     return freeze(raw)
+
+
+def _refuse_masks(owner: str, what: str, value: object) -> None:
+    """Refuse entries that are masked: NumPy gives the numbers that their mask hides.
+
+    Raises:
+        ValueError: there is one.
+    """
+    if isinstance(value, np.ma.MaskedArray) and np.ma.is_masked(value):
+        raise ValueError(f"{owner}: {what} must have no masked entries, got {show(value)}")
 
 
 def _not_numbers(owner: str, what: str, value: object, shape: tuple[int, ...]) -> str:
@@ -181,6 +192,7 @@ def indices(owner: str, what: str, values: object, limit: int, columns: int) -> 
         raw = np.asarray(values)
     except ValueError:  # ragged nesting
         raise ValueError(f"{owner}: {what} must be indices, got {show(values)}") from None
+    _refuse_masks(owner, what, values)
     if raw.size == 0:
         raw = np.empty((0, columns)[: 1 if columns == 1 else 2], dtype=np.int64)
     if raw.dtype.kind not in "iu":

@@ -9,9 +9,9 @@ loads what is compiled before, and starts at rest. Declaration and set-up are pr
 rank that takes most, steps what the clock says: on average, as some may factorise anew, and their
 median, as the machine may stop for a while. Exponents are the slopes of log(time) over
 log(unknowns) from the second size to the last; "faster by" is the time of a step on the first
-number of ranks over that on this one. With ``--rounds`` the numbers of ranks take turns; times and
-ratios are the medians of the rounds, with the least and the largest ratio. Run from the source
-tree, on an idle machine::
+number of ranks over that on this one, of the same steps. With ``--rounds`` the numbers of ranks
+take turns; times and ratios are the medians of the rounds, with the least and the largest ratio.
+Run from the source tree, on an idle machine::
 
     python -m tests.benchmarks.large_systems
     python -m tests.benchmarks.large_systems --systems rigid --sizes 10000,100000 --ranks 1
@@ -60,8 +60,11 @@ SYSTEMS: dict[str, tuple[Callable[[int], ff.Model], float, tuple[int, ...]]] = {
 SMALL, BEFORE = 4, 3
 
 
-def measure(name: str, size: int, seconds: float) -> None:
-    """Take steps for so long in this process, and print what the first rank has measured."""
+def measure(name: str, size: int, seconds: float, steps: int) -> None:
+    """Take some steps in this process, and print what the first rank has measured.
+
+    With ``steps`` of 0 so many as take these seconds.
+    """
     build, dt, _ = SYSTEMS[name]
     options = ff.RunOptions(dt=dt, t_end=1e6 * dt, quiet=True)
     Simulation(build(SMALL), options).advance(dt)
@@ -85,7 +88,7 @@ def measure(name: str, size: int, seconds: float) -> None:
         return [max(step) for step in zip(*system.comm.allgather(own), strict=True)]
 
     each = min(mean(advance(BEFORE)), mean(advance(2)))
-    steps = max(5, math.ceil(seconds / each))
+    steps = steps or max(5, math.ceil(seconds / each))
     iterations = system.counters.newton_iterations
     spent = advance(steps)
     iterations = system.counters.newton_iterations - iterations
@@ -93,18 +96,19 @@ def measure(name: str, size: int, seconds: float) -> None:
     if system.comm.rank == 0:
         print(json.dumps({
             "unknowns": system.unknowns, "declared": declared, "set_up": set_up,
-            "step": mean(spent), "median": median(spent), "iterations": iterations / steps,
+            "steps": steps, "step": mean(spent), "median": median(spent),
+            "iterations": iterations / steps,
             "factorizations": system.counters.factorizations, "memory": max(peaks),
         }))  # fmt: skip
 
 
-def run(name: str, size: int, ranks: int, seconds: float) -> dict[str, Any]:
-    """Measure a system in fresh processes."""
+def run(name: str, size: int, ranks: int, seconds: float, steps: int) -> dict[str, Any]:
+    """Measure a system in fresh processes, see :func:`measure`."""
     start = [str(Path(sys.executable).parent / "mpiexec"), "-n", str(ranks)] if ranks > 1 else []
     environment = os.environ | {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
     done = subprocess.run(
         [*start, sys.executable, "-m", "tests.benchmarks.large_systems",
-         "--one", f"{name},{size}", "--seconds", repr(seconds)],
+         "--one", f"{name},{size},{steps}", "--seconds", repr(seconds)],
         env=environment, cwd=ROOT, text=True, stdout=subprocess.PIPE, check=True,
     )  # fmt: skip
     found: dict[str, Any] = json.loads(done.stdout.strip().splitlines()[-1])
@@ -135,13 +139,14 @@ def main() -> None:
     parser.add_argument("--systems", default=",".join(SYSTEMS))
     parser.add_argument("--sizes", help="of one system, instead of its own ones")
     parser.add_argument("--ranks", default="1,2")
-    parser.add_argument("--seconds", type=float, default=5.0, help="of the steps of each run")
+    parser.add_argument("--seconds", type=float, default=5.0, help="of the first run's steps")
     parser.add_argument("--rounds", type=int, default=1, help="runs on each number of ranks")
     parser.add_argument("--one", help=argparse.SUPPRESS)
     given = parser.parse_args()
     if given.one:
-        name, size = given.one.split(",")
-        measure(name, int(size), given.seconds)
+        name, *numbers = given.one.split(",")
+        size, steps = map(int, numbers)
+        measure(name, size, given.seconds, steps)
         return
     print("| system | size | unknowns | ranks | declared s | set-up s | MB a rank | ms a step | "
           "median | iterations | factorisations | faster by | of medians |")  # fmt: skip
@@ -154,9 +159,11 @@ def main() -> None:
         rows: dict[int, list[dict[str, Any]]] = {count: [] for count in ranks}
         for size in sizes:
             rounds: dict[int, list[dict[str, Any]]] = {count: [] for count in ranks}
+            steps = 0
             for _ in range(given.rounds):
                 for count in ranks:
-                    rounds[count].append(run(name, size, count, given.seconds))
+                    rounds[count].append(run(name, size, count, given.seconds, steps))
+                    steps = rounds[count][-1]["steps"]
             for count in ranks:
                 x = middle(rounds[count])
                 rows[count].append(x)

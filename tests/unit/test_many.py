@@ -126,6 +126,7 @@ def test_names_and_numbers() -> None:
     assert [body.mass for body in heavy] == [1.0, 2.0]
 
 
+MASKED = np.ma.masked_array(np.zeros((3, 3)), mask=[[0, 0, 0], [1, 0, 0], [0, 0, 0]])
 REFUSED: list[tuple[Callable[[], object], str]] = [
     (lambda: ff.each(3.0), "each: values must be an array or a list, got 3.0"),
     (lambda: ff.each("abc"), "each: values must be an array or a list, got 'abc'"),
@@ -150,6 +151,10 @@ REFUSED: list[tuple[Callable[[], object], str]] = [
     (
         lambda: ff.Many(ff.RigidBody, "rod", ff.each([1.0, -1.0]), INERTIA),
         'RigidBody "rod_1": mass must be positive, got -1.0',
+    ),
+    (
+        lambda: ff.Many(ff.RigidBody, "rod", 1.0, INERTIA, position=ff.each(MASKED)),
+        'RigidBody "rod_1": position must have no masked entries, got masked_array',
     ),
     (lambda: ff.Many("rod", "rod", count=1), "Many: kind must be a class, got 'rod'"),
     (lambda: ff.each(b"abc"), "each: values must be an array or a list, got b'abc'"),
