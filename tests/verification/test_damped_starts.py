@@ -5,9 +5,9 @@ from mpi4py import MPI
 
 import numpy as np
 import pytest
-import ufl
 
 import flexfem as ff
+from tests.verification.test_solids import viscous_energy, viscous_power
 
 
 def run(model: ff.Model, comm: MPI.Intracomm, **options) -> dict:
@@ -139,17 +139,6 @@ def test_a_damper_ends_velocities_and_a_run_tells() -> None:
 
 #: Time of damping, s, of bodies whose steps are a fifth of it.
 _SPAN = 1e-2
-
-
-def viscous_energy(F, p):
-    J = ufl.det(F)
-    C = J ** (-2.0 / 3.0) * F.T * F
-    return p.mu / 2.0 * (ufl.tr(C) - 3.0) + p.bulk / 4.0 * (J * J - 1.0 - 2.0 * ufl.ln(J))
-
-
-def viscous_power(F, rate, p):
-    d = (F.T * rate + rate.T * F) / 2.0
-    return p.eta * ufl.inner(d, d)
 
 
 def pulled(kind: str) -> ff.Model:
