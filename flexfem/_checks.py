@@ -157,8 +157,8 @@ def array(owner: str, what: str, value: object, shape: tuple[int, ...]) -> Float
         or any(want not in (-1, extent) for want, extent in zip(shape, raw.shape, strict=True))
     ):
         raise ValueError(_not_numbers(owner, what, value, shape))
-    # calls of NumPy take long for the few numbers that most arrays of a model hold
     _refuse_masks(owner, what, value)
+    # calls of NumPy take long for the few numbers that most arrays of a model hold
     few = raw.size <= _FEW
     if not (all(map(isfinite, raw.ravel().tolist())) if few else np.isfinite(raw).all()):
         raise ValueError(f"{owner}: {what} must be finite, got {show(value)}")

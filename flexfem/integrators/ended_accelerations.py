@@ -29,6 +29,8 @@ def keep_ended(system: System, forces: Sequence[FloatArray]) -> None:
 
 def count_ended(system: System) -> None:
     """Count the work in the step from the accepted to the trial state, which is to be accepted."""
+    if not system.ended:
+        return
     for part, forces, withheld in zip(system.parts, system.ended, system.withheld, strict=True):
         block, own = part.block, forces[: part.block.owned]
         if not own.any():

@@ -204,8 +204,7 @@ class GeneralizedAlpha(Integrator):
     def accept(self, system: System, h: float) -> None:
         """See :meth:`Integrator.accept`."""
         rows, laws = system.constraints, step_laws(self.rho_inf, h)
-        if system.ended:
-            count_ended(system)
+        count_ended(system)
         if self.split is None:
             np.divide(rows.multipliers, laws.scale, out=rows.forces)
         else:

@@ -173,8 +173,7 @@ class IndependentCoordinates(Integrator):
         (1 - alpha_f) w + alpha_f w0`` from the accelerations w, which satisfy the constraints.
         """
         scheme, rows = self.scheme, system.constraints
-        if system.ended:
-            count_ended(system)
+        count_ended(system)
         old = [
             {name: values.copy() for name, values in part.block.state().items()}
             for part in system.parts
